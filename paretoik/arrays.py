@@ -1,0 +1,34 @@
+"""Array shapes, each named once.
+
+The batch leads: ``*batch`` stands for any number of leading axes, none included. ``time`` counts samples, ``dof`` joints,
+``points`` the members of a front. ``Inexact`` shapes are real or complex: the robot kernels run on both.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Float, Inexact, Int
+
+Vector3: TypeAlias = Float[np.ndarray, "3"]
+Matrix3: TypeAlias = Float[np.ndarray, "3 3"]
+Quaternion: TypeAlias = Float[np.ndarray, "4"]
+
+Joints: TypeAlias = Inexact[np.ndarray, "*batch dof"]
+Positions: TypeAlias = Inexact[np.ndarray, "*batch 3"]
+Rotations: TypeAlias = Inexact[np.ndarray, "*batch 3 3"]
+Twists: TypeAlias = Inexact[np.ndarray, "*batch 6"]
+Jacobians: TypeAlias = Inexact[np.ndarray, "*batch 6 dof"]
+InertiaMatrices: TypeAlias = Inexact[np.ndarray, "*batch dof dof"]
+Values: TypeAlias = Inexact[np.ndarray, "*batch"]
+
+Times: TypeAlias = Float[np.ndarray, "time"]
+Series: TypeAlias = Float[np.ndarray, "*batch time"]
+JointPaths: TypeAlias = Float[np.ndarray, "*batch time dof"]
+
+Genes: TypeAlias = Float[np.ndarray, "points genes"]
+Objectives: TypeAlias = Float[np.ndarray, "points n_obj"]
+Constraints: TypeAlias = Float[np.ndarray, "points n_constr"]
+Ids: TypeAlias = Int[np.ndarray, "points"]
+Mask: TypeAlias = Bool[np.ndarray, "points"]

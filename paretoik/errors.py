@@ -1,0 +1,76 @@
+"""The errors that a caller can cause, one tree.
+
+::
+
+    ParetoikError
+    ├── InvalidInput (also ValueError)   what was given cannot be used           exit code 2
+    │   ├── InvalidRobot                 a robot description with its faults
+    │   ├── OutOfReach                   a path that the arm cannot follow
+    │   └── InvalidRun                   a run folder that is damaged or not ours
+    ├── Infeasible                       no motion satisfies the limits          exit code 3
+    └── EvaluationFailed                 no evaluation gave a usable number      exit code 4
+
+Every message is one line: the name of the thing, what was wanted, what was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class ParetoikError(Exception):
+    """Base of everything that paretoik raises on purpose."""
+
+    exit_code = 1
+
+
+class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what it is; "Error" would add nothing
+    """What was given cannot be used; nothing was computed."""
+
+    exit_code = 2
+
+
+class InvalidRobot(InvalidInput):
+    """A robot description with faults, all of them listed in ``faults``."""
+
+    def __init__(self, source: str, faults: Sequence[str]) -> None:
+        self.source = source
+        self.faults = tuple(faults)
+        count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
+        super().__init__(f"{source}: {count}: " + "; ".join(self.faults))
+
+
+class OutOfReach(InvalidInput):
+    """A path that leaves what the arm can reach, with the first such sample in ``sample``."""
+
+    def __init__(self, message: str, *, sample: int) -> None:
+        self.sample = sample
+        super().__init__(message)
+
+
+class InvalidRun(InvalidInput):
+    """A run folder that is damaged, of another version, or not a run at all."""
+
+
+class Infeasible(ParetoikError):  # noqa: N818
+    """No motion satisfies every limit.
+
+    ``motion`` is the least-violating one (None where not even the path could be followed), ``limit`` names the limit
+    that binds and ``violation`` says by how much, as a share of that limit's range.
+    """
+
+    exit_code = 3
+
+    def __init__(
+        self, message: str, *, motion: object = None, limit: str = "", violation: float = float("nan")
+    ) -> None:
+        self.motion = motion
+        self.limit = limit
+        self.violation = violation
+        super().__init__(message)
+
+
+class EvaluationFailed(ParetoikError):  # noqa: N818
+    """Every evaluation failed; the message names the first cause."""
+
+    exit_code = 4

@@ -1,0 +1,125 @@
+"""Genes of a motion: a base motion's number, and a spline of self-motion coordinates around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.interpolate import BSpline
+
+from paretoik.arrays import Genes
+from paretoik.redundancy.self_motion import Charts, charts
+from paretoik.task.motion_task import MotionTask
+
+RADII = np.array([0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6])  # rad or m, tried from the base outwards
+DEGREE = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Encoding:
+    """Genes ↔ motions. The first gene, floored, is the base; the others, in [−1, 1], are spline coefficients.
+
+    The coordinates are y(t) = radius(t) · Σ_k c_k B_k(t): ``radius`` (bases, time) is how far the chart around each base
+    reaches, ``spline`` (time, coefficients) a C² cubic basis: clamped, periodic on a cycle, without its first member where
+    the start is given, and with equal last two where the motion has to stop.
+    """
+
+    charts: Charts
+    radius: Float[np.ndarray, "bases time"]
+    spline: Float[np.ndarray, "time coefficients"]
+
+    @property
+    def bases(self) -> int:
+        """Number of base motions."""
+        return len(self.radius)
+
+    @property
+    def coefficients(self) -> int:
+        """Number of spline coefficients of one direction of redundancy."""
+        return self.spline.shape[1]
+
+    @property
+    def redundancy(self) -> int:
+        """Number of directions of redundancy."""
+        return self.charts.normal.shape[-1]
+
+    def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
+        """Return the number of each individual's base motion."""
+        return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
+
+    def decode(
+        self, task: MotionTask, genes: Genes
+    ) -> tuple[Float[np.ndarray, "points time dof"], Bool[np.ndarray, "points time"]]:
+        """Return motions and which of their samples are on the path."""
+        which = self.species(genes)
+        q, on_path = self.charts.at(task, which, self._coordinates(which, genes))
+        if task.cyclic:
+            q[:, -1] = q[:, 0]
+        return q, on_path
+
+    def encode(
+        self, which: Int[np.ndarray, " motions"], q: Float[np.ndarray, "motions time dof"]
+    ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
+        """Return genes of motions around bases ``which``, and the largest coordinate [rad, m] that the spline misses."""
+        y = self.charts.coordinates(which, q) / self.radius[which][..., None]
+        fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
+        missed = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
+        genes = np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
+        return genes, missed.max(axis=(1, 2))
+
+    def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:
+        weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
+        return np.einsum("tk,prk->ptr", self.spline, weights) * self.radius[which][..., None]
+
+
+def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
+    """Return genes around base motions, after measuring how far each chart reaches."""
+    around = charts(task, base)
+    return Encoding(charts=around, radius=_reach(task, around), spline=_spline(task, coefficients))
+
+
+def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
+    t = task.times / task.times[-1]
+    if task.cyclic:
+        knots = np.arange(-DEGREE, coefficients + DEGREE + 1) / coefficients
+        wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, DEGREE).toarray()
+        basis = wide[:, :coefficients].copy()
+        basis[:, : wide.shape[1] - coefficients] += wide[:, coefficients:]
+        basis[-1] = basis[0]
+        return basis
+    given = (task.start is not None) + task.stops
+    inner = np.linspace(0, 1, coefficients + given - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    basis = BSpline.design_matrix(t, knots, DEGREE).toarray()
+    if task.stops:
+        basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
+    return basis[:, 1:] if task.start is not None else basis
+
+
+def _reach(task: MotionTask, around: Charts) -> np.ndarray:
+    """Return how far each chart reaches: the largest radius on the path along all directions tried, smoothed in time."""
+    bases, times, _, redundancy = around.normal.shape
+    rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
+    fine = np.ones((bases, times), dtype=bool)
+    reach = np.full((bases, times), RADII[0])
+    which = np.repeat(np.arange(bases), len(rays))
+    for radius in RADII:
+        y = np.tile((radius * rays)[:, None, :], (bases, times, 1))
+        on_path = around.at(task, which, y)[1].reshape(bases, len(rays), times)
+        fine &= on_path.all(axis=1)
+        reach[fine] = radius
+        if not fine.any():
+            break
+    return np.exp(_smoothed(np.log(reach), times, periodic=task.cyclic))
+
+
+def _smoothed(values: np.ndarray, times: int, *, periodic: bool) -> np.ndarray:
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # here: start-up only
+
+    ends = "wrap" if periodic else "nearest"
+    width = max(3, times // 10)
+    smooth = gaussian_filter1d(minimum_filter1d(values, width, axis=1, mode=ends), width / 2, axis=1, mode=ends)
+    if periodic:
+        smooth[:, -1] = smooth[:, 0]
+    return smooth

@@ -1,0 +1,253 @@
+"""Following a path with a redundant arm, as a pymoo problem over the self-motion manifold.
+
+An individual is a base motion, already on the path, and spline coordinates around it (``Encoding``). Every motion that the
+search looks at follows the path; only the limits are left to be searched for. The base motions are weighted-pseudoinverse
+roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+from pymoo.core.problem import Problem
+
+from paretoik.arrays import Genes, Objectives
+from paretoik.errors import InvalidInput
+from paretoik.formulations.encoding import Encoding, encoding
+from paretoik.redundancy.branches import labels
+from paretoik.redundancy.self_motion import candidates
+from paretoik.robot.arm import Arm
+from paretoik.task.limits import Constraint, Limits
+from paretoik.task.motion import Differences, Motion
+from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.objectives import Objective
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.task import Task
+
+ROLL_OUTS = 256
+
+
+class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
+
+    Parameters
+    ----------
+    arm, path
+        The arm, and a Path, a Task or several of them with the same times.
+    objectives
+        Functions decorated with ``@objective``, the library's or your own; at least one.
+    limits, constraints
+        Joint limits (None: the arm's own), and functions decorated with ``@constraint``.
+    obstacles, link_radius
+        What the links, capsules of this radius [m], must stay clear of (by ``limits.clearance``).
+    start, end_velocity, cyclic
+        "free" or joint positions (dof,); None (free) or 0 (stop at the end); whether the motion must close.
+    differences
+        The discretisation of Motion.
+    coefficients, bases
+        Spline coefficients a direction of redundancy, and the most base motions.
+    seed
+        Of the roll-outs that become base motions; part of the problem, so that genes mean the same in every run.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used.
+    OutOfReach
+        With the first sample that the arm cannot reach.
+    Infeasible
+        Where every sample can be reached but no continuous motion was found.
+    """
+
+    task: MotionTask
+    encoding: Encoding
+
+    def __init__(
+        self,
+        arm: Arm,
+        path: Path | Task | Sequence[Path | Task],
+        *,
+        objectives: Sequence[Objective],
+        limits: Limits | None = None,
+        constraints: Sequence[Constraint] = (),
+        obstacles: Sequence[Obstacle] = (),
+        link_radius: float = 0.0,
+        start: object = "free",
+        end_velocity: float | None = None,
+        cyclic: bool = False,
+        differences: Differences = "backward",
+        coefficients: int = 12,
+        bases: int = 12,
+        seed: int = 0,
+    ) -> None:
+        if coefficients < 4 or bases < 1:
+            raise InvalidInput(f"wants at least 4 coefficients and 1 base, got {coefficients} and {bases}")
+        self.task = motion_task(
+            arm,
+            path,
+            objectives=objectives,
+            limits=limits,
+            constraints=constraints,
+            obstacles=obstacles,
+            link_radius=link_radius,
+            start=start,
+            end_velocity=end_velocity,
+            cyclic=cyclic,
+            differences=differences,
+        )
+        self._seeds = candidates(self.task, ROLL_OUTS, np.random.default_rng(seed))
+        chosen = self._chosen(self._seeds, bases)
+        self.encoding = encoding(self.task, self._seeds[chosen], coefficients)
+        size = self.encoding.redundancy * coefficients
+        super().__init__(
+            n_var=1 + size,
+            n_obj=len(self.task.objectives),
+            n_ieq_constr=2 + len(self.task.limit_names),
+            xl=np.concatenate([[0.0], -np.ones(size)]),
+            xu=np.concatenate([[float(self.encoding.bases)], np.ones(size)]),
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the objectives."""
+        return tuple(objective.name for objective in self.task.objectives)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the objectives."""
+        return tuple(objective.unit for objective in self.task.objectives)
+
+    @property
+    def maximised(self) -> tuple[bool, ...]:
+        """Which objectives are maximised; F holds them with their sign turned."""
+        return tuple(objective.maximise for objective in self.task.objectives)
+
+    @property
+    def constraint_names(self) -> tuple[str, ...]:
+        """A name for each column of G."""
+        return ("tracking", "evaluation", *self.task.limit_names)
+
+    @property
+    def species_gene(self) -> int:
+        """The gene that names the base motion."""
+        return 0
+
+    @property
+    def n_species(self) -> int:
+        """Number of base motions."""
+        return self.encoding.bases
+
+    def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
+        """Return each individual's base motion: only genes of one base may be crossed."""
+        return self.encoding.species(genes)
+
+    def decode(self, genes: Genes) -> Motion:
+        """Return the motions (points, time, dof) of genes (points, n_var)."""
+        return self.task.motion(self.encoding.decode(self.task, genes)[0])
+
+    def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
+        """Return genes of motions on the path, and the largest coordinate [rad, m] that the spline misses.
+
+        Each motion is written around the base that leaves least unsaid; where the genes leave their bounds, or the residual
+        is not small, the genes do not stand for the motion: keep the motion itself.
+        """
+        best: tuple[np.ndarray, np.ndarray] | None = None
+        for base in range(self.encoding.bases):
+            genes, missed = self.encoding.encode(np.full(len(motions), base), motions.q)
+            missed = missed + np.maximum(np.abs(genes[:, 1:]).max(axis=1) - 1, 0)
+            if best is None:
+                best = genes, missed
+            else:
+                better = missed < best[1]
+                best = np.where(better[:, None], genes, best[0]), np.where(better, missed, best[1])
+        assert best is not None
+        return best
+
+    def candidates(self, count: int, rng: np.random.Generator) -> Genes:
+        """Return genes of up to ``count`` roll-outs, as near as the spline comes to them."""
+        picked = rng.permutation(len(self._seeds))[:count]
+        genes, _ = self.encode(self.task.motion(self._seeds[picked]))
+        genes[:, 1:] = np.clip(genes[:, 1:], -1, 1)
+        return genes
+
+    def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
+        """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
+        which = np.arange(count) % self.encoding.bases
+        shape = (count, self.encoding.redundancy, 1)
+        tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.encoding.coefficients)
+        wave = 0.3 * np.where(np.arange(count) < self.encoding.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
+        return np.concatenate([which[:, None] + 0.5, np.clip(wave, -1, 1)], axis=1)
+
+    def explain(self, genes: Genes) -> list[str]:
+        """Return for each individual why it is infeasible, in words; "" where it is feasible."""
+        q, on_path = self.encoding.decode(self.task, genes)
+        motions = self.task.motion(q)
+        reasons = []
+        for i, arrived in enumerate(on_path):
+            if arrived.all():
+                reasons.append(self.task.binding(motions[i]))
+            else:
+                sample = int(np.argmin(arrived))
+                reasons.append(
+                    f"off the path at sample {sample} ({self.task.times[sample]:.3g} s): beyond a fold of the self-motion "
+                    f"manifold around base {int(self.species(genes[i : i + 1])[0])}"
+                )
+        return reasons
+
+    def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
+        q, on_path = self.encoding.decode(self.task, X)
+        F, limits, causes = self._scores(self.task.motion(q))
+        failed = ~np.isfinite(F).all(axis=1) | ~np.isfinite(limits).all(axis=1)
+        out["F"] = np.where(np.isfinite(F), F, np.inf)
+        out["G"] = np.column_stack([np.mean(~on_path, axis=1), failed.astype(float), np.nan_to_num(limits, nan=1.0)])
+        out["cause"] = causes
+
+    def _scores(self, motions: Motion) -> tuple[Objectives, np.ndarray, np.ndarray]:
+        """Return (F minimised, limit violations, cause of failure); a batch that raises is tried one by one."""
+        try:
+            F = np.stack([o.sign * o(motions) for o in self.task.objectives], axis=-1)
+            limits = self.task.violations(motions)
+        except InvalidInput:
+            raise
+        except Exception as error:  # a user's function may raise anything
+            if len(motions) == 1:
+                nothing = np.full((1, len(self.names)), np.nan), np.full((1, len(self.task.limit_names)), np.nan)
+                return *nothing, np.array([f"{type(error).__name__}: {error}"], dtype=object)
+            parts = [self._scores(motions[i : i + 1]) for i in range(len(motions))]
+            return tuple(np.concatenate(column) for column in zip(*parts, strict=True))  # type: ignore[return-value]
+        causes = np.array([self._cause(row) for row in F], dtype=object)
+        return F, limits, causes
+
+    def _cause(self, row: np.ndarray) -> str:
+        wrong = ~np.isfinite(row)
+        return f"objective {self.names[int(np.argmax(wrong))]} is {row[wrong][0]}" if wrong.any() else ""
+
+    def _chosen(self, motions: Float[np.ndarray, "found time dof"], most: int) -> Int[np.ndarray, " bases"]:
+        """Return which roll-outs become bases: of every branch in turn the best, then the one farthest from those taken."""
+        F, limits, _ = self._scores(self.task.motion(motions))
+        violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1)
+        spread = np.maximum(np.nanmedian(F, axis=0) - np.nanmin(F, axis=0), 1e-300)
+        merit = 10 * violation + np.nan_to_num((F - np.nanmin(F, axis=0)) / spread, nan=1e3).min(axis=1)
+        branch = np.array(labels(self.task.motion(motions)))
+        order = sorted(set(branch), key=lambda name: float(merit[branch == name].min()))
+        good = {name: np.flatnonzero(branch == name)[np.argsort(merit[branch == name])] for name in order}
+        taken = [int(good[name][0]) for name in order][:most]
+        while len(taken) < min(most, len(motions)):
+            for name in order:
+                pool = good[name][: max(1, len(good[name]) // 2)]
+                pool = pool[~np.isin(pool, taken)]
+                if len(pool) and len(taken) < most:
+                    taken.append(int(pool[np.argmax(self._distance(motions[pool], motions[taken]))]))
+            if all(np.isin(good[name][: max(1, len(good[name]) // 2)], taken).all() for name in order):
+                break
+        return np.array(taken)
+
+    def _distance(self, motions: np.ndarray, taken: np.ndarray) -> np.ndarray:
+        """Return the distance (RMS over samples) of motions to the nearest of those taken, angles modulo 2π."""
+        apart = motions[:, None] - taken[None]
+        wrapped = np.where(self.task.arm.periodic, (apart + np.pi) % (2 * np.pi) - np.pi, apart)
+        least: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
+        return least

@@ -1,0 +1,63 @@
+"""Branches: which way each joint is bent, as labels of whole motions."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.robot.arm import Arm
+from paretoik.robot.kinematics import jacobian
+from paretoik.task.motion import Motion
+
+STRAIGHT = 1e-9
+
+
+def bends(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
+    """Return the sign in which every inner joint is bent, 0 where it is straight: shoulder, elbow, wrist.
+
+    For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of the
+    turn from one link to the next. It changes just where a joint aligns its neighbours. Arms of two joints or fewer have
+    none.
+    """
+    if arm.dof < 3:
+        return np.zeros((*q.shape[:-1], 0), dtype=int)
+    axes, origins = _axes(arm, q)
+    before, here, after = axes[..., :-2, :], axes[..., 1:-1, :], axes[..., 2:, :]
+    product = np.sum(np.cross(before, after) * here, axis=-1)
+    links = np.diff(origins, axis=-2)
+    turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
+    parallel = np.all(np.abs(np.cross(before, after)) < STRAIGHT, axis=-1).reshape(-1, arm.dof - 2).all(axis=0)
+    inner = np.where(parallel, turn[..., : arm.dof - 2], product)
+    last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
+    signed = np.concatenate([inner, last], axis=-1)
+    return np.where(np.abs(signed) < STRAIGHT, 0, np.sign(signed)).astype(int)
+
+
+def labels(motion: Motion) -> list[str]:
+    """Return a label for each motion of a batch (motions, time, dof), such as ``+-`` or ``+~``.
+
+    One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed by
+    the sign it ends with.
+    """
+    found = bends(motion.arm, motion.q)
+    first, last = found[..., 0, :], found[..., -1, :]
+    always = (found >= 0).all(axis=-2) | (found <= 0).all(axis=-2)
+    sign = {-1: "-", 0: "0", 1: "+"}
+    return [
+        "".join(sign[int(end)] if constant else "~" + sign[int(end)] for end, constant in zip(ends, kept, strict=True))
+        for ends, kept, _ in zip(last, always, first, strict=True)
+    ]
+
+
+def _axes(arm: Arm, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    from paretoik.robot.kinematics import link_nodes
+
+    spins = np.stack([_axis(arm, q, i) for i in range(arm.dof)], axis=-2)
+    nodes = link_nodes(arm, q)[..., 1:, :]
+    return spins, nodes
+
+
+def _axis(arm: Arm, q: np.ndarray, joint: int) -> np.ndarray:
+    slopes = jacobian(arm, q, arm.joint_names[joint])
+    column = slopes[..., joint]
+    return column[..., :3] if arm.joint_types[joint] == "prismatic" else column[..., 3:]

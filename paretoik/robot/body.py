@@ -1,0 +1,91 @@
+"""A rigid body: mass, centre of gravity and inertia in some frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Matrix3, Vector3
+from paretoik.errors import InvalidInput
+from paretoik.robot.pose import Pose
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Body:
+    """Mass [kg], centre of gravity [m] and inertia about that centre [kg m²], in one frame."""
+
+    mass: float
+    center: Vector3
+    inertia: Matrix3
+
+    @classmethod
+    def checked(cls, what: str, mass: float, center: object, inertia: object) -> Body:
+        """Return a body after checking it; ``inertia`` None is that of a point mass.
+
+        Raises InvalidInput where the mass is negative, a number not finite, or the inertia not that of a real body (not
+        symmetric, not positive, or against the triangle inequality).
+        """
+        place = np.asarray(center, dtype=float)
+        tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float)
+        if not np.isfinite(mass) or mass < 0:
+            raise InvalidInput(f"{what}: mass must be a finite number, not negative, got {mass}")
+        if place.shape != (3,) or not np.all(np.isfinite(place)):
+            raise InvalidInput(f"{what}: centre of gravity wants three finite numbers, got {center!r}")
+        if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
+            raise InvalidInput(f"{what}: inertia wants 3 × 3 finite numbers, got {inertia!r}")
+        if fault := inertia_fault(tensor):
+            raise InvalidInput(f"{what}: {fault}")
+        return cls(mass=float(mass), center=place.copy(), inertia=tensor.copy())
+
+    @property
+    def moment(self) -> Vector3:
+        """First moment of mass, mass · center [kg m]."""
+        return self.mass * self.center
+
+    @property
+    def inertia_about_origin(self) -> Matrix3:
+        """Inertia about the origin of the frame [kg m²]."""
+        c = self.center
+        about: Matrix3 = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return about
+
+    @property
+    def moments(self) -> Float[np.ndarray, "4 4"]:
+        """∫ (r, 1)(r, 1)ᵀ dm about the origin: second moments [kg m²], first moments [kg m] and mass [kg]."""
+        inertia = self.inertia_about_origin
+        second = np.trace(inertia) / 2 * np.eye(3) - inertia
+        return np.block([[second, self.moment[:, None]], [self.moment[None, :], np.array([[self.mass]])]])
+
+
+def inertia_fault(inertia: Matrix3) -> str | None:
+    """Return what keeps a tensor from being a real body's inertia, or None."""
+    size = max(float(np.abs(inertia).max()), 1e-300)
+    if np.abs(inertia - inertia.T).max() > 1e-9 * size:
+        return "inertia must be symmetric"
+    principal = np.linalg.eigvalsh(inertia)
+    if principal[0] < -1e-9 * size:
+        return f"inertia must be positive, its least principal moment is {principal[0]:.3g} kg m²"
+    if principal[0] + principal[1] < principal[2] * (1 - 1e-6):
+        return (
+            f"inertia breaks the triangle inequality: principal moments {principal[0]:.4g}, {principal[1]:.4g} and "
+            f"{principal[2]:.4g} kg m²"
+        )
+    return None
+
+
+def moved(body: Body, pose: Pose) -> Body:
+    """Return the body given in a frame at ``pose``, expressed in the frame that ``pose`` is given in."""
+    rotation = pose.rotation
+    return Body(mass=body.mass, center=pose.apply(body.center), inertia=rotation @ body.inertia @ rotation.T)
+
+
+def merged(first: Body, second: Body) -> Body:
+    """Return the two bodies as one."""
+    mass = first.mass + second.mass
+    if mass == 0.0:
+        return Body(mass=0.0, center=first.center, inertia=first.inertia + second.inertia)
+    center = (first.moment + second.moment) / mass
+    about = Body(mass=mass, center=center, inertia=np.zeros((3, 3))).inertia_about_origin
+    return Body(mass=mass, center=center, inertia=first.inertia_about_origin + second.inertia_about_origin - about)

@@ -1,0 +1,241 @@
+"""Positions with orientations: the pose of one frame, and functions on whole arrays of rotations.
+
+Quaternions are (w, x, y, z) of length 1; a quaternion and its negative are the same orientation. Rotation matrices turn
+coordinates in the frame into coordinates outside it: a pose takes a point to ``position + rotation @ point``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Matrix3, Quaternion, Vector3
+from paretoik.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike as ArrayLike
+else:
+    ArrayLike = object  # what callers give is checked by value here, and refused from our own tree of errors
+
+UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix may be off by this much and is then made exact
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Pose:
+    """The place and orientation of one frame: ``position`` [m] and unit ``quaternion`` (w, x, y, z).
+
+    A quaternion within 1e-6 of length 1 is normalised, any other refused. Both arrays are read-only.
+
+    Raises
+    ------
+    InvalidInput
+        For anything but three finite coordinates and a finite unit quaternion.
+
+    >>> tool = Pose.planar(1.0, 0.0, angle=np.pi / 2) @ Pose([0.5, 0.0, 0.0])
+    >>> tool.position.round(12)
+    array([1. , 0.5, 0. ])
+    """
+
+    position: Vector3
+    quaternion: Quaternion
+
+    def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
+        place = finite_array("pose position", position, shape=(3,))
+        orientation = unit_quaternions("pose quaternion", finite_array("pose quaternion", quaternion, shape=(4,)))
+        for name, value in (("position", place), ("quaternion", orientation)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_xyzw(cls, position: ArrayLike, xyzw: ArrayLike) -> Pose:
+        """Pose from a quaternion whose scalar comes last, (x, y, z, w), as ROS and SciPy write it."""
+        return cls(position, np.roll(finite_array("pose quaternion (x, y, z, w)", xyzw, shape=(4,)), 1))
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike, position: ArrayLike | None = None) -> Pose:
+        """Pose from a (3, 3) rotation and a position (the origin if None), or from a (4, 4) homogeneous matrix alone.
+
+        A rotation within 1e-6 of an orthogonal matrix is made orthogonal, any other (mirrors included) refused.
+        """
+        given = finite_array("pose matrix", matrix)
+        if given.shape == (4, 4) and position is None:
+            if np.abs(given[3] - (0.0, 0.0, 0.0, 1.0)).max() > UNIT_TOLERANCE:
+                raise InvalidInput(f"pose matrix: the last row must be 0 0 0 1, got {given[3].tolist()}")
+            given, position = given[:3, :3], given[:3, 3]
+        if given.shape != (3, 3):
+            raise InvalidInput(f"pose matrix: must be (3, 3), or (4, 4) without a position, got shape {given.shape}")
+        excess = float(np.abs(given.T @ given - np.eye(3)).max())
+        determinant = float(np.linalg.det(given))
+        if excess > 2 * UNIT_TOLERANCE or determinant < 0:
+            fact = f"got determinant {determinant:.6g} and RᵀR off the identity by {excess:.3g}"
+            raise InvalidInput(f"pose matrix: must be a rotation, {fact}")
+        return cls((0.0, 0.0, 0.0) if position is None else position, matrix_to_quaternion(given))
+
+    @classmethod
+    def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
+        """Pose from roll, pitch and yaw [rad] about the fixed axes x, y, z in this order, as URDF writes it."""
+        roll, pitch, yaw = finite_array("pose rpy", rpy, shape=(3,)) / 2
+        about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
+        about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
+        about_z = np.array([np.cos(yaw), 0.0, 0.0, np.sin(yaw)])
+        return cls(position, quaternion_product(about_z, quaternion_product(about_y, about_x)))
+
+    @classmethod
+    def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
+        """Pose in the xy-plane: place (x, y) [m], turned by ``angle`` [rad] about +z."""
+        half = float(finite_array("pose angle", angle, shape=())) / 2
+        return cls((x, y, 0.0), (np.cos(half), 0.0, 0.0, np.sin(half)))
+
+    @property
+    def rotation(self) -> Matrix3:
+        """The (3, 3) rotation matrix; its columns are the frame's axes."""
+        return quaternion_to_matrix(self.quaternion)
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "4 4"]:
+        """The (4, 4) homogeneous matrix."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.rotation, self.position
+        return matrix
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """``self @ other``: the pose, outside self's frame, of what is at ``other`` inside it."""
+        if not isinstance(other, Pose):
+            return NotImplemented
+        return Pose(self.apply(other.position), quaternion_product(self.quaternion, other.quaternion))
+
+    def inverse(self) -> Pose:
+        """Return the pose with which ``pose @ pose.inverse()`` is the identity."""
+        return Pose(-(self.rotation.T @ self.position), self.quaternion * (1.0, -1.0, -1.0, -1.0))
+
+    def apply(self, points: ArrayLike) -> Float[np.ndarray, "*batch 3"]:
+        """Coordinates outside the frame of ``points`` (..., 3) given inside it [m]."""
+        inside = finite_array("points", points)
+        if inside.shape[-1:] != (3,):
+            raise InvalidInput(f"points: the last axis must have 3 coordinates, got shape {inside.shape}")
+        moved: np.ndarray = inside @ self.rotation.T + self.position
+        return moved
+
+
+def finite_array(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """Copy ``value`` into a new float array, or refuse by ``name`` what is not real, finite and of ``shape``."""
+    try:
+        given = np.asarray(value)
+    except ValueError:
+        raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
+    if given.dtype.kind not in "iuf":
+        raise InvalidInput(f"{name}: must hold real numbers, got {given.dtype}")
+    if shape is not None and given.shape != shape:
+        raise InvalidInput(f"{name}: must have shape {shape}, got shape {given.shape}")
+    finite = np.isfinite(given)
+    if not finite.all():
+        first = tuple(int(i) for i in np.argwhere(~finite)[0])
+        where = f" at index {first[0] if len(first) == 1 else first}" if first else ""
+        raise InvalidInput(f"{name}: must be finite, got {given[first]}{where}")
+    return given.astype(float)
+
+
+def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
+    """Normalise quaternions that are within 1e-6 of length 1; refuse the first other one by ``name`` and index."""
+    lengths = np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    wrong = np.argwhere(np.abs(lengths[..., 0] - 1) > UNIT_TOLERANCE)
+    if len(wrong):
+        first = tuple(int(i) for i in wrong[0])
+        where = f" at index {first[0] if len(first) == 1 else first}" if first else ""
+        raise InvalidInput(
+            f"{name}: must have length 1 within {UNIT_TOLERANCE:g}, "
+            f"got {quaternions[first].tolist()} of length {lengths[first][0]:.9g}{where}"
+        )
+    unit: np.ndarray = quaternions / lengths
+    return unit
+
+
+def quaternion_product(
+    left: Float[np.ndarray, "*#batch 4"], right: Float[np.ndarray, "*#batch 4"]
+) -> Float[np.ndarray, "*batch 4"]:
+    """Hamilton's product: the orientation of turning by ``right`` first, then by ``left``."""
+    a, b, c, d = np.moveaxis(left, -1, 0)
+    w, x, y, z = np.moveaxis(right, -1, 0)
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=-1,
+    )
+
+
+def quaternion_to_matrix(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Turn unit quaternions (w, x, y, z) into rotation matrices."""
+    w, x, y, z = np.moveaxis(quaternions, -1, 0)
+    matrices = np.empty((*w.shape, 3, 3))
+    matrices[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    matrices[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    matrices[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    matrices[..., 0, 1], matrices[..., 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    matrices[..., 0, 2], matrices[..., 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    matrices[..., 1, 2], matrices[..., 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    return matrices
+
+
+def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4"]:
+    """Turn rotation matrices into unit quaternions with w ≥ 0.
+
+    Shepperd's method: the matrix gives 4 q qᵀ, whose row of largest diagonal, normalised, is q without cancellation.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(matrices, (-2, -1), (0, 1))
+    trace = np.asarray(xx + yy + zz)
+    quaternions = np.stack([1 + trace, zy - yz, xz - zx, yx - xy], axis=-1)
+    far = ~(trace > 0)  # turned by more than 120 degrees: w may be too small to divide by
+    if far.any():
+        products = np.empty((4, 4, int(far.sum())))
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = np.moveaxis(matrices[far].reshape(-1, 9), -1, 0)
+        products[0] = 1 + xx + yy + zz, zy - yz, xz - zx, yx - xy
+        products[1] = zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx
+        products[2] = xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy
+        products[3] = yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz
+        largest = np.argmax(np.einsum("iin->in", products), axis=0)
+        quaternions[far] = products[largest, :, np.arange(len(largest))]
+    lengths = np.sqrt((quaternions * quaternions).sum(axis=-1, keepdims=True))
+    unit: np.ndarray = quaternions / np.where(quaternions[..., :1] < 0, -lengths, lengths)
+    return unit
+
+
+def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
+    """Axis times angle [rad], angle in [0, π], of rotation matrices: the logarithm, accurate near 0 and near π alike.
+
+    At π itself both signs of the axis are right and one is given.
+
+    >>> rotation_vector(Pose.from_rpy([0, 0, 0], [0, 0, 1e-9]).rotation)
+    array([0.e+00, 0.e+00, 1.e-09])
+    """
+    quaternions = matrix_to_quaternion(matrices)
+    vector_part = quaternions[..., 1:]
+    sines = np.sqrt((vector_part * vector_part).sum(axis=-1))  # of half the angle
+    turning = sines > 0
+    factors = 2 * np.arctan2(sines, quaternions[..., 0]) / np.where(turning, sines, 1.0)
+    vectors: np.ndarray = np.where(turning, factors, 2.0)[..., None] * vector_part
+    return vectors
+
+
+def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
+    """Turn rotation vectors [rad] into unit quaternions (w, x, y, z): the exponential, continuous in the vector."""
+    half_angles = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True)) / 2
+    return np.concatenate([np.cos(half_angles), 0.5 * np.sinc(half_angles / np.pi) * vectors], axis=-1)
+
+
+def vector_to_matrix(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Turn rotation vectors [rad] into rotation matrices: the inverse of :func:`rotation_vector`."""
+    return quaternion_to_matrix(vector_to_quaternion(vectors))
+
+
+def orientation_error(
+    rotations: Float[np.ndarray, "*#batch 3 3"], desired: Float[np.ndarray, "*#batch 3 3"]
+) -> Float[np.ndarray, "*batch 3"]:
+    """Rotation vector [rad] of RᵀR_d: the turn, in the coordinates of R's own frame, that takes R to R_d."""
+    return rotation_vector(np.swapaxes(rotations, -1, -2) @ desired)

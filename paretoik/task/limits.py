@@ -1,0 +1,181 @@
+"""What a motion may not exceed: limits on joints, and constraints that users define."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.task.motion import Motion
+from paretoik.task.objectives import Form, Function, check_form, series
+
+KINDS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
+Bounds = Float[np.ndarray, "#time dof 2"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Limits:
+    """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|, in rad, s, N m and W (m and N if sliding).
+
+    Each is a tuple (lower, upper), or a number or array taken as symmetric; arrays are (dof,), or (time, dof) to vary along
+    the path; a mapping goes by joint name, joints not named keeping the arm's own. None is the arm's own limit if it
+    declares one, np.inf none. ``clearance`` [m] is the least distance to obstacles, where the problem has any.
+
+    >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
+    3.8
+    """
+
+    position: object = None
+    velocity: object = None
+    acceleration: object = None
+    torque: object = None
+    power: object = None
+    clearance: float = 0.0
+
+    def settled(self, arm: Arm, samples: int) -> dict[str, Bounds]:
+        """Return every limit that binds something as (1 or time, dof, 2) arrays of (lower, upper).
+
+        Raises InvalidInput, naming limit and joint, for wrong shapes, NaN, or a lower limit above the upper.
+        """
+        own = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
+        found = {kind: _bounds(kind, getattr(self, kind), own.get(kind), arm, samples) for kind in KINDS}
+        return {kind: bounds for kind, bounds in found.items() if np.isfinite(bounds).any()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Constraint:
+    """A user's own limit on a function of motions; made with ``@constraint``."""
+
+    function: Function
+    name: str
+    unit: str
+    form: Form
+    lower: float
+    upper: float
+    scale: float
+
+    def violation(self, motion: Motion) -> np.ndarray:
+        """Return the worst violation (*batch,) as a share of the limit's range; not positive where it holds.
+
+        Raises InvalidInput, naming the constraint, where the function returns another shape or something not real.
+        """
+        values = series(f"constraint {self.name}", self.function, motion, self.form)
+        if self.form == "integral":
+            values = motion.integral(values)
+        excess = np.maximum(values - self.upper, self.lower - values) / self.scale
+        return excess.max(axis=-1) if self.form == "peak" else excess
+
+
+def constraint(
+    *,
+    unit: str,
+    form: Form = "peak",
+    lower: float = -np.inf,
+    upper: float = np.inf,
+    scale: float | None = None,
+    name: str | None = None,
+) -> Callable[[Function], Constraint]:
+    """Make a limit lower ≤ function(motion) ≤ upper; "peak" must hold at every sample, other forms as for objectives.
+
+    Violations are divided by ``scale``: by default upper − lower, or the size of the only bound, or 1 where that is zero.
+
+    Raises InvalidInput for an unknown form, no bound, or lower > upper.
+
+    >>> @constraint(unit="m", lower=0.0)
+    ... def above_table(motion):
+    ...     return motion.tool[..., 2]
+    >>> above_table.scale
+    1.0
+    """
+    check_form(form)
+    if not lower <= upper or not (np.isfinite(lower) or np.isfinite(upper)):
+        raise InvalidInput(f"constraint wants at least one finite bound and lower ≤ upper, got {lower} and {upper}")
+    span = upper - lower if np.isfinite(upper - lower) else abs(upper if np.isfinite(upper) else lower)
+    size = float(scale if scale is not None else span or 1.0)
+    if not size > 0 or not np.isfinite(size):
+        raise InvalidInput(f"constraint: scale wants a positive number, got {scale}")
+
+    def wrap(function: Function) -> Constraint:
+        return Constraint(
+            function=function,
+            name=name or function.__name__,
+            unit=unit,
+            form=form,
+            lower=lower,
+            upper=upper,
+            scale=size,
+        )
+
+    return wrap
+
+
+def excess(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
+    """Return by how much each sample exceeds a joint limit, as a share of its range; not positive where it holds."""
+    values = {
+        "position": lambda: motion.q,
+        "velocity": lambda: motion.dq,
+        "acceleration": lambda: motion.ddq,
+        "torque": lambda: motion.torque,
+        "power": lambda: motion.power,
+    }[kind]()
+    lower, upper = bounds[..., 0], bounds[..., 1]
+    return np.maximum(values - upper, lower - values) / _ranges(lower, upper)
+
+
+def _ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    width = upper - lower
+    one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
+    size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 1.0))
+    return np.where(size > 0, size, 1.0)
+
+
+def _bounds(kind: str, given: object, own: np.ndarray | None, arm: Arm, samples: int) -> Bounds:
+    declared = np.tile([-np.inf, np.inf], (arm.dof, 1)) if own is None else own
+    if declared.ndim == 1:
+        declared = np.stack([-declared, declared], axis=-1)
+    if given is None:
+        return declared[None].copy()
+    if isinstance(given, dict):
+        return _by_name(kind, given, declared, arm)[None]
+    lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (None, given)
+    high = _side(kind, upper, arm, samples)
+    low = -high if lower is None else _side(kind, lower, arm, samples)
+    low, high = np.broadcast_arrays(low, high)
+    wrong = np.isnan(low) | np.isnan(high) | (low > high)
+    if wrong.any():
+        sample, joint = np.argwhere(wrong)[0]
+        raise InvalidInput(
+            f"{kind} limit of {arm.joint_names[joint]}: wants lower ≤ upper, got {low[sample, joint]} and "
+            f"{high[sample, joint]}"
+        )
+    return np.stack([low, high], axis=-1)
+
+
+def _side(kind: str, given: object, arm: Arm, samples: int) -> np.ndarray:
+    try:
+        array = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"{kind} limit wants numbers, got {given!r}") from None
+    if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
+        raise InvalidInput(
+            f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got {array.shape}"
+        )
+    return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
+
+
+def _by_name(kind: str, given: dict[str, object], declared: np.ndarray, arm: Arm) -> np.ndarray:
+    bounds = declared.copy()
+    for joint, value in given.items():
+        if joint not in arm.joint_names:
+            raise InvalidInput(
+                f"{kind} limit: no joint {joint!r} on {arm.name}; its joints: {', '.join(arm.joint_names)}"
+            )
+        low, high = value if isinstance(value, tuple) else (-float(value), float(value))  # type: ignore[arg-type]
+        if not low <= high:
+            raise InvalidInput(f"{kind} limit of {joint}: wants lower ≤ upper, got {low} and {high}")
+        bounds[arm.joint_names.index(joint)] = low, high
+    return bounds

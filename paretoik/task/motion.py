@@ -1,0 +1,262 @@
+"""A motion: joint positions at sample times, and everything that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+
+from paretoik.arrays import JointPaths, Rotations, Series
+from paretoik.errors import InvalidInput
+from paretoik.robot import dynamics, kinematics
+from paretoik.robot.arm import Arm
+from paretoik.task.obstacles import Obstacle, clearance
+from paretoik.task.retraction import retract, task_errors
+from paretoik.task.task import Task
+
+Differences = Literal["backward", "central"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """Joint motions of one arm, (*batch, time, dof): the samples ``q`` [rad, m] at ``time`` (*batch, time) [s].
+
+    A motion *is* the C² interpolant of its samples, projected back onto its tasks (``at``). Velocities and accelerations
+    at the samples follow ``differences``: "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt,
+    aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the rectangle at the right end), or "central" (second order, integrals by the
+    trapezoid rule). A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from the batch; arrays
+    are read-only.
+
+    Raises InvalidInput where shapes don't fit the arm, a number is not finite, or times don't increase.
+    """
+
+    arm: Arm
+    time: Series
+    q: JointPaths
+    tasks: tuple[Task, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    link_radius: float = 0.0
+    differences: Differences = "backward"
+    cyclic: bool = False
+    _checked: bool = field(default=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the samples, spread the times over the batch and freeze both."""
+        if self._checked:
+            return
+        q, time = np.array(self.q, dtype=float), np.asarray(self.time, dtype=float)
+        if q.ndim < 2 or q.shape[-1] != self.arm.dof:
+            raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
+        if time.shape[-1:] != q.shape[-2:-1] or q.shape[-2] < 3:
+            raise InvalidInput(f"motion: wants one time a sample and at least 3, got {time.shape[-1:]} for {q.shape}")
+        if not np.all(np.isfinite(q)) or not np.all(np.isfinite(time)):
+            raise InvalidInput("motion: positions and times must be finite")
+        if not np.all(np.diff(time) > 0):
+            raise InvalidInput(f"motion: times must increase, they don't at sample {int(np.argmin(np.diff(time))) + 1}")
+        if self.differences not in get_args(Differences):
+            raise InvalidInput(
+                f"differences must be one of {', '.join(get_args(Differences))}, got {self.differences!r}"
+            )
+        q.setflags(write=False)
+        object.__setattr__(self, "q", q)
+        object.__setattr__(self, "time", np.broadcast_to(time, q.shape[:-1]))
+        object.__setattr__(self, "_checked", True)
+
+    def __len__(self) -> int:
+        """Return the size of the leading batch axis; a single motion has none."""
+        if self.q.ndim == 2:
+            raise TypeError("a single motion has no length")
+        return len(self.q)
+
+    def __getitem__(self, index: int | slice | np.ndarray) -> Motion:
+        if self.q.ndim == 2:
+            raise TypeError("a single motion cannot be indexed")
+        return replace(self, q=self.q[index], time=self.time[index])
+
+    def __iter__(self) -> Iterator[Motion]:
+        return (self[i] for i in range(len(self)))
+
+    @cached_property
+    def dq(self) -> JointPaths:
+        """Joint velocities (*batch, time, dof) [rad/s, m/s]."""
+        return _frozen(self._rate(self.q))
+
+    @cached_property
+    def ddq(self) -> JointPaths:
+        """Joint accelerations (*batch, time, dof) [rad/s², m/s²]."""
+        if self.differences == "backward":
+            return _frozen(self._rate(self.dq))
+        return _frozen(self._central_second())
+
+    @cached_property
+    def jerk(self) -> JointPaths:
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of the accelerations."""
+        return _frozen(self._rate(self.ddq))
+
+    @cached_property
+    def torque(self) -> JointPaths:
+        """Joint torques (*batch, time, dof) [N m, N], gravity included."""
+        return _frozen(dynamics.inverse_dynamics(self.arm, self.q, self.dq, self.ddq))
+
+    @cached_property
+    def power(self) -> JointPaths:
+        """Mechanical joint powers τᵢ q̇ᵢ (*batch, time, dof) [W]."""
+        return _frozen(dynamics.power(self.torque, self.dq))
+
+    @cached_property
+    def kinetic_energy(self) -> Series:
+        """Kinetic energy ½ q̇ᵀ M q̇ (*batch, time) [J]."""
+        return _frozen(dynamics.kinetic_energy(self.arm, self.q, self.dq))
+
+    @cached_property
+    def tool(self) -> Float[np.ndarray, "*batch time axes"]:
+        """Position of the tool (*batch, time, 2) for planar arms, (*batch, time, 3) for others [m]."""
+        position = self._tool_pose[1]
+        return position[..., :2] if self.arm.is_planar else position
+
+    @cached_property
+    def tool_rotation(self) -> Rotations:
+        """Orientation of the tool (*batch, time, 3, 3)."""
+        return self._tool_pose[0]
+
+    @cached_property
+    def links(self) -> Float[np.ndarray, "*batch time nodes 3"]:
+        """The arm as a polyline (*batch, time, dof + 2, 3) [m]: base, joints, tool."""
+        return _frozen(kinematics.link_nodes(self.arm, self.q))
+
+    @cached_property
+    def manipulability(self) -> Series:
+        """Yoshikawa's √det(J Jᵀ) of the tasks' Jacobian (*batch, time); of the tool's where there is no task."""
+        jacobian = self._jacobian
+        return _frozen(np.sqrt(np.maximum(np.linalg.det(jacobian @ np.swapaxes(jacobian, -1, -2)), 0.0)))
+
+    @cached_property
+    def tracking_error(self) -> Series:
+        """Largest task error of each sample (*batch, time) [m or rad]; zero without tasks."""
+        if not self.tasks:
+            return np.zeros(self.q.shape[:-1])
+        error, _ = task_errors(self.arm, self.tasks, self._flat, self._targets)
+        return _frozen(np.abs(error).max(axis=0).reshape(self.q.shape[:-1]))
+
+    @cached_property
+    def clearance(self) -> Series:
+        """Distance from the links, capsules of ``link_radius``, to the nearest obstacle (*batch, time) [m]; inf without."""
+        return _frozen(clearance(self.obstacles, self.links, self.link_radius))
+
+    @property
+    def weights(self) -> Series:
+        """Quadrature weights (*batch, time) [s] of integrals over the samples."""
+        step = np.diff(self.time)
+        nothing = np.zeros((*step.shape[:-1], 1))
+        after, before = np.concatenate([nothing, step], axis=-1), np.concatenate([step, nothing], axis=-1)
+        return after if self.differences == "backward" else (after + before) / 2
+
+    def integral(self, series: Series) -> np.ndarray:
+        """Return the time integral (*batch,) of values at the samples (*batch, time)."""
+        return np.sum(series * self.weights, axis=-1)
+
+    def at(self, t: Float[np.ndarray, " instants"]) -> Float[np.ndarray, "*batch instants dof"]:
+        """Return joint positions (*batch, instants, dof) at times t [s]: the interpolant, projected onto the tasks.
+
+        Raises InvalidInput for times outside the motion.
+        """
+        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        if np.any(instants < self.time[..., :1].max() - 1e-12) or np.any(instants > self.time[..., -1:].min() + 1e-12):
+            raise InvalidInput(
+                f"at: wants times from {self.time.min()} s to {self.time[..., -1].min()} s, got {instants.min()} to "
+                f"{instants.max()} s"
+            )
+        ends = "periodic" if self.cyclic else "not-a-knot"
+        flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
+        if np.all(times == times[0]):
+            between = CubicSpline(times[0], flat, axis=1, bc_type=ends)(instants)
+        else:
+            between = np.stack([CubicSpline(s, q, bc_type=ends)(instants) for s, q in zip(times, flat, strict=True)])
+        if self.tasks:
+            between = self._projected(between, instants)
+        return between.reshape(*self.q.shape[:-2], len(instants), self.arm.dof)
+
+    def _projected(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
+        targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
+        flat = q.reshape(-1, self.arm.dof)
+        wanted = np.tile(targets, (len(q), 1))
+        directions = steepest(task_errors(self.arm, self.tasks, flat, wanted)[1])
+        return retract(self.arm, self.tasks, flat, wanted, directions).q.reshape(q.shape)
+
+    @property
+    def _flat(self) -> np.ndarray:
+        return self.q.reshape(-1, self.arm.dof)
+
+    @property
+    def _targets(self) -> np.ndarray:
+        times, inverse = np.unique(self.time, return_inverse=True)
+        targets = np.concatenate([task.targets(times) for task in self.tasks], axis=1)
+        return targets[inverse.ravel()]
+
+    @property
+    def _jacobian(self) -> np.ndarray:
+        if not self.tasks:
+            rows = 2 if self.arm.is_planar else 6
+            return kinematics.jacobian(self.arm, self.q)[..., :rows, :]
+        _, slopes = task_errors(self.arm, self.tasks, self._flat, self._targets)
+        return np.moveaxis(slopes, -1, 0).reshape(*self.q.shape[:-1], *slopes.shape[:2])
+
+    @cached_property
+    def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        rotation, position = kinematics.tool_pose(self.arm, self.q)
+        return _frozen(rotation), _frozen(position)
+
+    def _rate(self, values: np.ndarray) -> np.ndarray:
+        if self.differences == "central":
+            return self._central_first(values)
+        rate = np.empty_like(values)
+        rate[..., 1:, :] = np.diff(values, axis=-2) / np.diff(self.time)[..., None]
+        rate[..., 0, :] = rate[..., -1, :] if self.cyclic else 0.0
+        return rate
+
+    def _central_first(self, values: np.ndarray) -> np.ndarray:
+        wrapped, times = self._wrapped(values)
+        before, after = np.diff(times)[..., :-1, None], np.diff(times)[..., 1:, None]
+        left, right = np.diff(wrapped, axis=-2)[..., :-1, :] / before, np.diff(wrapped, axis=-2)[..., 1:, :] / after
+        inner = (left * after + right * before) / (before + after)
+        if self.cyclic:
+            return inner
+        first = 2 * left[..., :1, :] - inner[..., :1, :]
+        last = 2 * right[..., -1:, :] - inner[..., -1:, :]
+        return np.concatenate([first, inner, last], axis=-2)
+
+    def _central_second(self) -> np.ndarray:
+        wrapped, times = self._wrapped(self.q)
+        step = np.diff(times)[..., None]
+        slope = np.diff(wrapped, axis=-2) / step
+        inner = 2 * np.diff(slope, axis=-2) / (step[..., :-1, :] + step[..., 1:, :])
+        if self.cyclic:
+            return inner
+        return np.concatenate([inner[..., :1, :], inner, inner[..., -1:, :]], axis=-2)
+
+    def _wrapped(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Continue a cyclic motion by one sample on either side."""
+        if not self.cyclic:
+            return values, self.time
+        step = np.diff(self.time)
+        times = np.concatenate(
+            [self.time[..., :1] - step[..., -1:], self.time, self.time[..., -1:] + step[..., :1]], axis=-1
+        )
+        return np.concatenate([values[..., -2:-1, :], values, values[..., 1:2, :]], axis=-2), times
+
+
+def steepest(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:
+    """Return an orthonormal basis of the row space of J, ordered so that J times it is lower triangular, diagonal > 0."""
+    orthonormal, upper = np.linalg.qr(np.moveaxis(jacobian, -1, 0).swapaxes(-1, -2))
+    signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
+    return orthonormal * signs[:, None, :]
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array

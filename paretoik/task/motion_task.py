@@ -1,0 +1,222 @@
+"""The thing everyone solves: an arm, its tasks, what the motion is worth, what it may not exceed, how it starts and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import JointPaths, Times
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.task.limits import Bounds, Constraint, Limits, excess
+from paretoik.task.motion import Differences, Motion
+from paretoik.task.objectives import Objective
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.retraction import task_errors
+from paretoik.task.task import Task
+
+START_TOLERANCE = 1e-6  # m and rad: a start this near the path is moved onto it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionTask:
+    """One motion problem, checked; made with ``motion_task``.
+
+    ``start`` is None (free) or joint positions (dof,); ``bounds`` maps limit kinds to (1 or time, dof, 2) arrays; ``arm``
+    carries the position limits that hold.
+    """
+
+    arm: Arm
+    tasks: tuple[Task, ...]
+    objectives: tuple[Objective, ...]
+    constraints: tuple[Constraint, ...]
+    bounds: dict[str, Bounds]
+    obstacles: tuple[Obstacle, ...]
+    link_radius: float
+    least_clearance: float
+    start: Float[np.ndarray, " dof"] | None
+    stops: bool
+    cyclic: bool
+    differences: Differences
+
+    @property
+    def times(self) -> Times:
+        """Sample times (time,) [s]."""
+        return self.tasks[0].path.times
+
+    @property
+    def rows(self) -> int:
+        """Number of task equations a sample."""
+        return sum(task.rows for task in self.tasks)
+
+    @property
+    def redundancy(self) -> int:
+        """Number of joints beyond the task equations."""
+        return self.arm.dof - self.rows
+
+    @cached_property
+    def targets(self) -> Float[np.ndarray, "time numbers"]:
+        """Task targets of every sample, as ``Task.targets`` gives them."""
+        return np.concatenate([task.targets(self.times) for task in self.tasks], axis=1)
+
+    def motion(self, q: JointPaths) -> Motion:
+        """Return joint positions (*batch, time, dof) as motions of this task."""
+        return Motion(
+            arm=self.arm,
+            time=self.times,
+            q=q,
+            tasks=self.tasks,
+            obstacles=self.obstacles,
+            link_radius=self.link_radius,
+            differences=self.differences,
+            cyclic=self.cyclic,
+        )
+
+    @cached_property
+    def limit_names(self) -> tuple[str, ...]:
+        """A name for each column of ``violations``."""
+        joints = tuple(
+            f"{kind} of {joint}"
+            for kind, bounds in self.bounds.items()
+            for joint, limited in zip(self.arm.joint_names, self._limited(bounds), strict=True)
+            if limited
+        )
+        return joints + (("clearance",) if self.obstacles else ()) + tuple(c.name for c in self.constraints)
+
+    def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
+        """Return the worst violation of every limit as a share of its range; not positive where it holds."""
+        found = [
+            excess(kind, bounds, motion).max(axis=-2)[..., self._limited(bounds)]
+            for kind, bounds in self.bounds.items()
+        ]
+        batch = motion.q.shape[:-2]
+        if self.obstacles:
+            least = motion.clearance.min(axis=-1)
+            found.append(((self.least_clearance - least) / max(self.least_clearance, 0.01))[..., None])
+        found += [constraint.violation(motion)[..., None] for constraint in self.constraints]
+        return np.concatenate(found, axis=-1) if found else np.zeros((*batch, 0))
+
+    def binding(self, motion: Motion) -> str:
+        """Return in words which limit a single motion violates most, where and by how much; "" where all hold."""
+        violations = self.violations(motion)
+        if not len(violations) or violations.max() <= 0:
+            return ""
+        name = self.limit_names[int(np.argmax(violations))]
+        share = f"by {100 * violations.max():.3g} % of its range"
+        kind, _, joint = name.partition(" of ")
+        if kind not in self.bounds:
+            return f"{name} is violated {share}"
+        j = self.arm.joint_names.index(joint)
+        sample = int(np.argmax(excess(kind, self.bounds[kind], motion)[..., j]))
+        return f"{name} is exceeded {share} at sample {sample} ({self.times[sample]:.3g} s)"
+
+    def _limited(self, bounds: Bounds) -> np.ndarray:
+        return np.isfinite(bounds).any(axis=(0, 2))
+
+
+def motion_task(
+    arm: Arm,
+    tasks: Path | Task | Sequence[Path | Task],
+    *,
+    objectives: Sequence[Objective],
+    limits: Limits | None,
+    constraints: Sequence[Constraint],
+    obstacles: Sequence[Obstacle],
+    link_radius: float,
+    start: object,
+    end_velocity: float | None,
+    cyclic: bool,
+    differences: Differences,
+) -> MotionTask:
+    """Check everything that a motion problem is made of and return it.
+
+    Raises InvalidInput, naming the thing, for each part that cannot be used.
+    """
+    settled = tuple(
+        (Task(given) if isinstance(given, Path) else given).settled(arm)
+        for given in (tasks if isinstance(tasks, Sequence) else [tasks])
+    )
+    _check_tasks(arm, settled)
+    _check_objectives(objectives)
+    path = settled[0].path
+    if cyclic and not all(task.path.closed for task in settled):
+        raise InvalidInput("cyclic=True wants a closed path, but the path does not end where it starts")
+    if end_velocity is not None and (end_velocity != 0 or cyclic):
+        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {end_velocity!r}")
+    bounds = (limits or Limits()).settled(arm, path.samples)
+    if "position" in bounds:
+        tightest = np.stack([bounds["position"][..., 0].max(axis=0), bounds["position"][..., 1].min(axis=0)], axis=-1)
+        arm = replace(arm, position_limits=tightest)
+    found = MotionTask(
+        arm=arm,
+        tasks=settled,
+        objectives=tuple(objectives),
+        constraints=tuple(constraints),
+        bounds=bounds,
+        obstacles=tuple(obstacles),
+        link_radius=link_radius,
+        least_clearance=(limits or Limits()).clearance,
+        start=None if isinstance(start, str) and start == "free" else _given_start(arm, start),
+        stops=end_velocity is not None,
+        cyclic=cyclic,
+        differences=differences,
+    )
+    return found if found.start is None else _started(found)
+
+
+def _check_tasks(arm: Arm, tasks: tuple[Task, ...]) -> None:
+    if not tasks:
+        raise InvalidInput("wants at least one path or task, got none")
+    times = tasks[0].path.times
+    for i, task in enumerate(tasks[1:], start=2):
+        if not np.array_equal(task.path.times, times):
+            raise InvalidInput(f"task {i}: must be sampled at the same times as task 1")
+    rows = sum(task.rows for task in tasks)
+    if rows >= arm.dof:
+        raise InvalidInput(
+            f"{arm.name} is not redundant for this task: {arm.dof} joints for {rows} equations; ask for fewer axes"
+        )
+
+
+def _check_objectives(objectives: Sequence[Objective]) -> None:
+    if not objectives:
+        raise InvalidInput("objectives: wants at least one, got none")
+    for given in objectives:
+        if not isinstance(given, Objective):
+            raise InvalidInput(f"objectives: wants functions decorated with @objective, got {given!r}")
+    names = [given.name for given in objectives]
+    if len(set(names)) != len(names):
+        raise InvalidInput(f"objectives: names must differ, got {', '.join(names)}")
+
+
+def _given_start(arm: Arm, start: object) -> np.ndarray:
+    try:
+        q = np.array(start, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {start!r}") from None
+    if q.shape != (arm.dof,) or not np.all(np.isfinite(q)):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {start!r}")
+    return q
+
+
+def _started(found: MotionTask) -> MotionTask:
+    assert found.start is not None
+    error, _ = task_errors(found.arm, found.tasks, found.start[None], found.targets[:1])
+    distance = float(np.abs(error).max())
+    if distance > START_TOLERANCE:
+        raise InvalidInput(f"start is {distance:.3g} m (or rad) off the path's first sample; wants at most {START_TOLERANCE}")
+    if "position" in found.bounds:
+        lower, upper = found.bounds["position"][0].T
+        outside = (found.start < lower) | (found.start > upper)
+        if outside.any():
+            j = int(np.argmax(outside))
+            raise InvalidInput(
+                f"start: {found.arm.joint_names[j]} at {found.start[j]:.6g} is outside its limits {lower[j]:.6g} to "
+                f"{upper[j]:.6g}"
+            )
+    return found

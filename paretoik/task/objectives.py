@@ -1,0 +1,201 @@
+"""What a motion is worth: objectives, the users' own and the library's.
+
+An objective is a plain NumPy function of a batch of motions. ``form`` says what it returns and what becomes of it:
+
+- "integral": values (*batch, time), integrated over time;
+- "peak": values (*batch, time), of which the worst counts: the largest, or the least where the objective is maximised;
+- "terminal": values (*batch,) that depend on the ends of the motion only;
+- "general": values (*batch,) that depend on all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from paretoik.arrays import Values
+from paretoik.errors import InvalidInput
+from paretoik.task.motion import Motion
+
+Form = Literal["integral", "peak", "terminal", "general"]
+Function = Callable[[Motion], np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Objective:
+    """A named function of motions with its unit; made with ``@objective``. Calling it gives values in its own sign."""
+
+    function: Function
+    name: str
+    unit: str
+    form: Form
+    maximise: bool = False
+
+    def __call__(self, motion: Motion) -> Values:
+        """Return the objective's values (*batch,), in the user's own sign.
+
+        Raises InvalidInput, naming the objective, where the function returns another shape or something not real.
+        """
+        values = series(f"objective {self.name}", self.function, motion, self.form)
+        if self.form == "integral":
+            return motion.integral(values)
+        if self.form == "peak":
+            return values.min(axis=-1) if self.maximise else values.max(axis=-1)
+        return values
+
+    def __repr__(self) -> str:
+        direction = ", maximised" if self.maximise else ""
+        return f"Objective {self.name} [{self.unit}], {self.form}{direction}"
+
+    @property
+    def sign(self) -> float:
+        """−1 where the objective is maximised, so that sign · value is always minimised."""
+        return -1.0 if self.maximise else 1.0
+
+
+def objective(
+    *, unit: str, form: Form, maximise: bool = False, name: str | None = None
+) -> Callable[[Function], Objective]:
+    """Make an objective of a function of motions; see the module for ``form``.
+
+    The function must return real numbers of the shape that the form says, leave its input alone (arrays are read-only)
+    and work for any batch. ``maximise`` turns the sign inside only: fronts show the user's own.
+
+    Raises InvalidInput for an unknown form.
+
+    >>> @objective(unit="rad²/s", form="integral")
+    ... def wrist_effort(motion):
+    ...     return motion.dq[..., -1] ** 2
+    >>> wrist_effort
+    Objective wrist_effort [rad²/s], integral
+    """
+    check_form(form)
+
+    def wrap(function: Function) -> Objective:
+        return Objective(function=function, name=name or function.__name__, unit=unit, form=form, maximise=maximise)
+
+    return wrap
+
+
+def check_form(form: str) -> None:
+    """Raise InvalidInput where ``form`` is not one of the four."""
+    if form not in get_args(Form):
+        raise InvalidInput(f"form must be one of {', '.join(get_args(Form))}, got {form!r}")
+
+
+def series(what: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
+    """Return a function's values after checking shape and type; ``what`` names it in errors."""
+    batch = motion.q.shape[:-2]
+    wanted = motion.q.shape[:-1] if form in ("integral", "peak") else batch
+    values = function(motion)
+    if values is None:
+        raise InvalidInput(f"{what} must return an array of shape {wanted}, got None (is a return missing?)")
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise InvalidInput(f"{what} must return real numbers, got {array.dtype}")
+    if array.shape != wanted:
+        raise InvalidInput(f"{what} ({form}) must return shape {wanted}, got {array.shape}")
+    return array.astype(float)
+
+
+@objective(unit="J s", form="integral")
+def kinetic_energy(motion: Motion) -> np.ndarray:
+    """∫ ½ q̇ᵀ M q̇ dt. Source: Tringali & Cocuzza 2020, Eq. 3."""
+    return motion.kinetic_energy
+
+
+@objective(unit="N²m²s", form="integral")
+def torque_norm(motion: Motion) -> np.ndarray:
+    """∫ τᵀτ dt. Source: Tringali & Cocuzza 2020, Eq. 5."""
+    return np.sum(motion.torque**2, axis=-1)
+
+
+@objective(unit="J", form="integral")
+def mechanical_energy(motion: Motion) -> np.ndarray:
+    """∫ Σ |τᵢ q̇ᵢ| dt: work done and absorbed, nothing recovered."""
+    return np.sum(np.abs(motion.power), axis=-1)
+
+
+@objective(unit="rad", form="integral")
+def joint_travel(motion: Motion) -> np.ndarray:
+    """∫ Σ |q̇ᵢ| dt: the way that all joints go, there and back (sliding joints in m)."""
+    return np.sum(np.abs(motion.dq), axis=-1)
+
+
+@objective(unit="rad", form="terminal")
+def joint_drift(motion: Motion) -> np.ndarray:
+    """‖q_N − q₀‖ / dof. Source: Marcos et al. 2012, Eq. 25."""
+    return np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof
+
+
+@objective(unit="", form="integral")
+def joint_limit_distance(motion: Motion) -> np.ndarray:
+    """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))². Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14.
+
+    Joints without limits don't count. Raises InvalidInput where no joint has limits.
+    """
+    lower, upper = motion.arm.position_limits.T
+    limited = np.isfinite(upper - lower)
+    if not limited.any():
+        raise InvalidInput("joint_limit_distance wants position limits, but no joint of the arm has any")
+    ratio = (motion.q[..., limited] - ((lower + upper) / 2)[limited]) / (upper - lower)[limited]
+    return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / _duration(motion)
+
+
+@objective(unit="", form="integral", maximise=True)
+def manipulability(motion: Motion) -> np.ndarray:
+    """Mean over time of Yoshikawa's √det(J Jᵀ), J the Jacobian of the tasks; maximised. Source: Yoshikawa 1985."""
+    return motion.manipulability / _duration(motion)
+
+
+@objective(unit="rad/s", form="peak")
+def peak_velocity(motion: Motion) -> np.ndarray:
+    """Largest joint speed (sliding joints in m/s)."""
+    return np.max(np.abs(motion.dq), axis=-1)
+
+
+@objective(unit="N m", form="peak")
+def peak_torque(motion: Motion) -> np.ndarray:
+    """Largest joint torque (sliding joints in N)."""
+    return np.max(np.abs(motion.torque), axis=-1)
+
+
+@objective(unit="rad²/s⁵", form="integral")
+def jerk(motion: Motion) -> np.ndarray:
+    """∫ ‖d³q/dt³‖² dt."""
+    return np.sum(motion.jerk**2, axis=-1)
+
+
+@objective(unit="m", form="peak", maximise=True)
+def obstacle_clearance(motion: Motion) -> np.ndarray:
+    """Least distance between the arm's links and the obstacles of the problem; maximised, negative inside.
+
+    Raises InvalidInput where the problem has no obstacles.
+    """
+    if not motion.obstacles:
+        raise InvalidInput(
+            "obstacle_clearance wants obstacles, but the problem has none (Tracking(..., obstacles=[...]))"
+        )
+    return motion.clearance
+
+
+LIBRARY: tuple[Objective, ...] = (
+    kinetic_energy,
+    torque_norm,
+    mechanical_energy,
+    joint_travel,
+    joint_drift,
+    joint_limit_distance,
+    manipulability,
+    peak_velocity,
+    peak_torque,
+    jerk,
+    obstacle_clearance,
+)
+
+
+def _duration(motion: Motion) -> np.ndarray:
+    return (motion.time[..., -1] - motion.time[..., 0])[..., None]

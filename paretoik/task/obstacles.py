@@ -1,0 +1,265 @@
+"""Obstacles, and how far an arm's links are from them.
+
+Every obstacle is convex and has a signed distance to its surface, negative inside. A link is a capsule: all that is
+within a radius of the segment between two consecutive nodes of the arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Vector3
+from paretoik.errors import InvalidInput
+from paretoik.robot.pose import ArrayLike, Pose, finite_array
+
+Components: TypeAlias = Sequence[np.ndarray]  # x, y and, in space, z, each an array of its own
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Circle:
+    """A disc in the xy-plane, ``center`` (2,) and ``radius`` [m]; in space an endless cylinder along z."""
+
+    center: Float[np.ndarray, " 2"]
+    radius: float
+
+    def __init__(self, center: ArrayLike, radius: float) -> None:
+        _freeze(self, center=finite_array("circle center", center, shape=(2,)), radius=_size("circle radius", radius))
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Sphere:
+    """A ball, ``center`` (3,) and ``radius`` [m]."""
+
+    center: Vector3
+    radius: float
+
+    def __init__(self, center: ArrayLike, radius: float) -> None:
+        _freeze(self, center=finite_array("sphere center", center, shape=(3,)), radius=_size("sphere radius", radius))
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Capsule:
+    """All that is within ``radius`` of the segment from ``start`` (3,) to ``end`` (3,) [m], which may be one point."""
+
+    start: Vector3
+    end: Vector3
+    radius: float
+
+    def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
+        first = finite_array("capsule start", start, shape=(3,))
+        last = finite_array("capsule end", end, shape=(3,))
+        _freeze(self, start=first, end=last, radius=_size("capsule radius", radius))
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Box:
+    """A box about ``center``, a point or, if it is turned, a pose; ``half_sizes`` [m] along its own axes.
+
+    Three half sizes make a box in space. Two make a rectangle in its own xy-plane, in space an endless beam along its
+    own z; its center is then a 2-D point or a pose (``Pose.planar``).
+    """
+
+    pose: Pose
+    half_sizes: Float[np.ndarray, " axes"]
+
+    def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
+        halves = finite_array("box half_sizes", half_sizes)
+        if halves.shape not in ((2,), (3,)):
+            raise InvalidInput(f"box half_sizes: must be 2 or 3, got shape {halves.shape}")
+        if halves.min() <= 0:
+            raise InvalidInput(f"box half_sizes: must be positive, got {halves.min():g} m at index {halves.argmin()}")
+        if not isinstance(center, Pose):
+            point = finite_array("box center", center, shape=halves.shape)
+            center = Pose(np.pad(point, (0, 3 - len(point))))
+        _freeze(self, pose=center, half_sizes=halves)
+
+
+Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
+
+
+def clearance(
+    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: ArrayLike = 0.0
+) -> Float[np.ndarray, "*batch"]:
+    """Least signed distance [m] from an arm's links to any obstacle, negative where a link is inside one.
+
+    ``nodes`` are the places of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an array with
+    one for each. A positive clearance is the exact gap; a negative one is the depth of the deepest point of a link's
+    axis, plus the link's radius.
+
+    Raises
+    ------
+    InvalidInput
+        For no obstacles, fewer than 2 nodes, or radii that are negative or match neither one nor every link.
+
+    >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
+    >>> float(clearance([Circle([0.2, 0.3], 0.1)], elbow, radius=0.05).round(12))
+    0.15
+    """
+    if len(obstacles) == 0:
+        raise InvalidInput("clearance: must be given at least one obstacle")
+    if nodes.ndim < 2 or nodes.shape[-2] < 2:
+        raise InvalidInput(f"clearance: nodes must have shape (..., 2 or more, 3), got {nodes.shape}")
+    links = nodes.shape[-2] - 1
+    radii = finite_array("link radius", radius)
+    if radii.shape not in ((), (links,)):
+        raise InvalidInput(f"link radius: must be one or one for each of the {links} links, got shape {radii.shape}")
+    if radii.min() < 0:
+        raise InvalidInput(f"link radius: must not be negative, got {radii.min():g} m")
+    least = np.full(nodes.shape[:-2], np.inf)
+    for obstacle in obstacles:
+        distances = signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :])
+        least = np.minimum(least, (distances - radii).min(axis=-1))
+    return least
+
+
+def signed_distance(
+    obstacle: Obstacle, starts: Float[np.ndarray, "*#batch 3"], ends: Float[np.ndarray, "*#batch 3"]
+) -> Float[np.ndarray, "*batch"]:
+    """Least signed distance [m] to an obstacle's surface along segments, which may be single points; negative inside.
+
+    Closed forms, exact to rounding. NaN in gives NaN out.
+
+    Raises
+    ------
+    InvalidInput
+        For points that are not real or not 3-D.
+
+    >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
+    >>> signed_distance(box, np.array([[1.0, 0, 0], [0.1, 0, 0.0]]), np.array([[0.5, 0, 0], [0.02, 0, 0]])).round(12)
+    array([ 0.4 , -0.08])
+    """
+    for points in (starts, ends):
+        if points.dtype.kind != "f" or points.shape[-1:] != (3,):
+            raise InvalidInput(f"segments: must be real points (..., 3), got {points.dtype} of shape {points.shape}")
+    starts, ends = np.broadcast_arrays(starts, ends)
+    if isinstance(obstacle, Box):
+        turn, place = obstacle.pose.rotation, obstacle.pose.position
+        axes = len(obstacle.half_sizes)
+        first, last = _components((starts - place) @ turn), _components((ends - place) @ turn)
+        return _segment_to_box(first[:axes], last[:axes], obstacle.half_sizes)
+    first, last = _components(starts), _components(ends)
+    if isinstance(obstacle, Capsule):
+        return _between_segments(first, last, list(obstacle.start), list(obstacle.end)) - obstacle.radius
+    axes = len(obstacle.center)
+    return _point_to_segment(list(obstacle.center), first[:axes], last[:axes]) - obstacle.radius
+
+
+def _point_to_segment(point: Components, start: Components, end: Components) -> np.ndarray:
+    step = _minus(end, start)
+    there = _minus(point, start)
+    share = _share(_dot(there, step), _dot(step, step))
+    return _length([r - share * d for r, d in zip(there, step, strict=True)])
+
+
+def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> np.ndarray:
+    """Distance of two segments: at an end of one, or where their lines are nearest if that is within both."""
+    step, other_step, there = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
+    common = _cross(step, other_step)  # products with it keep their digits for nearly parallel segments
+    size = _dot(common, common)
+    share = _share(_dot(_cross(there, other_step), common), size)
+    other_share = _share(_dot(_cross(there, step), common), size)
+    gaps = [
+        _length([r + other_share * e - share * d for r, d, e in zip(there, step, other_step, strict=True)]),
+        _point_to_segment(start, other_start, other_end),
+        _point_to_segment(end, other_start, other_end),
+        _point_to_segment(other_start, start, end),
+        _point_to_segment(other_end, start, end),
+    ]
+    least: np.ndarray = np.minimum.reduce(gaps)
+    return least
+
+
+def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> np.ndarray:
+    """Signed distance of a segment to the box of half sizes ``halves`` about the origin.
+
+    Outside, the squared distance is convex along the segment and quadratic between the places where the segment crosses
+    a plane of the box. Its slope grows, linearly between those places: its zero lies between the last place with a
+    slope of at most 0 and the first with one of at least 0.
+    """
+    step = _minus(end, start)
+
+    def excess(share: np.ndarray) -> Components:
+        places = [a + share * d for a, d in zip(start, step, strict=True)]
+        return [p - np.clip(p, -h, h) for p, h in zip(places, halves, strict=True)]
+
+    low, high = np.zeros_like(step[0]), np.ones_like(step[0])
+    low_slope, high_slope = _dot(excess(low), step), _dot(excess(high), step)
+    for a, d, h in zip(start, step, halves, strict=True):
+        for plane in (-h, h):
+            share = _share((plane - a) * d, d * d)
+            slope = _dot(excess(share), step)
+            falls, rises = (slope <= 0) & (share > low), (slope >= 0) & (share < high)
+            low, low_slope = np.where(falls, share, low), np.where(falls, slope, low_slope)
+            high, high_slope = np.where(rises, share, high), np.where(rises, slope, high_slope)
+    nearest: np.ndarray = low + (high - low) * _share(-low_slope, high_slope - low_slope)
+    distances = _length(excess(nearest))
+    touching = distances < 1e-9 * halves.max()
+    if touching.any():
+        depths = _depth([a[touching] for a in start], [d[touching] for d in step], halves)
+        distances[touching] = np.where(depths < 0, depths, distances[touching])
+    return np.asarray(distances)
+
+
+def _depth(start: Components, step: Components, halves: np.ndarray) -> np.ndarray:
+    """Signed distance of segments that enter the box: the least, along them, of the largest of |p| - half size.
+
+    That is the largest of one rising and one falling line for each axis, least at an end or where a rising line crosses
+    a falling one.
+    """
+    lines = list(zip(start, step, halves, strict=True))
+    shares = [np.zeros_like(step[0]), np.ones_like(step[0])]
+    for a, d, h in lines:
+        for b, e, k in lines:
+            rising, falling = np.where(d < 0, -a, a) - h, np.where(e < 0, b, -b) - k
+            shares.append(_share(falling - rising, np.abs(d) + np.abs(e)))
+    at = np.stack(shares)
+    largest = np.maximum.reduce([np.abs(a + at * d) - h for a, d, h in lines])
+    least: np.ndarray = largest.min(axis=0)
+    return least
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """Return part / whole within [0, 1], and 0 where there is no whole."""
+    with np.errstate(over="ignore"):
+        shares = np.divide(part, whole, out=np.zeros(np.broadcast_shapes(part.shape, whole.shape)), where=whole > 0)
+    return shares.clip(0.0, 1.0)
+
+
+def _components(points: np.ndarray) -> Components:
+    return [np.array(component) for component in np.moveaxis(points, -1, 0)]
+
+
+def _minus(left: Components, right: Components) -> Components:
+    return [a - b for a, b in zip(left, right, strict=True)]
+
+
+def _dot(left: Components, right: Components) -> np.ndarray:
+    return np.asarray(sum(a * b for a, b in zip(left, right, strict=True)))
+
+
+def _cross(left: Components, right: Components) -> Components:
+    (a, b, c), (x, y, z) = left, right
+    return [b * z - c * y, c * x - a * z, a * y - b * x]
+
+
+def _length(vector: Components) -> np.ndarray:
+    return np.asarray(np.sqrt(_dot(vector, vector)))
+
+
+def _size(name: str, value: float) -> float:
+    size = float(finite_array(name, value, shape=()))
+    if size <= 0:
+        raise InvalidInput(f"{name}: must be positive, got {size:g} m")
+    return size
+
+
+def _freeze(obstacle: object, **fields: object) -> None:
+    for name, value in fields.items():
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+        object.__setattr__(obstacle, name, value)

@@ -1,0 +1,145 @@
+"""A task: a frame of the arm that must follow a path, and in which directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Times
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.robot.components import (
+    Component,
+    Rows,
+    Triple,
+    apply,
+    apply_transposed,
+    cross,
+    dot,
+    minus,
+    multiply,
+    plus,
+    scale,
+    times,
+    transpose,
+)
+from paretoik.robot.kinematics import Chain, columns, located
+from paretoik.robot.pose import quaternion_to_matrix
+from paretoik.task.path import Path
+
+Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
+ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Frame ``frame`` of the arm follows ``path`` in ``axes``.
+
+    axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
+    and direction of the frame's z axis, "pose" for all six. None takes what the path gives: its points, or its poses (in
+    the plane for a planar arm). Position errors are in m in world axes; orientation errors are the rotation vector [rad]
+    of RᵀR_d.
+
+    Raises InvalidInput for unknown axes, or axes that the path says nothing about.
+    """
+
+    path: Path
+    frame: str = "tool"
+    axes: Axes | None = None
+
+    def __post_init__(self) -> None:
+        """Check the axes against the path."""
+        if self.axes is None:
+            return
+        if self.axes not in ROWS:
+            raise InvalidInput(f"axes must be one of {', '.join(ROWS)}, got {self.axes!r}")
+        if self.axes in ("xy+angle", "xyz+z-axis", "pose") and self.path.quaternions is None:
+            raise InvalidInput(f"axes {self.axes!r} wants a path of poses, got a path of points")
+        if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
+            raise InvalidInput("axes 'xyz' wants a path of 3-D points, got a path of 2-D points")
+
+    def settled(self, arm: Arm) -> Task:
+        """Return the task with its axes decided for an arm.
+
+        Raises InvalidInput where a planar arm is asked for what it cannot do, or the frame is not on the arm.
+        """
+        arm.frame(self.frame)
+        points, turns = self.path.positions, self.path.quaternions is not None
+        if self.axes is None:
+            flat, spatial = ("xy+angle", "pose") if turns else ("xy", "xy" if points.shape[-1] == 2 else "xyz")
+            return replace(self, axes=flat if arm.is_planar else spatial)
+        if arm.is_planar and self.axes not in ("xy", "xy+angle"):
+            raise InvalidInput(f"{arm.name} moves in a plane: axes must be 'xy' or 'xy+angle', got {self.axes!r}")
+        return self
+
+    @property
+    def rows(self) -> int:
+        """Number of equations a sample."""
+        return ROWS[self.axes or ""]
+
+    @property
+    def numbers(self) -> int:
+        """Number of target columns a sample."""
+        return {"xy": 2, "xyz": 3, "xy+angle": 11}.get(self.axes or "", 12)
+
+    def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
+        """Return what ``errors`` compares with at times t [s]: position, then the rotation matrix row by row, if any."""
+        positions, quaternions = self.path.at(t)
+        wanted = [positions[:, :2] if self.axes in ("xy", "xy+angle") else positions]
+        if self.axes in ("xy+angle", "xyz+z-axis", "pose"):
+            assert quaternions is not None
+            wanted.append(quaternion_to_matrix(quaternions).reshape(-1, 9))
+        return np.concatenate(wanted, axis=1)
+
+    def errors(
+        self, arm: Arm, links: Chain, wanted: Sequence[Component]
+    ) -> tuple[list[Component], list[list[Component]]]:
+        """Return (error, Jacobian rows) as components, for targets given as columns.
+
+        The Jacobian is that of the frame's motion in the same coordinates, so that J δq = error is Newton's step.
+        """
+        frame = arm.frame(self.frame)
+        rotation, position = located(arm, links, frame)
+        pairs = columns(arm, links, frame, position)
+        size = 2 if self.axes in ("xy", "xy+angle") else 3
+        error = [minus(wanted[i], position[i]) for i in range(size)]
+        jacobian = [[linear[i] for linear, _ in pairs] for i in range(size)]
+        if self.axes in ("xyz+z-axis", "pose", "xy+angle"):
+            desired = _matrix(wanted[size:])
+            turn, kept = _turn(self.axes, rotation, desired)
+            spins = [apply_transposed(rotation, angular) for _, angular in pairs]
+            error += [turn[i] for i in kept]
+            jacobian += [[spin[i] for spin in spins] for i in kept]
+        return error, jacobian
+
+
+def _matrix(entries: Sequence[Component]) -> Rows:
+    return tuple(tuple(entries[3 * i : 3 * i + 3]) for i in range(3))  # type: ignore[return-value]
+
+
+def _turn(axes: str, rotation: Rows, desired: Rows) -> tuple[Triple, tuple[int, ...]]:
+    """Return the rotation vector in the frame's own axes that the task still wants, and which of its entries count."""
+    between = multiply(transpose(rotation), desired)
+    if axes == "xyz+z-axis":
+        x, y, z = transpose(between)[2]
+        sine = np.sqrt(np.asarray(plus(times(x, x), times(y, y))))
+        factor = _angle_over_sine(sine, np.asarray(z))
+        return (times(-1.0, times(y, factor)), times(x, factor), 0.0), (0, 1)
+    (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
+    twice = (minus(zy, yz), minus(xz, zx), minus(yx, xy))
+    half_trace = times(0.5, minus(plus(plus(between[0][0], between[1][1]), between[2][2]), 1.0))
+    vector = scale(twice, 0.5)
+    sine = np.sqrt(np.asarray(dot(vector, vector)))
+    turn = scale(vector, _angle_over_sine(sine, np.asarray(half_trace)))
+    return turn, ((2,) if axes == "xy+angle" else (0, 1, 2))
+
+
+def _angle_over_sine(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    small = sine < 1e-12
+    return np.where(
+        small, np.where(cosine < 0, np.pi / 1e-12, 1.0), np.arctan2(sine, cosine) / np.where(small, 1, sine)
+    )
