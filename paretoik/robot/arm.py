@@ -32,8 +32,9 @@ class Frame:
 class Arm:
     """A serial arm, frozen; make one with ``planar``, ``from_dh`` or ``from_urdf``.
 
-    Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in link i − 1 (the
-    base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where there is none.
+    Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the one before
+    (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where there is
+    none. ``notices`` say what a file had that the arm has not, such as frozen joints.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Arm:
     is_planar: bool = False
     frames: Mapping[str, Frame] = field(default_factory=dict)
     source: Path | None = None
+    notices: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check what every constructor relies on."""
@@ -91,34 +93,34 @@ class Arm:
     ) -> Arm:
         """Return an arm of revolute joints in the x-y plane, angles relative, without gravity.
 
-        ``lengths`` [m], ``masses`` [kg], ``centers`` of gravity from the proximal joint [m] and barycentric ``inertias``
-        about z [kg m²] have one value a link; without masses the links are massless (kinematics only). Limits as in
-        ``from_dh``. Source of the convention: Tringali & Cocuzza 2020, section 3.2.
+        ``lengths`` [m], ``masses`` [kg], ``centers`` of gravity from the proximal joint [m] and barycentric
+        ``inertias`` about z [kg m²] have one value a link; without masses the links are massless (kinematics only).
+        Limits as in ``from_dh``. Source of the convention: Tringali & Cocuzza 2020, section 3.2.
 
         Raises InvalidInput where a length is not positive or the lists differ in length.
 
         >>> Arm.planar(lengths=[1.0, 1.0, 1.0]).dof
         3
         """
-        lengths = _numbers("lengths", lengths, None, positive=True)
-        count = len(lengths)
+        length = _numbers("lengths", lengths, None, positive=True)
+        count = len(length)
         mass, center, inertia = (
             np.zeros(count) if values is None else _numbers(what, values, count, positive=False)
             for what, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
         )
         if masses is not None and (np.any(mass < 0) or np.any(inertia < 0)):
             raise InvalidInput("planar arm: masses and inertias must not be negative")
-        before = np.concatenate([[0.0], lengths[:-1]])
+        before = np.concatenate([[0.0], length[:-1]])
         return cls(
             name=name,
             joint_names=tuple(f"joint{i + 1}" for i in range(count)),
-            joint_types=("revolute",) * count,
+            joint_types=_revolute(count),
             placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in before),
             bodies=tuple(
                 Body(mass=m, center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
                 for m, c, j in zip(mass, center, inertia, strict=True)
             ),
-            tool=Pose(np.array([lengths[-1], 0.0, 0.0])),
+            tool=Pose(np.array([length[-1], 0.0, 0.0])),
             base=Pose(np.zeros(3)),
             gravity=np.zeros(3),
             position_limits=limit_pairs("position_limits", position_limits, count),
@@ -148,11 +150,11 @@ class Arm:
     ) -> Arm:
         """Return an arm from a table of Denavit–Hartenberg parameters, one value a joint.
 
-        ``a``, ``d`` in m, ``alpha``, ``theta`` in rad; ``theta`` (``d`` for a prismatic joint) is the offset that the joint
-        coordinate is added to. "modified" (Craig): row i holds a and alpha of link i − 1, and link frames sit on their own
-        joint. "standard": link frames sit on the next joint; the last one is the tool. ``centers`` (dof, 3) and barycentric
-        ``inertias`` (dof, 3, 3) are given in the link frames of the convention. ``position_limits``: None, or as
-        (lower, upper), or a symmetric number or array. Gravity is (0, 0, −9.81).
+        ``a``, ``d`` in m, ``alpha``, ``theta`` in rad; ``theta`` (``d`` for a prismatic joint) is the offset that the
+        joint coordinate is added to. "modified" (Craig): row i holds a and alpha of link i − 1, and link frames sit on
+        their own joint. "standard": link frames sit on the next joint; the last one is the tool. ``centers`` (dof, 3)
+        and barycentric ``inertias`` (dof, 3, 3) are given in the link frames of the convention. ``position_limits``:
+        None, or as (lower, upper), or a symmetric number or array. Gravity is (0, 0, −9.81).
 
         Raises InvalidInput where the table is not rectangular, or an entry is not finite.
         """
@@ -160,7 +162,7 @@ class Arm:
             raise InvalidInput(f"convention must be 'modified' or 'standard', got {convention!r}")
         count = len(np.atleast_1d(a))
         table = {k: _numbers(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
-        kinds: tuple[JointType, ...] = ("revolute",) * count if types is None else tuple(types)
+        kinds = _revolute(count) if types is None else tuple(types)
         if len(kinds) != count:
             raise InvalidInput(f"types wants {count} values, one a joint, got {len(kinds)}")
         shifts = [_transform(0.0, 0.0, table["d"][i], table["theta"][i]) for i in range(count)]
@@ -197,30 +199,36 @@ class Arm:
         base: str | None = None,
         tip: str | None = None,
         fixed: Mapping[str, float] | None = None,
+        zero_limits: Literal["unlimited"] | None = None,
     ) -> Arm:
         """Return the chain from link ``base`` (default: the root) to link ``tip`` (default: the only leaf) of a URDF.
 
-        Fixed joints and massless fixed links are merged; joints off the chain are frozen at 0, and with ``fixed``, named
-        joints at given values. The file is validated first. Needs Pinocchio (``pip install paretoik[urdf]``). Gravity is
-        (0, 0, −9.81).
+        Fixed joints and massless fixed links are merged; joints off the chain are frozen at 0, and with ``fixed``,
+        named joints at given values. The file is validated first, and its meshes are never opened. A velocity or effort
+        limit of zero is refused unless ``zero_limits="unlimited"`` says that it means none. Needs Pinocchio
+        (``pip install paretoik[urdf]``). Gravity is (0, 0, −9.81).
 
-        Raises InvalidRobot listing every fault, InvalidInput for unknown names.
+        Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
         """
         from paretoik.robot.urdf import load  # here, because URDF loading builds on this class
 
-        return load(Path(file), base=base, tip=tip, fixed=fixed)
+        return load(Path(file), base=base, tip=tip, fixed=fixed, zero_limits=zero_limits)
 
     def with_tool(
         self, pose: Pose, *, mass: float = 0.0, center: object = (0.0, 0.0, 0.0), inertia: object = None
     ) -> Arm:
         """Return the arm with a tool whose working point is ``pose`` in the present tool frame.
 
-        ``mass`` [kg], ``center`` (3,) [m] and barycentric ``inertia`` (3, 3) [kg m²] are given in the present tool frame.
+        ``mass`` [kg], ``center`` (3,) [m] and barycentric ``inertia`` (3, 3) [kg m²] are given in the present tool
+        frame.
         """
         return replace(self.with_payload(mass, center=center, inertia=inertia), tool=self.tool @ pose)
 
     def with_payload(self, mass: float, *, center: object = (0.0, 0.0, 0.0), inertia: object = None) -> Arm:
-        """Return the arm carrying a body in the tool frame: ``mass`` [kg], ``center`` [m], barycentric ``inertia`` [kg m²]."""
+        """Return the arm carrying a body in the tool frame.
+
+        ``mass`` [kg], ``center`` (3,) [m], barycentric ``inertia`` (3, 3) [kg m²], None for a point mass.
+        """
         payload = Body.checked("payload", mass, center, inertia)
         last = merged(self.bodies[-1], moved(payload, self.tool))
         return replace(self, bodies=(*self.bodies[:-1], last))
@@ -284,7 +292,7 @@ class Arm:
             "tool": Frame(link=self.dof - 1, pose=self.tool),
             "base": Frame(link=-1, pose=origin),
             **own,
-            **self.frames,
+            **{link: frame for link, frame in self.frames.items() if link not in ("tool", "base")},
         }
         if name not in known:
             raise InvalidInput(f"frame {name!r} is not on {self.name}; its frames: {', '.join(known)}")
@@ -299,7 +307,7 @@ def joint_motion(kind: JointType, value: float) -> Pose:
 
 
 def limit_pairs(what: str, given: object, count: int) -> Float[np.ndarray, "dof 2"]:
-    """Return limits as (lower, upper) rows (count, 2); None means unlimited, a tuple is (lower, upper), else symmetric."""
+    """Return limits as rows (lower, upper), (count, 2); None is unlimited, a tuple (lower, upper), else symmetric."""
     if given is None:
         return np.tile([-np.inf, np.inf], (count, 1))
     lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (-np.asarray(given, float), given)
@@ -322,6 +330,11 @@ def magnitudes(what: str, given: object, count: int) -> Float[np.ndarray, " dof"
     if not np.all(values > 0):
         raise InvalidInput(f"{what} wants positive values, got {given!r}")
     return values
+
+
+def _revolute(count: int) -> tuple[JointType, ...]:
+    kinds: list[JointType] = ["revolute"] * count
+    return tuple(kinds)
 
 
 def _numbers(what: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:

@@ -87,7 +87,7 @@ def clearance(
 ) -> Float[np.ndarray, "*batch"]:
     """Least signed distance [m] from an arm's links to any obstacle, negative where a link is inside one.
 
-    ``nodes`` are the places of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an array with
+    ``nodes`` are the places of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an array of
     one for each. A positive clearance is the exact gap; a negative one is the depth of the deepest point of a link's
     axis, plus the link's radius.
 
@@ -113,7 +113,7 @@ def clearance(
     least = np.full(nodes.shape[:-2], np.inf)
     for obstacle in obstacles:
         distances = signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :])
-        least = np.minimum(least, (distances - radii).min(axis=-1))
+        np.minimum(least, (distances - radii).min(axis=-1), out=least)
     return least
 
 
@@ -134,19 +134,24 @@ def signed_distance(
     array([ 0.4 , -0.08])
     """
     for points in (starts, ends):
-        if points.dtype.kind != "f" or points.shape[-1:] != (3,):
+        if points.dtype.kind not in "iuf" or points.shape[-1:] != (3,):
             raise InvalidInput(f"segments: must be real points (..., 3), got {points.dtype} of shape {points.shape}")
     starts, ends = np.broadcast_arrays(starts, ends)
+    distances = _to_surface(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
+    return distances.reshape(starts.shape[:-1])
+
+
+def _to_surface(obstacle: Obstacle, start: Components, end: Components) -> np.ndarray:
     if isinstance(obstacle, Box):
-        turn, place = obstacle.pose.rotation, obstacle.pose.position
-        axes = len(obstacle.half_sizes)
-        first, last = _components((starts - place) @ turn), _components((ends - place) @ turn)
-        return _segment_to_box(first[:axes], last[:axes], obstacle.half_sizes)
-    first, last = _components(starts), _components(ends)
+        place = _components(obstacle.pose.position[None])
+        axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
+        first, last = ([_dot(axis, _minus(points, place)) for axis in axes] for points in (start, end))
+        return _segment_to_box(first, last, obstacle.half_sizes)
     if isinstance(obstacle, Capsule):
-        return _between_segments(first, last, list(obstacle.start), list(obstacle.end)) - obstacle.radius
-    axes = len(obstacle.center)
-    return _point_to_segment(list(obstacle.center), first[:axes], last[:axes]) - obstacle.radius
+        axis = _components(obstacle.start[None]), _components(obstacle.end[None])
+        return _between_segments(start, end, *axis) - obstacle.radius
+    center = _components(obstacle.center[None])
+    return _point_to_segment(center, start[: len(center)], end[: len(center)]) - obstacle.radius
 
 
 def _point_to_segment(point: Components, start: Components, end: Components) -> np.ndarray:
@@ -202,7 +207,7 @@ def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> n
     if touching.any():
         depths = _depth([a[touching] for a in start], [d[touching] for d in step], halves)
         distances[touching] = np.where(depths < 0, depths, distances[touching])
-    return np.asarray(distances)
+    return distances
 
 
 def _depth(start: Components, step: Components, halves: np.ndarray) -> np.ndarray:
@@ -225,13 +230,14 @@ def _depth(start: Components, step: Components, halves: np.ndarray) -> np.ndarra
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
     """Return part / whole within [0, 1], and 0 where there is no whole."""
+    shares = np.zeros(np.broadcast_shapes(part.shape, whole.shape))
     with np.errstate(over="ignore"):
-        shares = np.divide(part, whole, out=np.zeros(np.broadcast_shapes(part.shape, whole.shape)), where=whole > 0)
-    return shares.clip(0.0, 1.0)
+        np.divide(part, whole, out=shares, where=whole > 0)
+    return np.clip(shares, 0.0, 1.0)
 
 
 def _components(points: np.ndarray) -> Components:
-    return [np.array(component) for component in np.moveaxis(points, -1, 0)]
+    return list(np.ascontiguousarray(points.T))
 
 
 def _minus(left: Components, right: Components) -> Components:

@@ -1,0 +1,1 @@
+"""What comes out: the front, how good it is, what a user prefers of it, and how it is kept."""

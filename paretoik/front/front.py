@@ -1,0 +1,237 @@
+"""The front: every trade-off that was found, as named arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Genes, Ids, Objectives, Values
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.front.indicators import non_dominated
+from paretoik.front.joint_motions import JointMotions
+
+Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
+
+RESERVED_NAMES = ("id", "violation", "violation_between", "kkt_residual", "status")
+MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """One point of a front: its ``id``, its row ``index``, its motion and objectives, and why it was chosen."""
+
+    id: int
+    index: int
+    objectives: Values
+    reason: str
+    motion: Any = None
+
+
+class Preference(Protocol):
+    """What a user wants, able to choose one point of a front that has at least one."""
+
+    def choose(self, front: Front) -> Choice:
+        """Return the preferred point of `front`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Front:
+    """Mutually non-dominated points, sorted by the first objective.
+
+    Points may be handed in in any order; they are checked, sorted, copied and made read-only. An empty front is a
+    result too: nothing feasible was found.
+
+    ``ids`` (points,) are unique and never reused; ``objectives`` (points, n_obj) stand in the user's own sign, with
+    ``names``, ``units`` and ``maximised`` one an objective; ``genes`` (points, genes) and ``motions`` (a batch of
+    points) may be missing; ``violation`` (points,) is the largest as a share of its limit's range; ``ranges``
+    (n_obj, 2) are the lower and upper value that preferences measure against, by default those of the front itself;
+    ``provenance`` is what the run says of itself (problem, settings, seed, status), kept in ``run.json``.
+
+    Raises
+    ------
+    InvalidInput
+        Shapes that do not agree, values that are not finite, ids or names that repeat, names unfit for a table, or
+        a point that another one dominates.
+    """
+
+    ids: Ids
+    objectives: Objectives
+    names: Sequence[str]
+    units: Sequence[str]
+    maximised: Sequence[bool]
+    genes: Genes | None = None
+    motions: JointMotions | None = None
+    violation: Values | None = None
+    ranges: Ranges = field(default_factory=lambda: np.empty((0, 2)))
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        objectives = np.asarray(self.objectives, dtype=float)
+        _check_names(self.names, self.units, self.maximised, objectives)
+        ids = _checked_ids(self.ids, len(objectives))
+        order = np.lexsort((ids, *objectives.T[::-1]))
+        settle = object.__setattr__
+        settle(self, "names", tuple(self.names))
+        settle(self, "units", tuple(self.units))
+        settle(self, "maximised", tuple(bool(flag) for flag in self.maximised))
+        settle(self, "ids", _read_only(ids[order]))
+        settle(self, "objectives", _read_only(objectives[order]))
+        settle(self, "genes", _rows_in_order("genes", self.genes, order, dimensions=2))
+        settle(self, "violation", _rows_in_order("violation", self.violation, order, dimensions=1))
+        settle(self, "motions", _motions_in_order(self.motions, order))
+        settle(self, "ranges", _checked_ranges(self.ranges, objectives))
+        settle(self, "provenance", MappingProxyType(dict(self.provenance)))
+        _check_non_dominated(self)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __repr__(self) -> str:
+        """Return one line: how many points, and between what values each objective lies."""
+        points = "1 point" if len(self) == 1 else f"{len(self)} points"
+        if len(self) == 0:
+            return f"Front of {points}: {', '.join(self.names)}"
+        spans = (
+            f"{name} {low:.4g} to {high:.4g} {unit}".rstrip() + (" (maximised)" if maximised else "")
+            for name, unit, maximised, low, high in zip(
+                self.names, self.units, self.maximised, self.objectives.min(0), self.objectives.max(0), strict=True
+            )
+        )
+        return f"Front of {points}: {', '.join(spans)}"
+
+    @property
+    def minimised(self) -> Objectives:
+        """The objectives (points, n_obj) with those that are maximised negated, so that less is always better."""
+        minimised: Objectives = np.where(self.maximised, -self.objectives, self.objectives)
+        return minimised
+
+    @property
+    def shares(self) -> Objectives:
+        """Where each point stands in the ranges (points, n_obj): 0 the best value, 1 the worst, 0 on a zero range.
+
+        Marcos et al. (2012), Eq. 19, on the stored ranges.
+        """
+        low, high = self.ranges.T
+        span = high - low
+        distance = np.where(self.maximised, high - self.objectives, self.objectives - low)
+        shares: Objectives = np.divide(distance, span, out=np.zeros_like(distance), where=span > 0)
+        return shares
+
+    def select(self, preference: Preference) -> Choice:
+        """Return the point that `preference` chooses.
+
+        Raises
+        ------
+        Infeasible
+            The front is empty.
+        """
+        if len(self) == 0:
+            raise Infeasible("select: wanted a front of at least one point, got none: nothing feasible was found")
+        return preference.choose(self)
+
+    def save(self, folder: Path | str) -> None:
+        """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`."""
+        from paretoik.front.storage import save
+
+        save(self, Path(folder))
+
+    @staticmethod
+    def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
+        """Read a front that was saved; `motions` makes motions of the stored times, joint positions and joint names.
+
+        Raises
+        ------
+        InvalidRun
+            A file is missing, damaged, linked elsewhere, of another version, or does not belong to the others.
+        """
+        from paretoik.front.storage import load
+
+        return load(Path(folder), build_motions=motions)
+
+
+def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: Objectives) -> None:
+    if objectives.ndim != 2 or objectives.shape[1] == 0:
+        raise InvalidInput(f"front objectives: wanted an array (points, n_obj), got shape {objectives.shape}")
+    if not np.isfinite(objectives).all():
+        bad = int((~np.isfinite(objectives).all(axis=1)).sum())
+        raise InvalidInput(f"front objectives: wanted finite numbers, got {bad} of {len(objectives)} points without")
+    n_obj = objectives.shape[1]
+    for what, given in (("names", names), ("units", units), ("maximised", maximised)):
+        if isinstance(given, str) or len(given) != n_obj:
+            raise InvalidInput(f"front {what}: wanted one for each of {n_obj} objectives, got {given!r}")
+    if len(set(names)) != n_obj:
+        raise InvalidInput(f"front names: wanted each objective named once, got {list(names)}")
+    for name in names:
+        # A leading = + - @ makes a spreadsheet run the cell.
+        if not name.isprintable() or name.strip() != name or name[:1] in ("", "=", "+", "-", "@"):
+            raise InvalidInput(
+                f"front names: wanted printable, without outer spaces or a leading = + - @, got {name!r}"
+            )
+        if name in RESERVED_NAMES:
+            raise InvalidInput(f"front names: wanted none of {', '.join(RESERVED_NAMES)}, got {name!r}")
+    for unit in units:
+        if not unit.isprintable():
+            raise InvalidInput(f"front units: wanted printable text, got {unit!r}")
+
+
+def _checked_ids(given: Ids, points: int) -> Ids:
+    ids = np.asarray(given)
+    if ids.size == 0:
+        ids = ids.astype(np.int64)
+    if ids.shape != (points,) or ids.dtype.kind not in "iu":
+        raise InvalidInput(f"front ids: wanted {points} integers, got {ids.dtype} of shape {ids.shape}")
+    unique, counts = np.unique(ids, return_counts=True)
+    if len(unique) != points:
+        raise InvalidInput(f"front ids: wanted each once, got {unique[counts > 1][0]} {counts.max()} times")
+    if points and ids.min() < 0:
+        raise InvalidInput(f"front ids: wanted integers >= 0, got {ids.min()}")
+    return ids.astype(np.int64)
+
+
+def _rows_in_order(what: str, given: np.ndarray | None, order: np.ndarray, *, dimensions: int) -> np.ndarray | None:
+    if given is None:
+        return None
+    rows = np.asarray(given, dtype=float)
+    if rows.ndim != dimensions or len(rows) != len(order) or not np.isfinite(rows).all():
+        raise InvalidInput(f"front {what}: wanted finite numbers for {len(order)} points, got shape {rows.shape}")
+    return _read_only(rows[order])
+
+
+def _motions_in_order(motions: JointMotions | None, order: np.ndarray) -> Any:
+    if motions is None:
+        return None
+    if np.ndim(motions.q) != 3 or len(motions) != len(order):
+        raise InvalidInput(f"front motions: wanted a batch of {len(order)}, got joint positions {np.shape(motions.q)}")
+    return motions if (order == np.arange(len(order))).all() else motions[order]
+
+
+def _checked_ranges(given: Ranges, objectives: Objectives) -> Ranges:
+    n_obj = objectives.shape[1]
+    ranges = np.array(given, dtype=float)
+    if ranges.size == 0:
+        empty = len(objectives) == 0
+        ranges = np.zeros((n_obj, 2)) if empty else np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1)
+    if ranges.shape != (n_obj, 2) or not np.isfinite(ranges).all() or (ranges[:, 0] > ranges[:, 1]).any():
+        raise InvalidInput(f"front ranges: wanted a finite (lower, upper) for each of {n_obj}, got {ranges.tolist()}")
+    return _read_only(ranges)
+
+
+def _check_non_dominated(front: Front) -> None:
+    unique, first = np.unique(front.minimised, axis=0, return_index=True)
+    dominated = first[~non_dominated(unique)]
+    if dominated.size:
+        raise InvalidInput(
+            f"front: wanted points of which none dominates another, got {dominated.size} dominated ones, "
+            f"the first with id {front.ids[dominated.min()]}"
+        )
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,89 @@
+"""How good a front is and what belongs to it, always in the minimised sense.
+
+Rows with a NaN or an infinity count nowhere: a failed evaluation is no point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paretoik.arrays import Ids, Mask, Objectives, Values
+from paretoik.errors import InvalidInput
+
+
+def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
+    """Return the volume that `F` dominates and `reference` bounds, in the product of the objectives' units.
+
+    Points that do not lie below the reference in every objective add nothing, nor do rows that are not finite.
+
+    Raises
+    ------
+    InvalidInput
+        The reference is no vector of `n_obj` finite numbers; or, with `check`, some point would add nothing.
+    """
+    import moocore
+
+    limit = np.asarray(reference, dtype=float)
+    if limit.shape != (F.shape[1],) or not np.isfinite(limit).all():
+        raise InvalidInput(f"hypervolume reference: wanted {F.shape[1]} finite numbers, got {limit.tolist()}")
+    finite = np.isfinite(F).all(axis=1)
+    counts = finite & np.less(F, limit).all(axis=1)
+    if check and not counts.all():
+        raise InvalidInput(
+            f"hypervolume reference {limit.tolist()}: wanted beyond every point, got "
+            f"{int((finite & ~counts).sum())} of {len(F)} points not below it and {int((~finite).sum())} not finite"
+        )
+    return float(moocore.hypervolume(F[counts], limit)) if counts.any() else 0.0
+
+
+def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
+    """Mark the rows of `F` that no other row dominates; of equal rows the first.
+
+    With a `tolerance` (a share of each objective's range over the non-dominated rows) a row is also dropped where an
+    earlier kept one lies within it in every objective.
+
+    Raises
+    ------
+    InvalidInput
+        The tolerance is negative or not finite.
+    """
+    import moocore
+
+    if not (np.isfinite(tolerance) and tolerance >= 0):
+        raise InvalidInput(f"non_dominated tolerance: wanted a finite number >= 0, got {tolerance}")
+    mask = np.zeros(len(F), dtype=bool)
+    finite = np.flatnonzero(np.isfinite(F).all(axis=1))
+    if finite.size:
+        # With keep_weakly every copy stays in, so that which one survives is decided below: the first.
+        kept = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
+        mask[_first_of_each(F, kept, tolerance)] = True
+    return mask
+
+
+def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
+    """Return the best and the worst value of each objective over the non-dominated rows of `F`.
+
+    Raises
+    ------
+    InvalidInput
+        No row is finite.
+    """
+    front = F[non_dominated(F)]
+    if len(front) == 0:
+        raise InvalidInput(f"ideal and nadir: wanted at least one finite point, got none among {len(F)}")
+    return front.min(axis=0), front.max(axis=0)
+
+
+def _first_of_each(F: Objectives, kept: Ids, tolerance: float) -> Ids:
+    """Return the indices `kept` without those that repeat an earlier one within `tolerance` of the range."""
+    if tolerance == 0.0:
+        first: Ids = kept[np.unique(F[kept], axis=0, return_index=True)[1]]
+        return first
+    near = tolerance * np.ptp(F[kept], axis=0)
+    chosen: list[int] = []
+    for index in kept:
+        if not (np.abs(F[chosen] - F[index]) <= near).all(axis=1).any():
+            chosen.append(int(index))
+    return np.array(chosen, dtype=int)

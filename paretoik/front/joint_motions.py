@@ -1,0 +1,59 @@
+"""What a front needs to know of the motions it carries: little, so that it depends on no robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+
+class NamedJoints(Protocol):
+    """Whatever says how the joints are called, in the order of the columns of q."""
+
+    @property
+    def joint_names(self) -> Sequence[str]:
+        """One name a joint."""
+
+
+class JointMotions(Protocol):
+    """A batch of joint motions: ``time`` (points, time) in s, ``q`` (points, time, dof) in rad or m."""
+
+    @property
+    def arm(self) -> NamedJoints:
+        """The arm that moves."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sample times."""
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint positions."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: Any, /) -> Any: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredJoints:
+    """The joint names of a stored motion, all that its file knows of the arm."""
+
+    joint_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StoredMotions:
+    """Motions as read from a run folder, where nobody said what arm they belong to."""
+
+    arm: StoredJoints
+    time: np.ndarray
+    q: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, index: Any, /) -> StoredMotions:
+        return StoredMotions(arm=self.arm, time=self.time[index], q=self.q[index])

@@ -1,0 +1,114 @@
+"""Preferences: what a user wants of a front, each answering with one point and a reason in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from numbers import Real
+from types import MappingProxyType
+
+import numpy as np
+
+from paretoik.arrays import Values
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Choice, Front
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Weights:
+    """How much each objective matters, by name; what is not named does not matter.
+
+    Chooses as in Marcos et al. (2012), Eqs. 19 and 20: each objective is brought to its share of the front's stored
+    range, the shares are summed with the weights (brought to sum 1), and the least sum wins, the lower id on a tie.
+    The weights have no unit and need not sum to anything: ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a
+    mapping where a name is no identifier.
+
+    Raises
+    ------
+    InvalidInput
+        A weight is no number, not finite or negative, none is positive, or a name is given twice.
+    """
+
+    weights: Mapping[str, float]
+
+    def __init__(self, mapping: Mapping[str, float] | None = None, /, **weights: float) -> None:
+        given = dict(mapping or {})
+        twice = sorted(given.keys() & weights.keys())
+        if twice:
+            raise InvalidInput(f"weights: wanted each objective once, got {twice[0]} twice")
+        given.update(weights)
+        for name, weight in given.items():
+            if not _is_weight(weight):
+                raise InvalidInput(f"weights: wanted a finite number >= 0 for {name}, got {weight!r}")
+        if not any(given.values()):
+            raise InvalidInput(f"weights: wanted at least one above zero, got {given}")
+        object.__setattr__(self, "weights", MappingProxyType({name: float(weight) for name, weight in given.items()}))
+
+    def __repr__(self) -> str:
+        return f"Weights({', '.join(f'{name}={weight:g}' for name, weight in self.weights.items())})"
+
+    def choose(self, front: Front) -> Choice:
+        """Return the point of least weighted share.
+
+        Raises
+        ------
+        InvalidInput
+            A weight names no objective of the front.
+        """
+        unknown = [name for name in self.weights if name not in front.names]
+        if unknown:
+            raise InvalidInput(f"weights: wanted names among {', '.join(front.names)}, got {unknown[0]!r}")
+        weights = np.array([self.weights.get(name, 0.0) for name in front.names])
+        weights /= weights.max()  # so that the sum of huge weights stays finite
+        weights /= weights.sum()
+        index = least(front.shares @ weights, front)
+        return Choice(
+            id=int(front.ids[index]),
+            index=index,
+            objectives=front.objectives[index],
+            motion=None if front.motions is None else front.motions[index],
+            reason=_reason(front, index, weights),
+        )
+
+
+def _is_weight(given: object) -> bool:
+    return isinstance(given, Real) and 0.0 <= float(given) < np.inf
+
+
+def least(values: Values, front: Front) -> int:
+    """Return the row of the least of `values` (points,), of equal ones that with the lowest id."""
+    return int(np.lexsort((front.ids, values))[0])
+
+
+def _reason(front: Front, index: int, weights: Values) -> str:
+    weighed = ", ".join(f"{name} {weight:.0%}" for name, weight in zip(front.names, weights, strict=True) if weight)
+    stands = "; ".join(
+        f"{quantity(front, axis, front.objectives[index, axis])}, "
+        + (f"{share:.0%} of the range from the best" if low < high else "the same at every point")
+        for axis, (share, (low, high)) in enumerate(zip(front.shares[index], front.ranges, strict=True))
+    )
+    return (
+        f"point {front.ids[index]} of {len(front)} has the least weighted sum ({weighed}): {stands}. "
+        + _nearest_alternative(front, index)
+    )
+
+
+def _nearest_alternative(front: Front, index: int) -> str:
+    if len(front) == 1:
+        return "It is the only point of the front."
+    distance = np.linalg.norm(front.shares - front.shares[index], axis=1)
+    distance[index] = np.inf
+    other = least(distance, front)
+    better = front.minimised[other] - front.minimised[index]
+    steps = np.abs(front.objectives[other] - front.objectives[index])
+    gains = [quantity(front, axis, steps[axis]) for axis in range(len(steps)) if better[axis] < 0]
+    costs = [quantity(front, axis, steps[axis]) for axis in range(len(steps)) if better[axis] > 0]
+    named = f"The nearest alternative is point {front.ids[other]}"
+    if not gains:
+        return f"{named}, equal in every objective."
+    return f"{named}: it gains {' and '.join(gains)} and costs {' and '.join(costs)}."
+
+
+def quantity(front: Front, axis: int, value: float) -> str:
+    """Write `value` of the objective `axis` with its name and unit."""
+    return f"{front.names[axis]} {value:.4g} {front.units[axis]}".rstrip()

@@ -1,0 +1,245 @@
+"""A front on disk: `run.json`, `front.parquet` and `motions.npz`, a versioned format without pickle.
+
+`run.json` is strict JSON: what the run says of itself, the objectives, and the SHA-256 digests of the other files and
+of itself, so that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a
+point: id, one column an objective, violation, violation_between, kkt_residual, status (null where not computed).
+`motions.npz` has id, genes, and joint_names (dof,), time (points, time), q (points, time, dof).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.front.front import Front, MotionBuilder
+from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
+
+FORMAT = 1
+RUN, TABLE, MOTIONS = "run.json", "front.parquet", "motions.npz"
+OWN_ENTRIES = ("format", "objectives", "points", "files", "digest")
+
+
+def save(front: Front, folder: Path) -> None:
+    """Write the front's files into `folder`, each replaced at once or not at all, `run.json` last.
+
+    Raises
+    ------
+    InvalidInput
+        The folder cannot be written, or the provenance holds what JSON cannot, or a name that the format needs.
+    """
+    taken = [name for name in OWN_ENTRIES if name in front.provenance]
+    if taken:
+        raise InvalidInput(f"front provenance: wanted none of {', '.join(OWN_ENTRIES)}, got {taken[0]!r}")
+    files = {TABLE: _table_bytes(front)}
+    if front.motions is not None or front.genes is not None:
+        files[MOTIONS] = _motions_bytes(front)
+    run: dict[str, Any] = {
+        "format": FORMAT,
+        **front.provenance,
+        "objectives": [
+            {"name": name, "unit": unit, "maximised": maximised, "range": [float(low), float(high)]}
+            for name, unit, maximised, (low, high) in zip(
+                front.names, front.units, front.maximised, front.ranges, strict=True
+            )
+        ],
+        "points": len(front),
+        "files": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
+    }
+    try:
+        # As it will be read: tuples become lists, keys text.
+        run = json.loads(json.dumps(run, allow_nan=False))
+    except (TypeError, ValueError) as fault:
+        raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
+    files[RUN] = json.dumps(run | {"digest": _digest(run)}, indent=2).encode() + b"\n"
+    for name, content in files.items():
+        _replace(folder / name, content)
+
+
+def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
+    """Read what `save` wrote, checking everything; without `build_motions` motions are `StoredMotions`.
+
+    Raises
+    ------
+    InvalidRun
+        A file is missing, damaged, linked elsewhere, of another version, or does not belong to the others.
+    """
+    run = _read_run(folder / RUN)
+    contents = {name: _read_verified(folder / name, digest) for name, digest in run["files"].items()}
+    table = _read_table(folder / TABLE, contents[TABLE], [entry["name"] for entry in run["objectives"]])
+    arrays = _read_motions(folder / MOTIONS, contents[MOTIONS], table["id"]) if MOTIONS in contents else {}
+    motions: JointMotions | None = None
+    if "q" in arrays:
+        joint_names = tuple(str(name) for name in arrays["joint_names"])
+        if build_motions is None:
+            motions = StoredMotions(arm=StoredJoints(joint_names=joint_names), time=arrays["time"], q=arrays["q"])
+        else:
+            motions = build_motions(arrays["time"], arrays["q"], joint_names)
+    try:
+        return Front(
+            ids=table["id"],
+            objectives=np.stack([table[entry["name"]] for entry in run["objectives"]], axis=1),
+            names=[entry["name"] for entry in run["objectives"]],
+            units=[entry["unit"] for entry in run["objectives"]],
+            maximised=[entry["maximised"] for entry in run["objectives"]],
+            genes=arrays.get("genes"),
+            motions=motions,
+            violation=table["violation"],
+            ranges=np.array([entry["range"] for entry in run["objectives"]], dtype=float),
+            provenance={key: value for key, value in run.items() if key not in OWN_ENTRIES},
+        )
+    except (InvalidInput, TypeError, ValueError) as fault:
+        raise InvalidRun(f"{folder}: wanted a front, got one that is none: {fault}") from fault
+
+
+def _table_bytes(front: Front) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    missing = pa.nulls(len(front), pa.float64())
+    columns = {"id": pa.array(front.ids)}
+    columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
+    columns["violation"] = missing if front.violation is None else pa.array(front.violation)
+    columns |= {"violation_between": missing, "kkt_residual": missing, "status": pa.nulls(len(front), pa.string())}
+    units = dict(zip(front.names, front.units, strict=True))
+    schema = pa.schema(
+        [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
+    )
+    sink = io.BytesIO()
+    pq.write_table(pa.table(columns, schema=schema), sink)
+    return sink.getvalue()
+
+
+def _motions_bytes(front: Front) -> bytes:
+    arrays = {"id": front.ids}
+    if front.genes is not None:
+        arrays["genes"] = front.genes
+    if front.motions is not None:
+        q = np.asarray(front.motions.q, dtype=float)
+        time = np.broadcast_to(np.asarray(front.motions.time, dtype=float), q.shape[:-1])
+        arrays |= {"joint_names": np.array(front.motions.arm.joint_names, dtype=np.str_), "time": time, "q": q}
+    sink = io.BytesIO()
+    np.savez(sink, allow_pickle=False, **arrays)
+    return sink.getvalue()
+
+
+def _read_run(file: Path) -> dict[str, Any]:
+    content = _read(file)
+    try:
+        run = json.loads(content, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as fault:
+        raise InvalidRun(f"{file}: wanted strict JSON, got {fault}") from fault
+    if not isinstance(run, dict) or "format" not in run:
+        raise InvalidRun(f"{file}: wanted a run, got JSON without a format")
+    if run["format"] != FORMAT:
+        raise InvalidRun(f"{file}: wanted format {FORMAT}, got {run['format']!r}; it needs another version of paretoik")
+    if "files" not in run:
+        raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without")
+    digest = run.pop("digest", None)
+    if digest != _digest(run):
+        raise InvalidRun(f"{file}: wanted it as it was written, got contents that do not match their digest")
+    if not _is_complete(run):
+        raise InvalidRun(f"{file}: wanted objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
+    return run
+
+
+def _is_complete(run: dict[str, Any]) -> bool:
+    files, objectives = run["files"], run.get("objectives")
+    return (
+        isinstance(files, dict)
+        and TABLE in files
+        and not files.keys() - {TABLE, MOTIONS}
+        and isinstance(objectives, list)
+        and len(objectives) > 0
+        and all(isinstance(entry, dict) for entry in objectives)
+        and all(entry.keys() == {"name", "unit", "maximised", "range"} for entry in objectives)
+        and all(isinstance(entry["name"], str) and isinstance(entry["unit"], str) for entry in objectives)
+    )
+
+
+def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(io.BytesIO(content))
+        columns = {"id": table.column("id").cast(pa.int64()).to_numpy()}
+        columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in names}
+        violation = table.column("violation")
+        columns["violation"] = None if violation.null_count else violation.cast(pa.float64()).to_numpy()
+    except Exception as fault:  # whatever the parser trips over is the file's fault
+        raise InvalidRun(f"{file}: wanted columns id, {', '.join(names)} and violation, got {_line(fault)}") from fault
+    return columns
+
+
+def _read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.ndarray]:
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except Exception as fault:  # whatever the parser trips over is the file's fault
+        raise InvalidRun(f"{file}: wanted plain arrays, got {_line(fault)}") from fault
+    if "id" not in arrays or not np.array_equal(arrays["id"], ids):
+        raise InvalidRun(f"{file}: wanted the ids of {TABLE}, got others")
+    q, time, joints = (arrays.get(name, np.empty(0)) for name in ("q", "time", "joint_names"))
+    kinds = "".join(array.dtype.kind for array in (q, time, joints))
+    fits = q.ndim == 3 and len(q) == len(ids) and time.shape == q.shape[:2] and joints.shape == q.shape[2:]
+    if "q" in arrays and not (kinds == "ffU" and fits and np.isfinite(q).all() and np.isfinite(time).all()):
+        raise InvalidRun(
+            f"{file}: wanted finite q (points, time, dof) with time and joint_names to match, got q {q.shape}, "
+            f"time {time.shape}, joint_names {joints.shape}"
+        )
+    return arrays
+
+
+def _read(file: Path) -> bytes:
+    """Return the content of a plain file; a link may lead anywhere, a pipe may never end."""
+    if file.is_symlink() or not file.is_file():
+        found = "a link" if file.is_symlink() else "something else" if file.exists() else "nothing"
+        raise InvalidRun(f"{file}: wanted a plain file, got {found}")
+    try:
+        return file.read_bytes()
+    except OSError as fault:
+        raise InvalidRun(f"{file}: wanted to read it, got {fault.strerror}") from fault
+
+
+def _read_verified(file: Path, digest: object) -> bytes:
+    content = _read(file)
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise InvalidRun(f"{file}: wanted the file that {RUN} belongs to, got another or a damaged one")
+    return content
+
+
+def _replace(file: Path, content: bytes) -> None:
+    """Write `content` beside `file` and put it in its place, so that no reader ever sees half of it."""
+    part = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with part.open("wb") as sink:
+                sink.write(content)
+                sink.flush()
+                os.fsync(sink.fileno())
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as fault:
+        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+
+
+def _digest(run: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(run, sort_keys=True).encode()).hexdigest()
+
+
+def _refuse_constant(constant: str) -> None:
+    raise ValueError(f"the number {constant}")
+
+
+def _line(fault: Exception) -> str:
+    return (str(fault).splitlines() or [type(fault).__name__])[0]

@@ -1,0 +1,1 @@
+"""How it is looked at: the recording of a run, pictures, and the viewer."""

@@ -1,0 +1,141 @@
+"""How a motion is drawn in a recording: the arm along its path, and its joints over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.review.canvas import BACKGROUND, Canvas, Colour, equal_window
+from paretoik.review.chart import Chart
+
+ARM: Colour = (235, 238, 242, 255)
+GHOST: Colour = (150, 165, 190, 70)
+PATH: Colour = (255, 178, 62, 255)
+TOOL: Colour = (70, 225, 190, 255)
+JOINTS: tuple[Colour, ...] = (
+    (255, 178, 62, 255),
+    (70, 225, 190, 255),
+    (110, 160, 255, 255),
+    (240, 110, 140, 255),
+    (190, 140, 255, 255),
+    (160, 210, 90, 255),
+    (230, 215, 120, 255),
+    (140, 200, 230, 255),
+)
+GHOSTS = 9
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionScene:
+    """A single motion, (time, dof), that is drawn whole as ghosts and replayed on the `motion` timeline."""
+
+    motion: Any
+    title: str
+
+    def views(self) -> tuple[rrb.View, list[rrb.View]]:
+        """Return the view of the arm and those of its joints."""
+        joints = [*(chart.view() for chart in self._charts()), rrb.TimeSeriesView(origin="joints", name="series")]
+        if self.motion.arm.is_planar:
+            bounds = self._canvas().bounds()
+            return rrb.Spatial2DView(origin="arm", name=self.title, visual_bounds=bounds, background=BACKGROUND), joints
+        return rrb.Spatial3DView(
+            origin="arm", name=self.title, background=BACKGROUND, eye_controls=_eye(self.motion.links)
+        ), joints
+
+    def log(self, recording: rr.RecordingStream, *, generation: int) -> None:
+        """Log the motion; its rows also stand at the last `generation`, so that neither timeline is half empty."""
+        times = np.asarray(self.motion.time, dtype=float)
+        columns = [
+            rr.TimeColumn("motion", duration=times),
+            rr.TimeColumn("generation", sequence=np.full(len(times), generation)),
+        ]
+        self._log_surroundings(recording)
+        self._send_arm(recording, columns)
+        for chart in self._charts():
+            chart.log(recording)
+            chart.send_cursor(recording, columns)
+            style = rr.SeriesLines(names=list(chart.names), colors=[colour[:3] for colour in chart.colours], widths=1.6)
+            recording.log(chart.entity.replace("charts", "joints"), style, static=True)
+            scalars = rr.Scalars.columns(scalars=chart.curves.T.ravel())
+            lengths = [len(chart.names)] * len(times)
+            recording.send_columns(chart.entity.replace("charts", "joints"), columns, scalars.partition(lengths))
+
+    def _log_surroundings(self, recording: rr.RecordingStream) -> None:
+        links, tool = self._drawn(self.motion.links), self._drawn(self.motion.tool)
+        ghosts = links[np.unique(np.linspace(0, len(links) - 1, GHOSTS).round().astype(int))]
+        thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
+        if self.motion.arm.is_planar:
+            self._canvas().log(recording, "arm/axes", static=True)
+            recording.log("arm/ghosts", rr.LineStrips2D(ghosts, colors=GHOST, radii=thin, draw_order=0.0), static=True)
+            recording.log("arm/path", rr.LineStrips2D([tool], colors=PATH, radii=thick, draw_order=1.0), static=True)
+        else:
+            recording.log("arm", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            recording.log("arm/ghosts", rr.LineStrips3D(ghosts, colors=GHOST, radii=thin), static=True)
+            recording.log("arm/path", rr.LineStrips3D([tool], colors=PATH, radii=thick), static=True)
+
+    def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
+        links = self._drawn(self.motion.links)
+        samples, nodes, _ = links.shape
+        rod, colours = rr.Radius.ui_points(3.5), [ARM] * (nodes - 1) + [TOOL]
+        sizes = rr.Radius.ui_points([5.0] * (nodes - 1) + [6.5])
+        flat, lengths = links.reshape(samples * nodes, -1), [nodes] * samples
+        rods: rr.LineStrips2D | rr.LineStrips3D
+        knots: rr.Points2D | rr.Points3D
+        if self.motion.arm.is_planar:
+            rods = rr.LineStrips2D.from_fields(colors=ARM, radii=rod, draw_order=5.0)
+            knots = rr.Points2D.from_fields(colors=colours, radii=sizes, draw_order=6.0)
+            strips = rr.LineStrips2D.columns(strips=list(links))
+            points = rr.Points2D.columns(positions=flat).partition(lengths)
+        else:
+            rods = rr.LineStrips3D.from_fields(colors=ARM, radii=rod)
+            knots = rr.Points3D.from_fields(colors=colours, radii=sizes)
+            strips = rr.LineStrips3D.columns(strips=list(links))
+            points = rr.Points3D.columns(positions=flat).partition(lengths)
+        recording.log("arm/links", rods, static=True)
+        recording.log("arm/joints", knots, static=True)
+        recording.send_columns("arm/links", columns, strips)
+        recording.send_columns("arm/joints", columns, points)
+
+    def _charts(self) -> list[Chart]:
+        motion, joints = self.motion, self.motion.arm.joint_names
+        sliding = np.array([kind == "prismatic" for kind in motion.arm.joint_types])
+        colours = [JOINTS[index % len(JOINTS)] for index in range(len(joints))]
+        return [
+            Chart(
+                entity=f"charts/{name}",
+                title=f"joint {name}",
+                labels=("time [s]", f"{name} [{' or '.join(_units(turning, straight, sliding))}]"),
+                instants=np.asarray(motion.time, dtype=float),
+                curves=np.asarray(values, dtype=float).T,
+                names=joints,
+                colours=colours,
+            )
+            for name, values, turning, straight in (
+                ("position", motion.q, "rad", "m"),
+                ("velocity", motion.dq, "rad/s", "m/s"),
+                ("torque", motion.torque, "N m", "N"),
+            )
+        ]
+
+    def _canvas(self) -> Canvas:
+        nodes = np.concatenate([self.motion.links[..., :2].reshape(-1, 2), self.motion.tool.reshape(-1, 2)])
+        low, high = equal_window(nodes, width=140.0, height=100.0)
+        return Canvas(low=low, high=high, labels=("x [m]", "y [m]"))
+
+    def _drawn(self, points: np.ndarray) -> np.ndarray:
+        return self._canvas().place(points[..., :2]) if self.motion.arm.is_planar else points
+
+
+def _units(turning: str, straight: str, sliding: np.ndarray) -> list[str]:
+    return [turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())
+
+
+def _eye(links: np.ndarray) -> rrb.EyeControls3D:
+    """Look at the middle of the whole motion from in front, from the right and from above."""
+    nodes = links.reshape(-1, 3)
+    middle, size = (nodes.min(axis=0) + nodes.max(axis=0)) / 2, float(np.ptp(nodes, axis=0).max())
+    return rrb.EyeControls3D(position=middle + size * np.array([1.1, -1.3, 0.8]), look_target=middle)

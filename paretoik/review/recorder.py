@@ -1,0 +1,57 @@
+"""The recorder that a run is handed: it looks on, and never stops the run."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from paretoik.front.front import Choice, Front
+from paretoik.review.generation import Generation
+
+
+class Recorder:
+    """Writes ``file`` while a run goes on, a generation at a time, and once more at its end.
+
+    What is finished survives a killed process. A recording is a view of the run and not its archive: whatever goes
+    wrong with it, Rerun missing included, is warned of once and ends the recording, never the run.
+    """
+
+    def __init__(
+        self, file: Path | str, *, title: str, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool]
+    ) -> None:
+        self._file = Path(file)
+        self._recording: Any = None
+        self._working = True
+
+        def start() -> None:
+            from paretoik.review.recording import Recording
+            from paretoik.review.search_scene import SearchScene
+
+            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised))
+            self._recording = Recording(self._file, title=title, scene=scene)
+
+        self._attempt(start)
+
+    def record(self, generation: Generation) -> None:
+        """Append `generation` to the file."""
+        self._attempt(lambda: self._recording.record(generation))
+
+    def finish(self, front: Front, choice: Choice | None = None) -> None:
+        """Write the file anew: all generations on one set of axes, `front` at their end, `choice` and its motion."""
+        self._attempt(lambda: self._recording.finish(front, choice))
+
+    def close(self) -> None:
+        """Close the file; what was recorded stays."""
+        self._attempt(lambda: self._recording.close())
+
+    def _attempt(self, step: Callable[[], None]) -> None:
+        if not self._working:
+            return
+        try:
+            step()
+        except Exception as fault:  # a view may fail in any way; the run that it looks at must not
+            self._working = False
+            cause = (str(fault).splitlines() or [type(fault).__name__])[0]
+            warnings.warn(f"{self._file}: recording stopped, the run goes on: {cause}", RuntimeWarning, stacklevel=3)

@@ -1,0 +1,130 @@
+"""One recording file: generations as they come, and at the end all of them again on common axes, with a motion."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.front.front import Choice, Front
+from paretoik.review.canvas import Canvas
+from paretoik.review.chart import Chart
+from paretoik.review.generation import Generation
+from paretoik.review.motion_scene import MotionScene
+from paretoik.review.search_scene import SearchScene, replay_window
+
+
+class Recording:
+    """An open recording of a search, which raises what goes wrong.
+
+    While the search runs, each generation is drawn on axes of its own. Only at its end is it known what is worth
+    seeing, so `finish` writes the file again.
+    """
+
+    def __init__(self, file: Path, *, title: str, scene: SearchScene) -> None:
+        self._file = file
+        self._title = title
+        self._scene = scene
+        self._generations: list[Generation] = []
+        self._canvases: list[Canvas] = []
+        self._stream = self._opened(file)
+
+    def record(self, generation: Generation) -> None:
+        """Append a generation and flush, so that it survives a killed process."""
+        self._stream.set_time("generation", sequence=generation.number)
+        shown = generation.front if len(generation.front) else generation.population
+        if not self._scene.suits(self._canvases, shown):
+            first = not self._canvases
+            self._canvases = self._scene.canvases(shown)
+            self._scene.log_axes(self._stream, self._canvases, static=False)
+            if first:
+                self._stream.send_blueprint(self._blueprint(self._canvases))
+        self._scene.log_generation(self._stream, generation, self._canvases)
+        self._stream.flush()
+        self._generations.append(generation)
+
+    def finish(self, front: Front, choice: Choice | None) -> None:
+        """Replace the file by one with common axes, `front` at its end and the motion of `choice`."""
+        self._stream.disconnect()
+        part = self._file.with_name(f".{self._file.name}.part")
+        self._stream = self._opened(part)
+        try:
+            self._write_all(front, choice)
+            self._stream.flush()
+            self._stream.disconnect()
+            part.replace(self._file)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.disconnect()
+
+    def _opened(self, file: Path) -> rr.RecordingStream:
+        # The viewer keeps one layout an application, and each run needs its own.
+        application = f"{self._title} in {self._file.resolve().parent.name}"
+        stream = rr.RecordingStream(re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-"))
+        stream.save(file)
+        stream.send_recording_name(self._title)
+        self._scene.log_styles(stream)
+        return stream
+
+    def _write_all(self, front: Front, choice: Choice | None) -> None:
+        stream, scene = self._stream, self._scene
+        canvases = scene.canvases(replay_window(self._generations, front.objectives)) if len(front) else []
+        charts = scene.charts(self._generations)
+        motion = None
+        if choice is not None and choice.motion is not None:
+            motion = MotionScene(motion=choice.motion, title=f"motion of point {choice.id}")
+        stream.send_blueprint(self._blueprint(canvases, charts, motion))
+        scene.log_axes(stream, canvases, static=True)
+        for generation in self._generations:
+            stream.set_time("generation", sequence=generation.number)
+            scene.log_generation(stream, generation, canvases)
+        last = self._generations[-1].number if self._generations else 0
+        self._log_end(front, choice, canvases, last)
+        for chart in charts:
+            chart.log(stream)
+            chart.send_cursor(stream, [rr.TimeColumn("generation", sequence=chart.instants.astype(int))])
+            chart.send_cursor(stream, [rr.TimeColumn("motion", duration=[0.0])], chart.instants[-1:])
+        if motion is not None:
+            motion.log(stream, generation=last)
+
+    def _log_end(self, front: Front, choice: Choice | None, canvases: Sequence[Canvas], last: int) -> None:
+        """Let the end of the search stand on both timelines, so that whichever is played shows it."""
+        stream, scene = self._stream, self._scene
+        stream.reset_time()
+        stream.set_time("motion", duration=0.0)
+        if self._generations:
+            scene.log_generation(stream, self._generations[-1], canvases)
+        stream.set_time("generation", sequence=last)
+        scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
+        if choice is not None:
+            chosen = np.array([choice.id])
+            scene.log_points(stream, "chosen", choice.objectives[None], canvases, ids=chosen, named=True)
+
+    def _blueprint(
+        self, canvases: Sequence[Canvas], charts: Sequence[Chart] = (), motion: MotionScene | None = None
+    ) -> rrb.Blueprint:
+        panels = self._scene.views(canvases)
+        courses = [chart.view() for chart in charts]
+        if not panels and courses:
+            panels, courses = courses[:1], courses[1:]
+        indicators = rrb.Tabs(*courses, *self._scene.series_views()[len(courses) :])
+        above = rrb.Grid(*panels, grid_columns=self._scene.columns)
+        search = rrb.Vertical(above, indicators, row_shares=[2.6, 1]) if panels else indicators
+        layout: rrb.Container = search
+        if motion is not None:
+            arm, joints = motion.views()
+            layout = rrb.Horizontal(search, rrb.Vertical(arm, rrb.Tabs(*joints), row_shares=[2.6, 1]))
+        return rrb.Blueprint(
+            layout,
+            rrb.BlueprintPanel(state="hidden"),
+            rrb.SelectionPanel(state="hidden"),
+            rrb.TimePanel(timeline="generation", state="collapsed"),
+            auto_views=False,
+        )

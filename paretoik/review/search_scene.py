@@ -1,0 +1,198 @@
+"""How a search is drawn in a recording: a panel a pair of objectives, and the course of its indicators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from paretoik.arrays import Ids, Objectives, Times, Values
+from paretoik.review.canvas import BACKGROUND, Canvas, Colour, window
+from paretoik.review.chart import Chart
+from paretoik.review.generation import Generation
+
+POPULATION: Colour = (125, 150, 185, 190)
+FRONT: Colour = (255, 178, 62, 255)
+CHOSEN: Colour = (70, 225, 190, 255)
+FAILED: Colour = (225, 95, 95, 255)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchScene:
+    """Names and units of the objectives, and which are maximised: what every generation is drawn with."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """The pairs of objectives that get a panel: all up to four objectives, neighbours beyond."""
+        n_obj = len(self.names)
+        if n_obj > 4:
+            return [(axis, axis + 1) for axis in range(n_obj - 1)]
+        return [(first, second) for first in range(n_obj) for second in range(first + 1, n_obj)]
+
+    def canvases(self, shown: Objectives) -> list[Canvas]:
+        """Return a canvas a pair of objectives whose windows hold `shown`, none where it has no finite point."""
+        shown = shown[np.isfinite(shown).all(axis=1)]
+        if len(shown) == 0:
+            return []
+        text = 3.2 * min(self.columns, 2)
+        windows = [window(shown[:, list(pair)]) for pair in self.pairs]
+        return [
+            Canvas(low=low, high=high, labels=(self._label(first), self._label(second)), text=text)
+            for (first, second), (low, high) in zip(self.pairs, windows, strict=True)
+        ]
+
+    def suits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
+        """Say whether `shown` can be drawn on `canvases` as they are."""
+        return len(canvases) == len(self.pairs) and all(
+            canvas.suits(shown[:, list(pair)]) for pair, canvas in zip(self.pairs, canvases, strict=True)
+        )
+
+    @property
+    def columns(self) -> int:
+        """How many panels stand side by side."""
+        return max(1, min(3 if len(self.pairs) > 4 else 2, len(self.pairs)))
+
+    def views(self, canvases: Sequence[Canvas]) -> list[rrb.View]:
+        """Return the panels, titled by what they show."""
+        return [
+            rrb.Spatial2DView(
+                origin=rr.new_entity_path(self._panel(pair)),
+                name=f"{self.names[pair[0]]} against {self.names[pair[1]]}",
+                visual_bounds=canvas.bounds(),
+                background=BACKGROUND,
+            )
+            for pair, canvas in zip(self.pairs, canvases, strict=True)
+        ]
+
+    def series_views(self) -> list[rrb.View]:
+        """Return the time series: hypervolume, best values, counts."""
+        return [
+            rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume"),
+            *(
+                rrb.TimeSeriesView(
+                    origin=rr.new_entity_path(["search", "best", name]), name=f"best {self._label(axis)}"
+                )
+                for axis, name in enumerate(self.names)
+            ),
+            rrb.TimeSeriesView(origin="search/counts", name="points and failures"),
+        ]
+
+    def charts(self, generations: Sequence[Generation]) -> list[Chart]:
+        """Return how the hypervolume went, and with a single objective first how its best value did."""
+        told = [generation for generation in generations if len(generation.front)]
+        if not told:
+            return []
+        numbers = np.array([generation.number for generation in told], dtype=float)
+        volumes = np.array([generation.hypervolume for generation in told])
+        charts = [self._chart("hypervolume", "hypervolume", numbers, volumes, height=30.0)]
+        if len(self.names) == 1:
+            best = np.array([self._best(generation.front)[0] for generation in told])
+            charts.insert(0, self._chart("best", f"best {self._label(0)}", numbers, best, height=100.0))
+        return charts
+
+    def log_styles(self, recording: rr.RecordingStream) -> None:
+        """Give the time series their names and colours."""
+        recording.log(
+            "search/hypervolume", rr.SeriesLines(names="hypervolume", colors=FRONT[:3], widths=2.0), static=True
+        )
+        recording.log(
+            "search/counts",
+            rr.SeriesLines(names=["front", "failed"], colors=[FRONT[:3], FAILED[:3]], widths=2.0),
+            static=True,
+        )
+        for axis, name in enumerate(self.names):
+            style = rr.SeriesLines(names=f"best {self._label(axis)}", colors=CHOSEN[:3], widths=2.0)
+            recording.log(["search", "best", name], style, static=True)
+
+    def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
+        """Draw the axes of every panel, for good or for the current generation."""
+        for pair, canvas in zip(self.pairs, canvases, strict=True):
+            canvas.log(recording, rr.new_entity_path(self._panel(pair)), static=static)
+
+    def log_generation(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
+        """Draw `generation` at the current time, and keep its numbers exactly beside the drawing."""
+        self.log_points(recording, "population", generation.population, canvases, ids=None)
+        self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids)
+        recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
+        recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
+        if len(generation.front):
+            for name, best in zip(self.names, self._best(generation.front), strict=True):
+                recording.log(["search", "best", name], rr.Scalars(float(best)))
+
+    def log_points(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        F: Objectives,
+        canvases: Sequence[Canvas],
+        *,
+        ids: Ids | None,
+        named: bool = False,
+    ) -> None:
+        """Draw points as a layer of every panel; those outside a window are left to the exact numbers."""
+        colour, radius, order = _LAYERS[layer]
+        for pair, canvas in zip(self.pairs, canvases, strict=True):
+            pairwise = F[:, list(pair)]
+            # A comparison with NaN is false, so failed points are not drawn.
+            seen = canvas.shows(pairwise)
+            points = rr.Points2D(
+                canvas.place(pairwise[seen]),
+                colors=colour,
+                radii=rr.Radius.ui_points(radius),
+                labels=[f"point {number}" for number in ids[seen]] if named and ids is not None else None,
+                show_labels=layer == "chosen",
+                draw_order=order,
+            )
+            recording.log([*self._panel(pair), layer], points)
+        exact = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1])
+        recording.log(f"search/{layer}", exact if ids is None else rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], ids=ids))
+
+    def _panel(self, pair: tuple[int, int]) -> list[str]:
+        return ["front", f"{self.names[pair[0]]} - {self.names[pair[1]]}"]
+
+    def _best(self, front: Objectives) -> Values:
+        best: Values = np.where(self.maximised, front.max(axis=0), front.min(axis=0))
+        return best
+
+    def _chart(self, name: str, label: str, numbers: Times, values: Values, *, height: float) -> Chart:
+        return Chart(
+            entity=f"charts/{name}",
+            title=label,
+            labels=("generation", label),
+            instants=numbers,
+            curves=values[None],
+            names=[name],
+            colours=[FRONT],
+            width=190.0 if height < 100.0 else 140.0,
+            height=height,
+        )
+
+    def _label(self, axis: int) -> str:
+        unit = f" [{self.units[axis]}]" if self.units[axis] else ""
+        return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
+
+
+_LAYERS: dict[str, tuple[Colour, float, float]] = {
+    "population": (POPULATION, 2.2, 1.0),
+    "front": (FRONT, 3.2, 2.0),
+    "chosen": (CHOSEN, 6.5, 3.0),
+}
+
+
+def replay_window(generations: Sequence[Generation], front: Objectives) -> Objectives:
+    """Return corners (2, n_obj) around the final `front` and those before it, as far as they are worth seeing.
+
+    An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
+    """
+    fronts = [generation.front for generation in generations if len(generation.front)] + [front]
+    everything = np.concatenate(fronts)
+    low, high = front.min(axis=0), front.max(axis=0)
+    reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

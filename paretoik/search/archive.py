@@ -1,0 +1,173 @@
+"""The non-dominated archive outside the population: NSGA-II forgets, the archive does not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from moocore import is_nondominated
+from numpy.typing import ArrayLike
+
+from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives, Values
+from paretoik.search.constraints import TOLERANCE, Floats, violations
+from paretoik.search.seeding import check_size
+
+CAPACITY = 20_000  # points above which a grid thins the archive
+SAME = 1e-9  # of each objective's range: nearer points are one
+FINEST_GRID = 2**16  # cells an axis that thinning starts from
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Points as arrays, oldest first: ``ids`` (points,), ``X``, ``F`` minimised, ``G``, ``generations`` (points,)."""
+
+    ids: Ids
+    X: Genes
+    F: Objectives
+    G: Constraints
+    generations: Ids
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __getitem__(self, rows: Ids | Mask | slice) -> Members:
+        return Members(self.ids[rows], self.X[rows], self.F[rows], self.G[rows], self.generations[rows])
+
+    def __add__(self, other: Members) -> Members:
+        """Put ``other`` behind these."""
+        return Members(
+            np.concatenate((self.ids, other.ids)),
+            np.concatenate((self.X, other.X)),
+            np.concatenate((self.F, other.F)),
+            np.concatenate((self.G, other.G)),
+            np.concatenate((self.generations, other.generations)),
+        )
+
+
+@dataclass(frozen=True)
+class Failures:
+    """How many evaluations gave no usable number, and why the first did not."""
+
+    count: int = 0
+    first_cause: str = ""
+
+
+class Archive:
+    """All feasible, finite, mutually non-dominated points so far, each with the id it was evaluated under.
+
+    A point within 1e-9 of the ranges of an older one is that older one. Above ``capacity`` points an ε-grid keeps the
+    oldest of each cell and the best of each objective. ``tolerance`` says what counts as feasible; ``names`` are those
+    of the objectives, for causes of failure.
+    """
+
+    def __init__(
+        self, *, tolerance: ArrayLike = TOLERANCE, capacity: int = CAPACITY, names: Sequence[str] = ()
+    ) -> None:
+        check_size("archive capacity", capacity, 1)
+        self.failed = Failures()
+        self._tolerance = tolerance
+        self._capacity = capacity
+        self._names = tuple(names)
+        self._members: Members | None = None
+        self._least: Members | None = None
+
+    def __len__(self) -> int:
+        return 0 if self._members is None else len(self._members)
+
+    @property
+    def members(self) -> Members | None:
+        """Everything kept; None before anything was added."""
+        return self._members
+
+    @property
+    def F(self) -> Objectives:  # noqa: N802  the field's name
+        """Minimised objectives (points, n_obj) of the front."""
+        return np.empty((0, 0)) if self._members is None else self._members.F
+
+    @property
+    def ids(self) -> Ids:
+        """Ids (points,) of the front."""
+        return np.empty(0, dtype=np.int64) if self._members is None else self._members.ids
+
+    @property
+    def least_violating(self) -> Members | None:
+        """The one point with the least finite violation, as long as none is feasible; otherwise None."""
+        return None if len(self) else self._least
+
+    def add(
+        self,
+        ids: Ids,
+        X: Genes,
+        F: Objectives,
+        G: Constraints | None,
+        generation: int,
+        *,
+        causes: Mapping[int, str] | None = None,
+    ) -> None:
+        """Take in evaluated points; ``causes`` says, by id, why an evaluation failed."""
+        G = np.zeros((len(F), 0)) if G is None else G
+        new = Members(ids, X, F, G, np.full(len(ids), generation, dtype=np.int64))[np.argsort(ids)]
+        violation = violations(new.F, new.G, tolerance=self._tolerance)
+        self._count_failures(new, causes or {})
+        least = int(np.argmin(violation))
+        if np.isfinite(violation[least]) and violation[least] < self._least_violation():
+            self._least = new[least : least + 1]
+        known = new[:0] if self._members is None else self._members
+        self._members = self._merged(known, new[violation <= 0.0])
+
+    def _least_violation(self) -> float:
+        if self._least is None:
+            return np.inf
+        return float(violations(self._least.F, self._least.G, tolerance=self._tolerance)[0])
+
+    def _count_failures(self, new: Members, causes: Mapping[int, str]) -> None:
+        for row in np.flatnonzero(~np.isfinite(new.F).all(axis=1) | np.isnan(new.G).any(axis=1)):
+            first = self.failed.first_cause or causes.get(int(new.ids[row])) or self._describe(new.F[row], new.G[row])
+            self.failed = Failures(self.failed.count + 1, first)
+
+    def _describe(self, F: Values, G: Values) -> str:
+        bad = np.flatnonzero(~np.isfinite(F))
+        if bad.size:
+            name = self._names[bad[0]] if self._names else f"f{bad[0] + 1}"
+            return f"objective {name} is {F[bad[0]]}"
+        return f"constraint {np.flatnonzero(np.isnan(G))[0] + 1} is nan"
+
+    def _merged(self, known: Members, new: Members) -> Members:
+        new = new[_non_dominated(known.F, new.F)[len(known) :]]
+        new = new[~_repeats(known.F, new.F)]
+        if not len(new):
+            return known
+        both = known + new
+        both = both[_non_dominated(known.F, new.F)]
+        return both if len(both) <= self._capacity else both[_thinned(both.F, self._capacity // 2)]
+
+
+def _non_dominated(known: Objectives, new: Objectives) -> Mask:
+    mask: Mask = is_nondominated(np.concatenate((known, new)), keep_weakly=False)
+    return mask
+
+
+def _repeats(known: Objectives, new: Objectives) -> Mask:
+    """Mark those of ``new`` that lie within SAME of the ranges of a known point or of an earlier new one."""
+    every = np.concatenate((known, new))
+    close: Mask = np.less(np.arange(len(every)), len(known) + np.arange(len(new))[:, None])
+    for axis in range(new.shape[1] if len(new) else 0):
+        reach = SAME * np.ptp(every[:, axis])
+        close = np.logical_and(close, np.abs(every[:, axis] - new[:, axis, None]) <= reach)
+    repeats: Mask = close.any(axis=1)
+    return repeats
+
+
+def _thinned(F: Objectives, most: int) -> Ids:
+    """Rows to keep: the best of each objective, and the oldest of each cell of the finest grid that leaves ``most``."""
+    ideal, width = F.min(axis=0), np.ptp(F, axis=0)
+    share: Floats = np.divide(F - ideal, width, out=np.zeros_like(F), where=width > 0)
+    extremes = F.argmin(axis=0)
+    cells = FINEST_GRID
+    while True:
+        inside = np.minimum((share * cells).astype(np.int64), cells - 1)
+        kept = np.unique(np.concatenate((np.unique(inside, axis=0, return_index=True)[1], extremes)))
+        if len(kept) <= max(most, len(np.unique(extremes)) + 1):
+            return kept
+        cells //= 2

@@ -1,0 +1,254 @@
+"""Ask for genes, tell their objectives: a search whose evaluations happen wherever the caller likes."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pymoo.core.termination import NoTermination
+
+from paretoik.arrays import Genes, Ids, Mask, Objectives
+from paretoik.errors import InvalidInput
+from paretoik.search.archive import Archive, Failures
+from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, column_tolerance, violations
+from paretoik.search.maximin import column
+from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, check_size, checked_genes
+
+if TYPE_CHECKING:
+    from paretoik.front import Front
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What to evaluate: ``ids`` (n,), genes ``X`` (n, genes), and the index of their ``generation``, from 0."""
+
+    ids: Ids
+    X: Genes
+    generation: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Answers:
+    """What was told of one generation so far; rows as asked."""
+
+    told: Mask
+    F: Objectives
+    G: Floats
+    H: Floats
+    causes: dict[int, str]
+
+
+class Search:
+    """An evolutionary search, asked and told.
+
+    The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``) and
+    turn genes into motions (``decode(X)``). ``initial`` (rows, genes) are in the first generation. ``algorithm`` is any
+    pymoo genetic algorithm with its own sizes and settings, MaxiMinNSGA2 if None; it is copied. ``archive`` holds every
+    good point so far. All chance comes from ``seed``.
+
+    Raises
+    ------
+    InvalidInput
+        A size, seed, bound or initial gene that cannot be used, by name and value.
+    """
+
+    def __init__(
+        self,
+        problem: Any,
+        *,
+        population: int = 100,
+        seed: int = 0,
+        initial: ArrayLike | None = None,
+        algorithm: Any = None,
+        offspring: int | None = None,
+    ) -> None:
+        check_problem(problem)
+        check_size("seed", seed, 0)
+        check_size("population", population, SMALLEST_POPULATION)
+        if offspring is not None:
+            check_size("offspring", offspring, 1)
+        if algorithm is None:
+            algorithm = MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
+        elif initial is not None or offspring is not None:
+            raise InvalidInput("algorithm: its own sampling and offspring wanted, got initial= or offspring= beside it")
+        self.problem = problem
+        self.names, self.units, self.maximised = described_objectives(problem)
+        self._algorithm = copy.deepcopy(algorithm).setup(problem, seed=int(seed), termination=NoTermination())
+        survival = self._algorithm.survival
+        self._tolerance = getattr(survival, "tolerance", TOLERANCE)
+        self._equality_tolerance = getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE)
+        self.archive = Archive(tolerance=self._archive_tolerance(), names=self.names)
+        self._generation = 0
+        self._evaluations = 0
+        self._suggested: Genes = np.empty((0, problem.n_var))
+        self._asked: Asked | None = None
+        self._infills: Any = None
+        self._answers: _Answers | None = None
+
+    @property
+    def generation(self) -> int:
+        """Generations completed, which is the index of the one being asked."""
+        return self._generation
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations told in completed generations, failed ones included."""
+        return self._evaluations
+
+    @property
+    def failed(self) -> Failures:
+        """Count and first cause of the evaluations that gave no usable number."""
+        return self.archive.failed
+
+    @property
+    def population(self) -> Objectives:
+        """Minimised objectives (individuals, n_obj) of what evolves; failed rows are inf."""
+        return column(self._algorithm.pop, "F") if self._generation else np.empty((0, self.problem.n_obj))
+
+    @property
+    def front(self) -> Front:
+        """The archive's front, in the user's own sign, with motions where the problem can decode genes."""
+        from paretoik.front import Front
+
+        members = self.archive.members
+        X = np.empty((0, self.problem.n_var)) if members is None else members.X
+        F = np.empty((0, self.problem.n_obj)) if members is None else members.F
+        decode = getattr(self.problem, "decode", None)
+        return Front(
+            ids=self.archive.ids,
+            objectives=np.where(self.maximised, -F, F),
+            names=self.names,
+            units=self.units,
+            maximised=self.maximised,
+            genes=X,
+            motions=decode(X) if decode is not None and len(X) else None,
+            violation=None if members is None else members.G.max(axis=1, initial=0.0),
+        )
+
+    def ask(self) -> Asked:
+        """Return what to evaluate; the same object until all of it has been told."""
+        if self._asked is None:
+            self._infills = self._algorithm.ask()
+            if self._infills is None:
+                raise InvalidInput(f"algorithm: new genes wanted, got none in generation {self._generation}")
+            n = len(self._infills)
+            X = column(self._infills, "X")
+            now, self._suggested = self._suggested[:n], self._suggested[n:]
+            X[n - len(now) :] = now
+            X.flags.writeable = False
+            for individual, genes in zip(self._infills, X, strict=True):
+                individual.X = genes
+            ids = np.arange(self._evaluations, self._evaluations + n)
+            ids.flags.writeable = False
+            self._asked = Asked(ids, X, self._generation)
+            self._answers = _unanswered(self.problem, n)
+        return self._asked
+
+    def suggest(self, X: ArrayLike) -> None:
+        """Have these genes (rows, genes) evaluated in the generations asked next, in place of as many offspring."""
+        self._suggested = np.concatenate((self._suggested, checked_genes(self.problem, X, "suggested")))
+
+    def tell(
+        self,
+        ids: ArrayLike,
+        F: ArrayLike,
+        G: ArrayLike | None = None,
+        *,
+        H: ArrayLike | None = None,
+        causes: Mapping[int, str] | None = None,
+    ) -> None:
+        """Tell objectives and constraints of asked ids, in any order and in as many parts as wanted.
+
+        ``F`` (n, n_obj) minimised, ``G`` (n, n_ieq) <= 0 when kept, ``H`` (n, n_eq) = 0. A row that is not finite
+        counts as failed, ``causes`` may say why. The generation is complete when every id has been told.
+
+        Raises
+        ------
+        InvalidInput
+            An id that is unknown or told twice, or an array of another shape; nothing is taken in then.
+        """
+        rows = self._rows(ids)
+        assert self._answers is not None
+        values = _table("F", F, len(rows), self.problem.n_obj)
+        inequalities = _table("G", G, len(rows), self.problem.n_ieq_constr)
+        equalities = _table("H", H, len(rows), self.problem.n_eq_constr)
+        answers = self._answers
+        answers.F[rows], answers.G[rows], answers.H[rows] = values, inequalities, equalities
+        answers.causes.update(causes or {})
+        answers.told[rows] = True
+        if answers.told.all():
+            self._advance(answers)
+
+    def _rows(self, ids: ArrayLike) -> Ids:
+        given = np.asarray(ids)
+        if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+            raise InvalidInput(f"ids: a list of integers wanted, got {given.dtype} of shape {given.shape}")
+        if self._asked is None or self._answers is None:
+            raise InvalidInput("ids: those of an asked generation wanted, got some before ask()")
+        first, last = int(self._asked.ids[0]), int(self._asked.ids[-1])
+        for number in given[(given < first) | (given > last)]:
+            raise InvalidInput(f"ids: those asked, {first} to {last}, wanted, got {number}")
+        rows: Ids = given.astype(np.int64) - first
+        unique, counts = np.unique(rows, return_counts=True)
+        for row in unique[(counts > 1) | self._answers.told[unique]]:
+            raise InvalidInput(f"ids: each told once wanted, got {first + row} again")
+        return rows
+
+    def _advance(self, answers: _Answers) -> None:
+        assert self._asked is not None
+        slack = column_tolerance("equality_tolerance", self._equality_tolerance, answers.H.shape[1])
+        columns = np.column_stack((answers.G, np.abs(answers.H) - slack))
+        asked = self._asked
+        self.archive.add(asked.ids, asked.X, answers.F, columns, asked.generation, causes=answers.causes)
+        violation = violations(
+            answers.F,
+            answers.G,
+            answers.H,
+            tolerance=self._tolerance,
+            equality_tolerance=self._equality_tolerance,
+        )
+        usable = np.where(np.isfinite(answers.F).all(axis=1, keepdims=True), answers.F, np.inf)
+        for row, individual in enumerate(self._infills):
+            individual.F, individual.G, individual.H = usable[row], answers.G[row], answers.H[row]
+            individual.CV = violation[row : row + 1]
+            individual.evaluated = {"F", "G", "H"}
+        self._algorithm.evaluator.n_eval += len(asked.ids)
+        self._algorithm.tell(infills=self._infills)
+        self._generation += 1
+        self._evaluations += len(asked.ids)
+        self._asked = self._infills = self._answers = None
+
+    def _archive_tolerance(self) -> Floats:
+        inequalities = column_tolerance("tolerance", self._tolerance, self.problem.n_ieq_constr)
+        return np.concatenate((inequalities, np.zeros(self.problem.n_eq_constr)))
+
+
+def described_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[bool, ...]]:
+    """Names, units and senses of a problem's objectives; f1, f2, ... minimised, for a plain pymoo problem."""
+    n_obj = problem.n_obj
+    names = tuple(getattr(problem, "names", None) or (f"f{axis + 1}" for axis in range(n_obj)))
+    units = tuple(getattr(problem, "units", None) or ("",) * n_obj)
+    maximised = tuple(getattr(problem, "maximised", None) or (False,) * n_obj)
+    described: dict[str, Sequence[object]] = {"names": names, "units": units, "maximised": maximised}
+    for what, given in described.items():
+        if len(given) != n_obj:
+            raise InvalidInput(f"problem.{what}: {n_obj} wanted, one an objective, got {len(given)}")
+    return names, units, maximised
+
+
+def _unanswered(problem: Any, rows: int) -> _Answers:
+    F, G, H = (np.full((rows, size), np.nan) for size in (problem.n_obj, problem.n_ieq_constr, problem.n_eq_constr))
+    return _Answers(told=np.zeros(rows, dtype=bool), F=F, G=G, H=H, causes={})
+
+
+def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:
+    found = np.empty((rows, 0)) if values is None else np.asarray(values)
+    if found.shape != (rows, columns) or found.dtype.kind not in "biuf":
+        what = "nothing" if values is None else f"{found.dtype} of shape {found.shape}"
+        raise InvalidInput(f"{name}: real numbers of shape ({rows}, {columns}) wanted, got {what}")
+    return found.astype(float)

@@ -1,0 +1,126 @@
+"""The loop that drives a search: ask, evaluate, tell, observe, until an ending is reached."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from paretoik.arrays import Genes, Objectives
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.search.ask_tell import Search
+from paretoik.search.constraints import Floats
+from paretoik.search.endings import Ending
+from paretoik.search.progress import Progress
+
+Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Evaluated rows: ``F``, ``G``, ``H`` (rows, columns), and ``causes`` of failure by row."""
+
+    F: Objectives
+    G: Floats
+    H: Floats
+    causes: dict[int, str]
+
+
+def evolve(
+    search: Search,
+    endings: Sequence[Ending],
+    *,
+    evaluate: Evaluate | None = None,
+    observe: Callable[[Progress], object] | None = None,
+    improve: Callable[[Progress], Genes | None] | None = None,
+) -> str:
+    """Run a search until the first of ``endings`` is reached and return its reason; the result stays in ``search``.
+
+    ``evaluate(X)`` returns a mapping with "F" and, with constraints, "G" and "H"; by default it is the problem's own.
+    When it raises, its rows are tried one by one, and those that raise again count as failed. After each generation
+    ``observe`` is shown the progress, and ``improve`` may return genes to be evaluated in the next. Ctrl-C ends with
+    "interrupted".
+
+    Raises
+    ------
+    InvalidInput
+        No ending.
+    EvaluationFailed
+        Every evaluation of the first generation failed.
+    """
+    if not endings:
+        raise InvalidInput("endings: at least one wanted, got none")
+    if evaluate is None:
+        evaluate = partial(search.problem.evaluate, return_as_dictionary=True)
+    memory = max(ending.memory for ending in endings)
+    past: tuple[Objectives, ...] = ()
+    started = time.monotonic()
+    try:
+        while True:
+            _one_generation(search, evaluate)
+            progress = _progress(search, past, time.monotonic() - started)
+            if observe is not None:
+                observe(progress)
+            for ending in endings:
+                reason = ending.reached(progress)
+                if reason is not None:
+                    return reason
+            suggested = None if improve is None else improve(progress)
+            if suggested is not None:
+                search.suggest(suggested)
+            past = (*past, progress.front)[-memory:] if memory else ()
+    except KeyboardInterrupt:
+        return "interrupted"
+
+
+def evaluated(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
+    """Evaluate a batch; if that raises, each row by itself."""
+    try:
+        return _outcome(problem, evaluate(X.copy()), len(X))
+    except InvalidInput:
+        raise
+    except Exception:
+        outcome = _outcome(problem, {}, len(X))
+    for row in range(len(X)):
+        try:
+            alone = _outcome(problem, evaluate(X[row : row + 1].copy()), 1)
+            outcome.F[row], outcome.G[row], outcome.H[row] = alone.F[0], alone.G[0], alone.H[0]
+        except Exception as error:
+            outcome.F[row] = np.nan
+            outcome.causes[row] = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return outcome
+
+
+def _outcome(problem: Any, found: Mapping[str, Any], rows: int) -> Outcome:
+    columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
+    tables = {name: np.asarray(found.get(name, np.full((rows, size), np.nan))) for name, size in columns.items()}
+    return Outcome(**tables, causes={})
+
+
+def _one_generation(search: Search, evaluate: Evaluate) -> None:
+    asked = search.ask()
+    outcome = evaluated(search.problem, evaluate, asked.X)
+    causes = {int(asked.ids[row]): cause for row, cause in outcome.causes.items()}
+    search.tell(asked.ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
+    if asked.generation == 0 and search.failed.count == len(asked.ids):
+        raise EvaluationFailed(
+            f"first generation: a number from at least one evaluation wanted, all {len(asked.ids)} failed, "
+            f"the first with: {search.failed.first_cause}"
+        )
+
+
+def _progress(search: Search, past: tuple[Objectives, ...], seconds: float) -> Progress:
+    return Progress(
+        generation=search.generation,
+        evaluations=search.evaluations,
+        seconds=seconds,
+        failed=search.failed,
+        population=search.population,
+        front=search.archive.F,
+        ids=search.archive.ids,
+        past=past,
+    )

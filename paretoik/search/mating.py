@@ -1,0 +1,135 @@
+"""How offspring are made: tournaments, crossover within a species, mutation that may leave it.
+
+A problem may offer ``species(X) -> (points,)`` integer labels; crossing two labels makes infeasible children, so only
+equals mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and ``n_species``:
+crossover and polynomial mutation leave that gene alone, and now and then it jumps to another label.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pymoo.core.population import Population
+from pymoo.core.variable import get
+
+from paretoik.arrays import Genes, Ids, Mask, Objectives, Values
+from paretoik.errors import InvalidInput
+from paretoik.search.maximin import column
+
+SPECIES_MUTATION = 0.05  # chance that an offspring is moved to another species
+ATTEMPTS = 20  # rounds of mating spent on finding offspring that are new
+
+
+@dataclass(frozen=True, eq=False)
+class Parents:
+    """A population as arrays, each with a row an individual."""
+
+    X: Genes
+    F: Objectives
+    violation: Values
+    rank: Ids
+    distance: Values
+    species: Ids
+
+
+class BranchwiseMating:
+    """pymoo mating on whole arrays: binary tournaments by rank, then insertion distance; then the two operators.
+
+    ``crossover`` and ``mutation`` are pymoo operators of real genes, the former of two parents. With
+    ``infeasible_parents`` an infeasible point beats a feasible one that it dominates.
+    """
+
+    def __init__(self, crossover: Any, mutation: Any, *, infeasible_parents: bool = False) -> None:
+        if crossover.n_parents != 2:
+            raise InvalidInput(f"crossover: an operator of 2 parents wanted, got {crossover.n_parents}")
+        self.crossover = crossover
+        self.mutation = mutation
+        self.infeasible_parents = infeasible_parents
+
+    def do(self, problem: Any, pop: Any, n_offsprings: int, *, random_state: np.random.Generator, **kwargs: Any) -> Any:
+        """Return a pymoo population of ``n_offsprings`` that repeat neither each other nor their parents.
+
+        Where the genes leave no room for so many new ones the last are copies. pymoo also passes ``algorithm``.
+        """
+        parents = _parents(problem, pop)
+        seen = {row.tobytes() for row in parents.X + 0.0}
+        made: list[Genes] = []
+        for attempt in range(ATTEMPTS):
+            for row in self._offspring(problem, parents, n_offsprings - len(made), random_state):
+                key = (row + 0.0).tobytes()
+                if len(made) < n_offsprings and (key not in seen or attempt == ATTEMPTS - 1):
+                    seen.add(key)
+                    made.append(row)
+            if len(made) == n_offsprings:
+                break
+        return Population.new("X", np.array(made))
+
+    def _offspring(self, problem: Any, parents: Parents, count: int, rng: np.random.Generator) -> Genes:
+        matings = -(-count // self.crossover.n_offsprings)
+        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
+        first = self._winners(parents, pool[:matings], pool[matings : 2 * matings], rng)
+        rivals = _of_same_species(parents.species, np.concatenate((first, first)), rng)
+        second = self._winners(parents, rivals[:matings], rivals[matings:], rng)
+        couples = np.stack((parents.X[first], parents.X[second]))
+        children = np.array(self.crossover._do(problem, couples, random_state=rng))
+        idle = rng.random(matings) >= get(self.crossover.prob)
+        children[:, idle] = couples[: len(children), idle]
+        gene = getattr(problem, "species_gene", None)
+        if gene is not None:
+            children[..., gene] = couples[: len(children), :, gene]
+        return self._mutated(problem, children.reshape(-1, problem.n_var), gene, rng)
+
+    def _mutated(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
+        mutated = np.array(self.mutation._do(problem, X, random_state=rng))
+        spared = rng.random(len(X)) > get(self.mutation.prob)
+        mutated[spared] = X[spared]
+        if gene is not None:
+            mutated[:, gene] = X[:, gene]
+            moving = rng.random(len(X)) < SPECIES_MUTATION
+            if problem.n_species > 1:
+                step = rng.integers(1, problem.n_species, size=len(X))
+                label = (np.floor(X[:, gene]).astype(np.int64) + step) % problem.n_species
+                mutated[moving, gene] = label[moving] + 0.5
+        return mutated
+
+    def _winners(self, parents: Parents, a: Ids, b: Ids, rng: np.random.Generator) -> Ids:
+        """Index of the better of each pair: less violation, better rank, larger distance, chance."""
+        won: Mask = np.zeros(len(a), dtype=bool)
+        level: Mask = np.ones(len(a), dtype=bool)
+        for key in (parents.violation, parents.rank, -parents.distance):
+            won |= level & (key[a] < key[b])
+            level &= key[a] == key[b]
+        won |= level & (rng.random(len(a)) < 0.5)
+        if self.infeasible_parents:
+            mixed = (parents.violation[a] > 0) != (parents.violation[b] > 0)
+            won = np.where(mixed & _dominates(parents.F[a], parents.F[b]), True, won)
+            won = np.where(mixed & _dominates(parents.F[b], parents.F[a]), False, won)
+        return np.where(won, a, b)
+
+
+def _parents(problem: Any, pop: Any) -> Parents:
+    X = column(pop, "X")
+    return Parents(
+        X=X,
+        F=column(pop, "F"),
+        violation=column(pop, "CV")[:, 0],
+        rank=np.array([individual.data["rank"] for individual in pop]),
+        distance=np.array([individual.data["crowding"] for individual in pop]),
+        species=problem.species(X) if hasattr(problem, "species") else np.zeros(len(X), dtype=np.int64),
+    )
+
+
+def _of_same_species(species: Ids, individuals: Ids, rng: np.random.Generator) -> Ids:
+    """Draw for each individual one of its species, itself included."""
+    grouped = np.argsort(species, kind="stable")
+    labels, first, sizes = np.unique(species[grouped], return_index=True, return_counts=True)
+    group = np.searchsorted(labels, species[individuals])
+    drawn: Ids = grouped[first[group] + rng.integers(0, sizes[group])]
+    return drawn
+
+
+def _dominates(F: Objectives, other: Objectives) -> Mask:
+    dominates: Mask = np.less_equal(F, other).all(axis=1) & np.less(F, other).any(axis=1)
+    return dominates

@@ -1,0 +1,195 @@
+"""MaxiMin survival: fill by rank, then always take the point that is farthest from everything selected.
+
+Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (Marcos et al. 2012
+for the selection). The distance at which a point was taken is its insertion distance; the starting points have inf. It
+buys an even spread cheaply and is not meant to win on hypervolume. Above five objectives almost every point is
+non-dominated and distances say little: NSGA-III, or a preferred region through ``ranges``, is wiser there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from moocore import pareto_rank
+from numpy.typing import ArrayLike
+from pymoo.core.population import Population
+from pymoo.core.survival import Survival
+
+from paretoik.arrays import Ids, Values
+from paretoik.errors import InvalidInput
+from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, violations
+from paretoik.search.insertion import insertion_order, nearest_squared, scaled, starting_points
+
+SPECIES_SHARE = 0.2  # of the population that may be kept only for being the best of its species
+
+
+@dataclass(frozen=True, eq=False)
+class Survivors:
+    """Who survives, best first: ``index``, ``rank`` and insertion ``distance``, each (survivors,)."""
+
+    index: Ids
+    rank: Ids
+    distance: Values
+
+
+def survivors(
+    F: Floats,
+    violation: Floats,
+    count: int,
+    *,
+    ranges: Floats | None = None,
+    infeasible_share: float = 0.0,
+    species: Ids | None = None,
+) -> Survivors:
+    """Select ``count`` of the points with objectives ``F`` (points, n_obj) and ``violation`` (points,).
+
+    Feasible points (violation 0) come first, by rank and then MaxiMin; after them the others, least violation first,
+    those with violation inf last. ``ranges`` (2, n_obj), lower and upper, is a box that replaces ideal and nadir, and
+    points beyond its upper side are inserted after those below. Up to ``infeasible_share`` of the places go to
+    the least-violating infeasible points that no feasible one dominates. With ``species`` (points,) the best two (or
+    one) of each feasible species stay, within a fifth of the places.
+    """
+    count = min(count, len(F))
+    feasible = np.flatnonzero(violation <= 0.0)
+    others = np.flatnonzero(violation > 0.0)
+    others = others[np.argsort(violation[others], kind="stable")]
+    ranks = pareto_rank(F[feasible]) if feasible.size else np.empty(0, dtype=np.int64)
+    reserved = others[:0]
+    if infeasible_share > 0.0 and feasible.size:
+        reserved = _worth_keeping(F, violation, feasible[ranks == 0], others)[: int(infeasible_share * count)]
+    places = min(feasible.size, count - reserved.size)
+    chosen, distance = _by_maximin(F[feasible], ranks, places, ranges)
+    if species is not None and places:
+        chosen, distance = _with_species(chosen, distance, ranks, species[feasible])
+    rest = np.concatenate((reserved, others[~np.isin(others, reserved)]))[: count - places]
+    worst = int(ranks.max(initial=-1)) + 1
+    return Survivors(
+        index=np.concatenate((feasible[chosen], rest)),
+        rank=np.concatenate((ranks[chosen], worst + np.arange(rest.size))),
+        distance=np.concatenate((distance, np.zeros(rest.size))),
+    )
+
+
+def _by_maximin(F: Floats, ranks: Ids, count: int, ranges: Floats | None) -> tuple[Ids, Floats]:
+    """Positions and insertion distances of ``count`` feasible points in order of selection."""
+    if count == 0:
+        return np.empty(0, dtype=np.int64), np.empty(0)
+    first = F[ranks == 0]
+    ideal, nadir = (first.min(axis=0), first.max(axis=0)) if ranges is None else (ranges[0], ranges[1])
+    Z = scaled(F, ideal, nadir)
+    beyond = np.zeros(len(F), dtype=bool) if ranges is None else (nadir < F).any(axis=1)
+    nearest = np.full(len(F), np.inf)
+    taken: list[Ids] = []
+    distances: list[Floats] = []
+    left = count
+    group_of = 2 * ranks + beyond
+    for group in np.unique(group_of):
+        members = np.flatnonzero(group_of == group)
+        starts = [] if taken else starting_points(Z[members])[: min(left, members.size)]
+        order, squared = insertion_order(Z[members], min(left, members.size), nearest[members], starts)
+        taken.append(members[order])
+        distances.append(np.sqrt(squared))
+        left -= order.size
+        if left == 0:
+            break
+        later = np.flatnonzero(group_of > group)
+        nearest[later] = np.minimum(nearest[later], nearest_squared(Z[later], Z[taken[-1]]))
+    return np.concatenate(taken), np.concatenate(distances)
+
+
+def _worth_keeping(F: Floats, violation: Floats, front: Ids, others: Ids) -> Ids:
+    """Those of ``others`` (kept in their order) with a finite violation that no point of ``front`` dominates."""
+    others = others[np.isfinite(violation[others])]
+    no_worse = (F[front][None] <= F[others][:, None]).all(axis=2)
+    better = (F[front][None] < F[others][:, None]).any(axis=2)
+    spared: Ids = others[~(no_worse & better).any(axis=1)]
+    return spared
+
+
+def _with_species(chosen: Ids, distance: Floats, ranks: Ids, species: Ids) -> tuple[Ids, Floats]:
+    """Let the best of each live species take the places of the last chosen of abundant ones."""
+    quota = int(SPECIES_SHARE * chosen.size)
+    best_first = np.lexsort((np.arange(len(ranks)), ranks))
+    live = list(dict.fromkeys(species[best_first].tolist()))
+    floor = 2 if 2 * len(live) <= quota else 1  # two can mate
+    counts = {kind: int((species[chosen] == kind).sum()) for kind in live}
+    arriving: list[int] = []
+    for kind in live[: quota // floor]:
+        absent = [int(one) for one in best_first[species[best_first] == kind] if one not in set(chosen.tolist())]
+        arriving += absent[: max(0, floor - counts[kind])]
+    stays = np.ones(chosen.size, dtype=bool)
+    leaving = len(arriving)
+    for position in range(chosen.size - 1, -1, -1):
+        kind = int(species[chosen[position]])
+        if leaving and counts[kind] > floor:
+            counts[kind] -= 1
+            stays[position] = False
+            leaving -= 1
+    arriving = arriving[: len(arriving) - leaving]
+    return np.concatenate((chosen[stays], np.asarray(arriving, dtype=np.int64))), np.concatenate(
+        (distance[stays], np.zeros(len(arriving)))
+    )
+
+
+class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
+    """MaxiMin as a pymoo survival, for any real-valued pymoo problem and any of its genetic algorithms.
+
+    ``ranges`` (lower, upper), each a number an objective, keeps the population in a box of interest: a long steep tail
+    then does not drag it away. ``infeasible_share`` of the survivors may be infeasible ones near the boundary.
+    ``tolerance`` and ``equality_tolerance`` say what still counts as feasible, one number or one a constraint. A
+    problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (the insertion
+    distance) and CV, which is inf where an objective is not finite or a constraint is NaN.
+    """
+
+    def __init__(
+        self,
+        *,
+        ranges: ArrayLike | None = None,
+        infeasible_share: float = 0.0,
+        tolerance: ArrayLike = TOLERANCE,
+        equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
+    ) -> None:
+        super().__init__(filter_infeasible=False)
+        if not 0.0 <= infeasible_share < 1.0:
+            raise InvalidInput(f"infeasible_share: a share from 0 to below 1 wanted, got {infeasible_share}")
+        self.ranges = None if ranges is None else _checked_ranges(ranges)
+        self.infeasible_share = infeasible_share
+        self.tolerance = tolerance
+        self.equality_tolerance = equality_tolerance
+
+    def _do(self, problem: Any, pop: Any, *args: Any, n_survive: int, **kwargs: Any) -> Any:
+        if self.ranges is not None and self.ranges.shape[1] != problem.n_obj:
+            raise InvalidInput(f"ranges: {problem.n_obj} objectives wanted, got {self.ranges.shape[1]}")
+        F = column(pop, "F")
+        G = column(pop, "G") if problem.n_ieq_constr else None
+        H = column(pop, "H") if problem.n_eq_constr else None
+        violation = violations(F, G, H, tolerance=self.tolerance, equality_tolerance=self.equality_tolerance)
+        species = problem.species(column(pop, "X")) if hasattr(problem, "species") else None
+        kept = survivors(
+            F,
+            violation,
+            n_survive,
+            ranges=self.ranges,
+            infeasible_share=self.infeasible_share,
+            species=species,
+        )
+        for individual, value in zip(pop, violation, strict=True):
+            individual.CV = np.array([value])
+        chosen = pop[kept.index]
+        for individual, rank, distance in zip(chosen, kept.rank.tolist(), kept.distance.tolist(), strict=True):
+            individual.data["rank"], individual.data["crowding"] = rank, distance
+        return Population(chosen)
+
+
+def column(pop: Any, name: str) -> Floats:
+    """Stack one array attribute of pymoo's individuals (X, F, G, H or CV), much faster than ``pop.get``."""
+    return np.array([getattr(individual, name) for individual in pop], dtype=float)
+
+
+def _checked_ranges(ranges: ArrayLike) -> Floats:
+    box = np.asarray(ranges, dtype=float)
+    if box.ndim != 2 or len(box) != 2 or not np.isfinite(box).all() or (box[0] > box[1]).any():
+        raise InvalidInput(f"ranges: finite (lower, upper) with lower <= upper wanted, got {box.tolist()}")
+    return box

@@ -1,0 +1,93 @@
+"""NSGA-II with MaxiMin selection, branch-wise mating and mixed seeding, as a pymoo algorithm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pymoo.algorithms.base.genetic import GeneticAlgorithm
+from pymoo.core.population import Population
+from pymoo.core.sampling import Sampling
+from pymoo.operators.crossover.sbx import SBX
+from pymoo.operators.mutation.pm import PM
+from pymoo.util.display.multi import MultiObjectiveOutput
+
+from paretoik.errors import InvalidInput
+from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
+from paretoik.search.mating import BranchwiseMating
+from paretoik.search.maximin import MaxiMin, column
+from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, check_size, seeded_population
+
+
+class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
+    """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.
+
+    ``pop_size`` at least 4; ``n_offsprings`` a generation, as many if None. ``sampling`` is what the first population
+    starts with, an array of genes or a pymoo Sampling, and is topped up to ``pop_size`` by ``seeded_population``.
+    ``crossover`` (two parents) and ``mutation`` are pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20).
+    The rest is explained at ``MaxiMin``.
+
+    Raises
+    ------
+    InvalidInput
+        A size or bound that cannot be used, by name and value; also a misspelt option of pymoo's ``minimize``.
+    """
+
+    def __init__(
+        self,
+        pop_size: int = 100,
+        *,
+        n_offsprings: int | None = None,
+        sampling: ArrayLike | Sampling | None = None,
+        crossover: Any = None,
+        mutation: Any = None,
+        ranges: ArrayLike | None = None,
+        infeasible_share: float = 0.0,
+        tolerance: ArrayLike = TOLERANCE,
+        equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
+    ) -> None:
+        check_size("pop_size", pop_size, SMALLEST_POPULATION)
+        if n_offsprings is not None:
+            check_size("n_offsprings", n_offsprings, 1)
+        super().__init__(
+            pop_size=int(pop_size),
+            n_offsprings=n_offsprings,
+            survival=MaxiMin(
+                ranges=ranges,
+                infeasible_share=infeasible_share,
+                tolerance=tolerance,
+                equality_tolerance=equality_tolerance,
+            ),
+            mating=BranchwiseMating(
+                SBX(eta=15, prob=0.9) if crossover is None else crossover,
+                PM(eta=20) if mutation is None else mutation,
+                infeasible_parents=infeasible_share > 0.0,
+            ),
+            eliminate_duplicates=False,  # seeding and mating see to it, on arrays
+            output=MultiObjectiveOutput(),
+            advance_after_initial_infill=True,
+        )
+        self.sampling = sampling
+
+    def setup(self, problem: Any, **options: Any) -> Any:
+        """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""
+        check_problem(problem)
+        for name in options:
+            if name not in self.__dict__ and name not in ("verbose", "progress"):
+                raise InvalidInput(f"minimize: one of pymoo's options wanted, got {name!r}")
+        return super().setup(problem, **options)
+
+    def _initialize_infill(self) -> Any:
+        brought = self.sampling
+        if isinstance(brought, Sampling):
+            brought = brought.do(self.problem, self.pop_size, random_state=self.random_state)
+        if isinstance(brought, Population):
+            brought = brought.get("X")
+        return Population.new("X", seeded_population(self.problem, self.pop_size, brought, rng=self.random_state))
+
+    def _set_optimum(self, **kwargs: Any) -> None:
+        violation = column(self.pop, "CV")[:, 0]
+        rank = np.array([individual.data["rank"] for individual in self.pop])
+        front = (violation <= 0.0) & (rank == 0)
+        self.opt = self.pop[front] if front.any() else self.pop[[int(np.argmin(violation))]]

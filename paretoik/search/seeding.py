@@ -1,0 +1,99 @@
+"""The first population: what the user brings, what the problem knows, and chance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from paretoik.arrays import Genes
+from paretoik.errors import InvalidInput
+
+SMALLEST_POPULATION = 4
+ROUNDING = 1e-12  # of a gene's range: what lies outside by no more was meant to lie inside
+
+
+def check_size(name: str, size: int, least: int) -> None:
+    """Raise InvalidInput unless ``size`` is an integer of at least ``least``."""
+    if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < least:
+        raise InvalidInput(f"{name}: an integer of at least {least} wanted, got {size!r}")
+
+
+def check_problem(problem: Any) -> None:
+    """Raise InvalidInput unless the problem has real genes within finite, ordered bounds, and an objective."""
+    check_size("problem.n_var", problem.n_var, 1)
+    check_size("problem.n_obj", problem.n_obj, 1)
+    if getattr(problem, "vars", None) is not None or problem.vtype not in (None, float):
+        raise InvalidInput(f"problem genes: real numbers wanted, got {problem.vtype or 'named variables'}")
+    for name in ("xl", "xu"):
+        bound = getattr(problem, name)
+        if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):
+            found = "none" if bound is None else f"shape {np.shape(bound)}"
+            raise InvalidInput(f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got {found}")
+        for gene in np.flatnonzero(~np.isfinite(bound)):
+            raise InvalidInput(f"problem.{name}[{gene}]: a finite bound wanted, got {bound[gene]}")
+    for gene in np.flatnonzero(problem.xl > problem.xu):
+        raise InvalidInput(
+            f"problem bounds of gene {gene}: xl <= xu wanted, got {problem.xl[gene]} > {problem.xu[gene]}"
+        )
+
+
+def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Genes:
+    """Return genes (points, genes) inside the bounds; only rounding is clipped.
+
+    Raises
+    ------
+    InvalidInput
+        A wrong shape, a NaN, or a gene outside its bounds by more than rounding, with row and gene.
+    """
+    X = np.array(genes, dtype=float, ndmin=2)
+    if X.ndim != 2 or X.shape[1] != problem.n_var:
+        raise InvalidInput(f"{name}: rows of {problem.n_var} genes wanted, got shape {X.shape}")
+    slack = np.maximum(ROUNDING * (problem.xu - problem.xl), 4 * np.spacing(np.maximum(-problem.xl, problem.xu)))
+    inside = (problem.xl - slack <= X) & (problem.xu + slack >= X)  # False for NaN
+    for row, gene in np.argwhere(~inside):
+        raise InvalidInput(
+            f"{name}[{row}]: gene {gene} between {problem.xl[gene]} and {problem.xu[gene]} wanted, got {X[row, gene]}"
+        )
+    return within(problem, X)
+
+
+def within(problem: Any, X: Genes) -> Genes:
+    """Clip genes (points, genes) to the problem's bounds."""
+    clipped: Genes = np.clip(X, problem.xl, problem.xu)
+    return clipped
+
+
+def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Genes:
+    """Make exactly ``size`` rows of genes: ``initial`` first, then the problem's own, then uniform in the bounds.
+
+    ``problem.candidates(n, rng)`` and ``problem.self_motion_samples(n, rng)``, where it has them, each fill up to a
+    third. Equal rows are dropped and replaced; only a box too small for ``size`` different rows leaves copies.
+    """
+    first = np.empty((0, problem.n_var)) if initial is None else checked_genes(problem, initial)
+    if len(first) > size:
+        raise InvalidInput(f"initial: at most {size} rows wanted (the population), got {len(first)}")
+    rows: dict[bytes, Genes] = {}
+    _add(rows, first, size)
+    third = -(-size // 3)
+    for source in ("candidates", "self_motion_samples"):
+        if hasattr(problem, source) and len(rows) < size:
+            offered = getattr(problem, source)(min(third, size - len(rows)), rng)
+            _add(rows, checked_genes(problem, offered, f"problem.{source}"), min(size, len(rows) + third))
+    for _ in range(10):
+        _add(rows, _uniform(problem, size - len(rows), rng), size)
+    spare = _uniform(problem, size - len(rows), rng)
+    return np.concatenate((np.array(list(rows.values())).reshape(-1, problem.n_var), spare))
+
+
+def _uniform(problem: Any, count: int, rng: np.random.Generator) -> Genes:
+    share = rng.random((count, problem.n_var))
+    return within(problem, problem.xl + share * (problem.xu - problem.xl))
+
+
+def _add(rows: dict[bytes, Genes], genes: Genes, most: int) -> None:
+    for row in genes:
+        if len(rows) >= most:
+            return
+        rows.setdefault((row + 0.0).tobytes(), row)  # + 0.0 makes -0.0 and 0.0 equal

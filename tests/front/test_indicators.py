@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from paretoik.errors import InvalidInput
+from paretoik.front.indicators import hypervolume, ideal_and_nadir, non_dominated
+
+GRID = st.integers(0, 5).map(float)
+
+
+def matrices(max_points: int = 12, max_objectives: int = 4):
+    shape = st.tuples(st.integers(0, max_points), st.integers(1, max_objectives))
+    return shape.flatmap(lambda size: arrays(float, size, elements=st.one_of(GRID, st.just(np.nan), st.just(np.inf))))
+
+
+def dominates(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool((a <= b).all() and (a < b).any())
+
+
+@given(matrices())
+def test_non_dominated_agrees_with_the_definition(F):
+    finite = np.isfinite(F).all(axis=1)
+    expected = [
+        bool(finite[i])
+        and not any(finite[j] and dominates(F[j], F[i]) for j in range(len(F)))
+        and not any((F[j] == F[i]).all() for j in range(i))
+        for i in range(len(F))
+    ]
+    assert non_dominated(F).tolist() == expected
+
+
+@given(matrices(max_points=8, max_objectives=3))
+def test_hypervolume_counts_the_unit_cells_that_are_dominated(F):
+    reference = np.full(F.shape[1], 4.0)
+    cells = np.stack(np.meshgrid(*[np.arange(4.0)] * F.shape[1], indexing="ij"), axis=-1).reshape(-1, F.shape[1])
+    finite = F[np.isfinite(F).all(axis=1)]
+    covered = [any((point <= cell).all() for point in finite) for cell in cells]
+    assert hypervolume(F, reference) == pytest.approx(sum(covered), abs=1e-12)
+
+
+@given(matrices(max_objectives=3))
+def test_dominated_points_add_no_hypervolume(F):
+    reference = np.full(F.shape[1], 6.0)
+    assert hypervolume(F[non_dominated(F)], reference) == pytest.approx(hypervolume(F, reference), abs=1e-9)
+
+
+def test_a_tolerance_drops_points_within_that_share_of_the_range_and_keeps_the_first():
+    F = np.array([[0.0, 1.0], [1e-9, 1.0 - 1e-9], [0.5, 0.5], [1.0, 0.0]])
+    assert non_dominated(F).all()
+    assert non_dominated(F, tolerance=1e-7).tolist() == [True, False, True, True]
+
+
+@pytest.mark.parametrize("tolerance", [-1e-9, float("nan"), float("inf")])
+def test_a_tolerance_that_is_no_share_is_refused(tolerance):
+    with pytest.raises(InvalidInput, match="tolerance: wanted a finite number >= 0"):
+        non_dominated(np.zeros((1, 2)), tolerance=tolerance)
+
+
+def test_a_reference_inside_the_front_is_counted_and_refused_when_checked():
+    F = np.array([[0.0, 3.0], [1.0, 1.0], [3.0, 0.0], [np.nan, 0.0]])
+    assert hypervolume(F, [2.0, 2.0]) == 1.0
+    with pytest.raises(InvalidInput, match="2 of 4 points not below it and 1 not finite"):
+        hypervolume(F, [2.0, 2.0], check=True)
+    assert hypervolume(F[:3], [4.0, 4.0], check=True) == pytest.approx(11.0)
+
+
+@pytest.mark.parametrize("reference", [[1.0], [1.0, 2.0, 3.0], [np.nan, 1.0], [np.inf, 1.0]])
+def test_a_reference_that_is_no_point_is_refused(reference):
+    with pytest.raises(InvalidInput, match="wanted 2 finite numbers"):
+        hypervolume(np.zeros((1, 2)), reference)
+
+
+def test_ideal_and_nadir_are_those_of_the_non_dominated_points():
+    ideal, nadir = ideal_and_nadir(np.array([[0.0, 2.0], [1.0, 1.0], [9.0, 9.0], [np.nan, -5.0]]))
+    assert ideal.tolist() == [0.0, 1.0]
+    assert nadir.tolist() == [1.0, 2.0]
+    with pytest.raises(InvalidInput, match="at least one finite point"):
+        ideal_and_nadir(np.full((3, 2), np.nan))

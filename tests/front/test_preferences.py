@@ -1,0 +1,135 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Front
+from paretoik.front.preferences import Weights
+
+LINE = np.linspace(0.1, 1.0, 7)
+
+
+def curve(**changes) -> Front:
+    settings = {
+        "ids": np.arange(7) + 100,
+        "objectives": np.stack([LINE, 1 / LINE], axis=1),
+        "names": ["energy", "torque"],
+        "units": ["J s", "N²m²s"],
+        "maximised": [False, False],
+    }
+    return Front(**(settings | changes))
+
+
+@given(st.floats(0, 1e308), st.floats(0, 1e308))
+def test_the_least_weighted_sum_of_shares_wins(energy, torque):
+    if energy == torque == 0:
+        return
+    front = curve()
+    z = (front.objectives - front.objectives.min(0)) / np.ptp(front.objectives, axis=0)
+    w = np.array([energy, torque]) / max(energy, torque)
+    g = z @ (w / w.sum())
+    choice = front.select(Weights(energy=energy, torque=torque))
+    assert g[choice.index] <= g.min() + 1e-12
+    assert choice.id == front.ids[choice.index]
+    assert (choice.objectives == front.objectives[choice.index]).all()
+
+
+@given(st.floats(0.01, 100), st.floats(0.01, 100), st.floats(-1e3, 1e3), st.floats(0.01, 1.0))
+def test_neither_units_nor_the_sum_of_the_weights_matter(scale, factor, offset, weight):
+    front = curve()
+    other = curve(objectives=front.objectives * [scale, 1.0] + [0.0, offset])
+    weights = {"energy": weight, "torque": 1.0}
+    chosen = front.shares @ [weight, 1.0]
+    if np.diff(np.sort(chosen)[:2]) < 1e-9:
+        return
+    assert front.select(Weights(weights)).id == other.select(Weights({k: factor * w for k, w in weights.items()})).id
+
+
+def test_a_weight_on_one_objective_takes_its_best_point():
+    assert curve().select(Weights(energy=1.0)).id == 100
+    assert curve().select(Weights(torque=2.0)).id == 106
+
+
+def test_a_maximised_objective_is_weighed_towards_its_most():
+    front = curve(objectives=np.stack([LINE, LINE**2], axis=1), maximised=[False, True])
+    assert front.select(Weights(torque=1.0)).id == 106
+    assert front.select(Weights(energy=1.0)).id == 100
+
+
+def test_shares_are_taken_of_the_stored_range_and_not_of_the_front():
+    near = curve(ranges=np.array([[0.0, 1.0], [0.0, 10.0]]))
+    far = curve(ranges=np.array([[0.0, 1.0], [0.0, 1e6]]))
+    assert far.select(Weights(energy=0.5, torque=0.5)).id == 100
+    assert near.select(Weights(energy=0.5, torque=0.5)).id > 100
+
+
+def test_ties_go_to_the_lower_id():
+    front = curve(
+        ids=np.array([9, 5, 7]),
+        objectives=np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]),
+    )
+    assert front.select(Weights(energy=1.0, torque=1.0)).id == 5
+    assert front.select(Weights(torque=1.0)).id == 7
+
+
+def test_identical_points_are_chosen_by_id_and_said_to_be_equal():
+    front = curve(ids=np.array([8, 3]), objectives=np.array([[1.0, 1.0], [1.0, 1.0]]))
+    choice = front.select(Weights(energy=1.0))
+    assert choice.id == 3
+    assert "the same at every point" in choice.reason
+    assert "point 8, equal in every objective" in choice.reason
+
+
+def test_a_front_of_one_point_yields_it():
+    choice = curve(ids=np.array([4]), objectives=np.array([[1.0, 2.0]])).select(Weights(torque=0.2))
+    assert choice.id == 4
+    assert choice.reason.endswith("It is the only point of the front.")
+
+
+def test_an_objective_without_range_counts_nothing():
+    front = curve(
+        objectives=np.stack([LINE, 1 / LINE, np.full(7, 3.0)], axis=1),
+        names=["energy", "torque", "constant"],
+        units=["", "", ""],
+        maximised=[False] * 3,
+    )
+    assert front.select(Weights(energy=1e-3, constant=1e3)).id == 100
+
+
+def test_the_reason_says_what_was_weighed_where_the_point_stands_and_what_the_next_one_costs():
+    front = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [2.0, 1.0], [5.0, 0.0]]))
+    assert front.select(Weights(energy=3, torque=1)).reason == (
+        "point 2 of 3 has the least weighted sum (energy 75%, torque 25%): "
+        "energy 2 J s, 25% of the range from the best; torque 1 N²m²s, 25% of the range from the best. "
+        "The nearest alternative is point 1: it gains energy 1 J s and costs torque 3 N²m²s."
+    ) or pytest.fail("the reason reads differently")
+
+
+def test_the_choice_carries_its_motion(front):
+    choice = front.select(Weights(energy=1.0))
+    assert (choice.motion.q == front.motions.q[choice.index]).all()
+
+
+@pytest.mark.parametrize("weight", [-1.0, -1e-300, float("nan"), float("inf"), "1", None])
+def test_a_weight_that_is_no_number_from_zero_up_is_refused(weight):
+    with pytest.raises(InvalidInput, match="wanted a finite number >= 0 for energy"):
+        Weights(energy=weight)
+
+
+@pytest.mark.parametrize("weights", [{}, {"energy": 0.0}, {"energy": 0.0, "torque": 0}])
+def test_weights_of_which_none_is_positive_are_refused(weights):
+    with pytest.raises(InvalidInput, match="at least one above zero"):
+        Weights(weights)
+
+
+def test_an_unknown_name_is_refused_with_the_valid_ones():
+    with pytest.raises(InvalidInput, match="wanted names among energy, torque, got 'enrgy'"):
+        curve().select(Weights(enrgy=1.0))
+
+
+def test_a_name_given_twice_is_refused():
+    with pytest.raises(InvalidInput, match="got energy twice"):
+        Weights({"energy": 1.0}, energy=2.0)

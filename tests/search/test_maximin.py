@@ -1,0 +1,255 @@
+"""MaxiMin selection: laws, brute force, and its manners towards bad points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from moocore import pareto_rank
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.optimize import minimize
+from pymoo.problems import get_problem
+
+from paretoik.errors import InvalidInput
+from paretoik.search import MaxiMin, survivors
+from paretoik.search.insertion import front_order, greedy_order, nearest_squared, scaled, starting_points
+from tests.search.problems import Parabolas
+
+
+def brute_force(Z, count, nearest, starts):
+    """The definition, point by point: farthest from all selected, the first of equals."""
+    order, distance = [], []
+    for step in range(count):
+        best, chosen = -1.0, -1
+        for one in range(len(Z)):
+            if one in order:
+                continue
+            value = nearest[one]
+            for other in order:
+                squares = [(a - b) ** 2 for a, b in zip(Z[one], Z[other], strict=True)]
+                total = squares[0]
+                for square in squares[1:]:
+                    total += square
+                value = min(value, total)
+            if value > best:
+                best, chosen = value, one
+        if step < len(starts):
+            best, chosen = np.inf, starts[step]
+        order.append(chosen)
+        distance.append(best)
+    return np.array(order, dtype=int), np.array(distance)
+
+
+def objectives(n_obj, most=14):
+    ties = st.integers(0, 6).map(float)
+    smooth = st.floats(-1e3, 1e3, width=32)
+    return st.one_of(ties, smooth).flatmap(
+        lambda _: st.sampled_from([ties, smooth]).flatmap(
+            lambda values: hnp.arrays(float, st.tuples(st.integers(1, most), st.just(n_obj)), elements=values)
+        )
+    )
+
+
+def one_rank(F, data):
+    """A rank of F, normalised, with what was selected before it."""
+    ranks = pareto_rank(F)
+    rank = data.draw(st.integers(0, int(ranks.max())))
+    first = F[ranks == 0]
+    Z = scaled(F, first.min(axis=0), first.max(axis=0))
+    nearest = nearest_squared(Z[ranks == rank], Z[ranks < rank])
+    Z = Z[ranks == rank]
+    starts = starting_points(Z) if rank == 0 else []
+    count = data.draw(st.integers(1, len(Z)))
+    return Z, count, nearest, starts[:count]
+
+
+@settings(max_examples=150, deadline=None)
+@given(objectives(2), st.data())
+def test_the_fast_two_objective_selection_equals_brute_force_bit_for_bit(F, data):
+    problem = one_rank(F, data)
+    for found, expected in zip(front_order(*problem), brute_force(*problem), strict=True):
+        assert np.array_equal(found, expected)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(1, 4).flatmap(objectives), st.data())
+def test_the_greedy_selection_equals_brute_force_bit_for_bit(F, data):
+    problem = one_rank(F, data)
+    for found, expected in zip(greedy_order(*problem), brute_force(*problem), strict=True):
+        assert np.array_equal(found, expected)
+
+
+@pytest.mark.parametrize("tail", [0.0, 1.0])
+@pytest.mark.parametrize("count", [1, 2, 3, 150, 299, 300])
+def test_fast_and_greedy_selection_agree_on_large_fronts_and_geometric_tails(count, tail):
+    rng = np.random.default_rng(3)
+    x = 2.0 ** -rng.permutation(300) if tail else np.round(rng.random(300), 2)
+    Z = np.column_stack((x, 1.0 - x))
+    nearest = np.full(300, np.inf)
+    starts = starting_points(Z)[:count]
+    for found, expected in zip(
+        front_order(Z, count, nearest, starts), greedy_order(Z, count, nearest, starts), strict=True
+    ):
+        assert np.array_equal(found, expected)
+
+
+def test_distances_without_the_matrix_are_the_same(monkeypatch):
+    Z = np.random.default_rng(0).random((40, 3))
+    with_matrix = greedy_order(Z, 40, np.full(40, np.inf))
+    monkeypatch.setattr("paretoik.search.insertion.MATRIX_LIMIT", 10)
+    without = greedy_order(Z, 40, np.full(40, np.inf))
+    assert np.array_equal(with_matrix[0], without[0])
+    assert np.array_equal(with_matrix[1], without[1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 4).flatmap(objectives), st.data())
+def test_better_ranks_come_first_and_each_point_once(F, data):
+    count = data.draw(st.integers(1, len(F)))
+    kept = survivors(F, np.zeros(len(F)), count)
+    assert len(np.unique(kept.index)) == count
+    assert (np.diff(kept.rank) >= 0).all()
+    assert kept.rank.max() == np.sort(pareto_rank(F))[count - 1]
+    assert not np.isnan(kept.distance).any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(objectives(2), st.integers(1, 20), st.integers(-20, 20))
+def test_selection_does_not_depend_on_units(F, scale, shift):
+    F = np.round(F)
+    count = max(1, len(F) // 2)
+    kept = survivors(F, np.zeros(len(F)), count)
+    other = survivors((F + shift) * 2.0**scale, np.zeros(len(F)), count)  # integers and powers of two keep every bit
+    assert np.array_equal(kept.index, other.index)
+    assert np.array_equal(kept.distance, other.distance)
+
+
+def test_two_objectives_start_from_both_ends():
+    F = np.array([[0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [0.4, 0.6]])
+    kept = survivors(F, np.zeros(4), 3)
+    assert kept.index.tolist() == [1, 2, 0]
+    assert kept.distance[:2].tolist() == [np.inf, np.inf]
+
+
+def test_three_objectives_start_from_the_corners_and_not_from_their_neighbours():
+    corners = np.eye(3)
+    near = np.array([[0.999, 0.02, 0.0], [0.0, 0.999, 0.02], [0.02, 0.0, 0.999]])
+    kept = survivors(np.concatenate((near, corners)), np.zeros(6), 3)
+    assert sorted(kept.index.tolist()) == [3, 4, 5]
+
+
+def test_an_axis_without_range_counts_nothing():
+    x = np.linspace(0, 1, 9)
+    F = np.column_stack((x, 1 - x, np.full(9, 7.0)))
+    kept = survivors(F, np.zeros(9), 5)
+    assert np.allclose(np.sort(F[kept.index, 0]), [0, 0.25, 0.5, 0.75, 1])
+
+
+def test_equal_points_are_taken_lowest_index_first():
+    kept = survivors(np.ones((6, 2)), np.zeros(6), 4)
+    assert kept.index.tolist() == [0, 1, 2, 3]
+
+
+def test_a_box_of_interest_keeps_the_population_out_of_a_steep_tail():
+    x = np.concatenate((np.geomspace(1e-4, 0.1, 100), np.linspace(0.1, 1, 100)[1:]))
+    F = np.column_stack((x, 1 / x))
+    box = np.array([[0.0, 0.0], [1.0, 10.0]])
+    free = survivors(F, np.zeros(len(F)), 50)
+    boxed = survivors(F, np.zeros(len(F)), 50, ranges=box)
+    assert (F[boxed.index, 1] <= 10.0).all()
+    assert (F[free.index, 1] <= 10.0).sum() < 30
+    everyone = survivors(F, np.zeros(len(F)), 150, ranges=box)
+    assert len(np.unique(everyone.index)) == 150
+
+
+def test_points_that_are_not_finite_come_last_and_do_not_touch_the_ranges():
+    x = np.linspace(0, 1, 12)
+    F = np.column_stack((x, 1 - x))
+    bad = np.array([[np.nan, 0.0], [-np.inf, 0.0], [np.inf, np.inf]])
+    violation = np.concatenate(([np.inf], np.zeros(6), [np.inf], np.zeros(6), [np.inf]))
+    mixed = np.concatenate((bad[:1], F[:6], bad[1:2], F[6:], bad[2:]))
+    kept = survivors(mixed, violation, 14)
+    assert np.isfinite(mixed[kept.index[:12]]).all()
+    alone = survivors(F, np.zeros(12), 12)
+    assert np.array_equal(mixed[kept.index[:12]], F[alone.index])
+    assert np.array_equal(kept.distance[:12], alone.distance)
+
+
+def test_infeasible_points_follow_by_violation():
+    F = np.random.default_rng(1).random((6, 2))
+    violation = np.array([0.3, 0.0, np.inf, 0.1, 0.2, 0.0])
+    assert survivors(F, violation, 5).index[2:].tolist() == [3, 4, 0]
+    assert survivors(F, np.array([0.3, 0.2, 0.1, np.inf, 0.5, 0.4]), 3).index.tolist() == [2, 1, 0]
+
+
+def test_a_share_of_infeasible_points_that_no_feasible_one_dominates_may_stay():
+    x = np.linspace(0, 1, 20)
+    feasible = np.column_stack((x, 1 - x))
+    beyond = np.array([[0.2, 0.2], [0.9, 0.9], [0.1, 0.1]])
+    F = np.concatenate((feasible, beyond))
+    violation = np.concatenate((np.zeros(20), [0.2, 0.1, 0.3]))
+    assert survivors(F, violation, 20).index.max() < 20
+    kept = survivors(F, violation, 20, infeasible_share=0.1)
+    assert kept.index[-2:].tolist() == [20, 22]
+    assert (kept.rank[-2:] > 0).all()
+
+
+def test_each_live_species_keeps_its_best_within_a_fifth():
+    x = np.linspace(0, 1, 60)
+    front = np.column_stack((x, 1 - x))
+    F = np.concatenate((front, front[:9] + 5.0, front[:3] + 9.0))
+    species = np.concatenate((np.zeros(60, int), np.repeat([1, 2, 3], 3), np.full(3, 4)))
+    violation = np.zeros(len(F))
+    violation[-3:] = 1.0  # species 4 has no feasible member: not live
+    kept = survivors(F, violation, 50, species=species)
+    assert len(np.unique(kept.index)) == 50
+    assert np.bincount(species[kept.index], minlength=5).tolist() == [44, 2, 2, 2, 0]
+    crowded = survivors(F[:60], np.zeros(60), 20, species=np.arange(60) % 30)
+    assert len(np.unique(crowded.index)) == 20
+
+
+def test_it_is_a_survival_for_pymoos_own_algorithms():
+    problem = Parabolas()
+    spread = minimize(problem, NSGA2(pop_size=40, survival=MaxiMin()), ("n_gen", 60), seed=1).F
+    crowded = minimize(problem, NSGA2(pop_size=40), ("n_gen", 60), seed=1).F
+
+    def unevenness(F):
+        gaps = np.linalg.norm(np.diff(F[np.argsort(F[:, 0])], axis=0), axis=1)
+        return gaps.std() / gaps.mean()
+
+    assert len(spread) == 40
+    assert unevenness(spread) < 0.7 * unevenness(crowded)
+
+
+def test_several_objectives_are_covered_better_than_by_crowding():
+    from moocore import hypervolume
+
+    problem = get_problem("dtlz2", n_var=14, n_obj=5)
+    reference = np.full(5, 1.1)
+    ours = minimize(problem, NSGA2(pop_size=60, survival=MaxiMin()), ("n_gen", 60), seed=1).F
+    theirs = minimize(problem, NSGA2(pop_size=60), ("n_gen", 60), seed=1).F
+    assert hypervolume(ours, ref=reference) > 1.3 * hypervolume(theirs, ref=reference)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"infeasible_share": 1.0}, "infeasible_share: .* got 1.0"),
+        ({"infeasible_share": np.nan}, "infeasible_share: .* got nan"),
+        ({"ranges": [[0, 0], [1, np.nan]]}, "ranges: .*nan"),
+        ({"ranges": [[0, 2], [1, 1]]}, "ranges: .*lower <= upper"),
+        ({"ranges": [0, 1]}, "ranges: "),
+    ],
+)
+def test_settings_that_cannot_be_used_are_refused_by_name_and_value(settings, message):
+    with pytest.raises(InvalidInput, match=message):
+        MaxiMin(**settings)
+
+
+def test_a_box_for_another_number_of_objectives_is_refused():
+    with pytest.raises(InvalidInput, match="ranges: 2 objectives wanted, got 3"):
+        minimize(
+            get_problem("zdt1"), NSGA2(pop_size=10, survival=MaxiMin(ranges=[[0] * 3, [1] * 3])), ("n_gen", 2), seed=1
+        )
