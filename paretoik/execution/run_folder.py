@@ -44,7 +44,8 @@ def claimed(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
         foreign = _foreign_entry(place)
         if foreign is not None:
             raise InvalidInput(f"{place}: wanted a new folder, an empty one or a run, got one that holds {foreign}")
-        lock = (place / LOCK).open("a+b")
+        # Opened by hand because a link in its place must not be followed: its target would be emptied.
+        lock = os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
     except OSError as fault:
         raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
     with lock:

@@ -99,8 +99,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             differences=differences,
         )
         self._seeds = candidates(self.task, ROLL_OUTS, np.random.default_rng(seed))
-        chosen = self._chosen(self._seeds, bases)
-        self.encoding = encoding(self.task, self._seeds[chosen], coefficients)
+        self._ranked = self._by_merit(self._seeds)
+        chosen = self._chosen(self._seeds[self._ranked], bases)
+        self.encoding = encoding(self.task, self._seeds[self._ranked][chosen], coefficients)
         size = self.encoding.redundancy * coefficients
         super().__init__(
             n_var=1 + size,
@@ -167,9 +168,8 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return best
 
     def candidates(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of up to ``count`` roll-outs, as near as the spline comes to them."""
-        picked = rng.permutation(len(self._seeds))[:count]
-        genes, _ = self.encode(self.task.motion(self._seeds[picked]))
+        """Return genes of the ``count`` best roll-outs, of all branches in turn, as near as the spline comes to them."""
+        genes, _ = self.encode(self.task.motion(self._seeds[self._ranked[:count]]))
         genes[:, 1:] = np.clip(genes[:, 1:], -1, 1)
         return genes
 
@@ -180,6 +180,13 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.encoding.coefficients)
         wave = 0.3 * np.where(np.arange(count) < self.encoding.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
         return np.concatenate([which[:, None] + 0.5, np.clip(wave, -1, 1)], axis=1)
+
+    def fingerprint_parts(self) -> list[object]:
+        """Return what makes genes mean what they mean: the charts, the task, the objectives and the limits."""
+        task, chart = self.task, self.encoding.charts
+        parts: list[object] = [chart.base, self.encoding.radius, self.encoding.spline, task.targets, task.times]
+        parts += [task.arm.joint_names, task.differences, task.cyclic, self.names, self.maximised, task.limit_names]
+        return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
@@ -225,24 +232,23 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         wrong = ~np.isfinite(row)
         return f"objective {self.names[int(np.argmax(wrong))]} is {row[wrong][0]}" if wrong.any() else ""
 
-    def _chosen(self, motions: Float[np.ndarray, "found time dof"], most: int) -> Int[np.ndarray, " bases"]:
-        """Return which roll-outs become bases: of every branch in turn the best, then the one farthest from those taken."""
+    def _by_merit(self, motions: Float[np.ndarray, "found time dof"]) -> Int[np.ndarray, " found"]:
+        """Return the order of roll-outs: by violation of the limits, then by non-domination, best first."""
         F, limits, _ = self._scores(self.task.motion(motions))
-        violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1)
-        spread = np.maximum(np.nanmedian(F, axis=0) - np.nanmin(F, axis=0), 1e-300)
-        merit = 10 * violation + np.nan_to_num((F - np.nanmin(F, axis=0)) / spread, nan=1e3).min(axis=1)
-        branch = np.array(labels(self.task.motion(motions)))
-        order = sorted(set(branch), key=lambda name: float(merit[branch == name].min()))
-        good = {name: np.flatnonzero(branch == name)[np.argsort(merit[branch == name])] for name in order}
-        taken = [int(good[name][0]) for name in order][:most]
-        while len(taken) < min(most, len(motions)):
-            for name in order:
-                pool = good[name][: max(1, len(good[name]) // 2)]
-                pool = pool[~np.isin(pool, taken)]
-                if len(pool) and len(taken) < most:
-                    taken.append(int(pool[np.argmax(self._distance(motions[pool], motions[taken]))]))
-            if all(np.isin(good[name][: max(1, len(good[name]) // 2)], taken).all() for name in order):
-                break
+        violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
+        finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
+        rank = np.sum(np.all(finite[None] <= finite[:, None], axis=-1), axis=1)
+        return np.lexsort((rank, violation))
+
+    def _chosen(self, ranked: Float[np.ndarray, "found time dof"], most: int) -> Int[np.ndarray, " bases"]:
+        """Return which roll-outs become bases: the best of every branch, then the farthest of the better halves."""
+        branch = np.array(labels(self.task.motion(ranked)))
+        members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
+        taken = [int(rows[0]) for rows in members][:most]
+        pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
+        while len(taken) < min(most, len(pool)):
+            apart = self._distance(ranked[pool], ranked[taken])
+            taken.append(int(pool[np.argmax(apart)]))
         return np.array(taken)
 
     def _distance(self, motions: np.ndarray, taken: np.ndarray) -> np.ndarray:

@@ -1,1 +1,7 @@
 """What comes out: the front, how good it is, what a user prefers of it, and how it is kept."""
+
+from paretoik.front.front import Choice, Front, Preference
+from paretoik.front.indicators import hypervolume, ideal_and_nadir, non_dominated
+from paretoik.front.preferences import Weights
+
+__all__ = ["Choice", "Front", "Preference", "Weights", "hypervolume", "ideal_and_nadir", "non_dominated"]

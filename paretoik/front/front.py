@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,7 @@ class Choice:
     motion: Any = None
 
 
+@runtime_checkable
 class Preference(Protocol):
     """What a user wants, able to choose one point of a front that has at least one."""
 
@@ -155,7 +156,7 @@ class Front:
         return load(Path(folder), build_motions=motions)
 
 
-def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: Objectives) -> None:
+def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: np.ndarray) -> None:
     if objectives.ndim != 2 or objectives.shape[1] == 0:
         raise InvalidInput(f"front objectives: wanted an array (points, n_obj), got shape {objectives.shape}")
     if not np.isfinite(objectives).all():
@@ -180,7 +181,7 @@ def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence
             raise InvalidInput(f"front units: wanted printable text, got {unit!r}")
 
 
-def _checked_ids(given: Ids, points: int) -> Ids:
+def _checked_ids(given: np.ndarray, points: int) -> Ids:
     ids = np.asarray(given)
     if ids.size == 0:
         ids = ids.astype(np.int64)
@@ -211,7 +212,7 @@ def _motions_in_order(motions: JointMotions | None, order: np.ndarray) -> Any:
     return motions if (order == np.arange(len(order))).all() else motions[order]
 
 
-def _checked_ranges(given: Ranges, objectives: Objectives) -> Ranges:
+def _checked_ranges(given: np.ndarray, objectives: Objectives) -> Ranges:
     n_obj = objectives.shape[1]
     ranges = np.array(given, dtype=float)
     if ranges.size == 0:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paretoik.arrays import Ids, Mask, Objectives, Values
+from paretoik.arrays import Mask, Objectives, Values
 from paretoik.errors import InvalidInput
 
 
@@ -76,10 +76,10 @@ def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
     return front.min(axis=0), front.max(axis=0)
 
 
-def _first_of_each(F: Objectives, kept: Ids, tolerance: float) -> Ids:
+def _first_of_each(F: Objectives, kept: np.ndarray, tolerance: float) -> np.ndarray:
     """Return the indices `kept` without those that repeat an earlier one within `tolerance` of the range."""
     if tolerance == 0.0:
-        first: Ids = kept[np.unique(F[kept], axis=0, return_index=True)[1]]
+        first: np.ndarray = kept[np.unique(F[kept], axis=0, return_index=True)[1]]
         return first
     near = tolerance * np.ptp(F[kept], axis=0)
     chosen: list[int] = []

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 
+@runtime_checkable
 class NamedJoints(Protocol):
     """Whatever says how the joints are called, in the order of the columns of q."""
 
@@ -17,6 +18,7 @@ class NamedJoints(Protocol):
         """One name a joint."""
 
 
+@runtime_checkable
 class JointMotions(Protocol):
     """A batch of joint motions: ``time`` (points, time) in s, ``q`` (points, time, dof) in rad or m."""
 

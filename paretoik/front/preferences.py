@@ -88,14 +88,14 @@ def _reason(front: Front, index: int, weights: Values) -> str:
         for axis, (share, (low, high)) in enumerate(zip(front.shares[index], front.ranges, strict=True))
     )
     return (
-        f"point {front.ids[index]} of {len(front)} has the least weighted sum ({weighed}): {stands}. "
+        f"Of {len(front)} points point {front.ids[index]} has the least weighted sum ({weighed}): {stands}. "
         + _nearest_alternative(front, index)
     )
 
 
 def _nearest_alternative(front: Front, index: int) -> str:
     if len(front) == 1:
-        return "It is the only point of the front."
+        return "There is no alternative."
     distance = np.linalg.norm(front.shares - front.shares[index], axis=1)
     distance[index] = np.inf
     other = least(distance, front)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,5 +54,7 @@ class Recorder:
             step()
         except Exception as fault:  # a view may fail in any way; the run that it looks at must not
             self._working = False
+            with suppress(Exception):
+                self._recording.close()
             cause = (str(fault).splitlines() or [type(fault).__name__])[0]
             warnings.warn(f"{self._file}: recording stopped, the run goes on: {cause}", RuntimeWarning, stacklevel=3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,30 +83,27 @@ class Recording:
             motion = MotionScene(motion=choice.motion, title=f"motion of point {choice.id}")
         stream.send_blueprint(self._blueprint(canvases, charts, motion))
         scene.log_axes(stream, canvases, static=True)
-        for generation in self._generations:
+        for generation in self._generations[:-1]:
             stream.set_time("generation", sequence=generation.number)
             scene.log_generation(stream, generation, canvases)
+        # The end of the search stands on both timelines, so that whichever is played shows it.
         last = self._generations[-1].number if self._generations else 0
-        self._log_end(front, choice, canvases, last)
+        stream.set_time("generation", sequence=last)
+        stream.set_time("motion", duration=0.0)
+        if self._generations:
+            end = replace(self._generations[-1], front=front.objectives, front_ids=front.ids)
+            scene.log_generation(stream, end, canvases, named=True)
+        else:
+            scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
+        if choice is not None:
+            chosen = np.array([choice.id])
+            scene.log_points(stream, "chosen", choice.objectives[None], canvases, ids=chosen, named=True)
         for chart in charts:
             chart.log(stream)
             chart.send_cursor(stream, [rr.TimeColumn("generation", sequence=chart.instants.astype(int))])
             chart.send_cursor(stream, [rr.TimeColumn("motion", duration=[0.0])], chart.instants[-1:])
         if motion is not None:
             motion.log(stream, generation=last)
-
-    def _log_end(self, front: Front, choice: Choice | None, canvases: Sequence[Canvas], last: int) -> None:
-        """Let the end of the search stand on both timelines, so that whichever is played shows it."""
-        stream, scene = self._stream, self._scene
-        stream.reset_time()
-        stream.set_time("motion", duration=0.0)
-        if self._generations:
-            scene.log_generation(stream, self._generations[-1], canvases)
-        stream.set_time("generation", sequence=last)
-        scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
-        if choice is not None:
-            chosen = np.array([choice.id])
-            scene.log_points(stream, "chosen", choice.objectives[None], canvases, ids=chosen, named=True)
 
     def _blueprint(
         self, canvases: Sequence[Canvas], charts: Sequence[Chart] = (), motion: MotionScene | None = None

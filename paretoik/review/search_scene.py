@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import rerun as rr
@@ -18,6 +19,13 @@ POPULATION: Colour = (125, 150, 185, 190)
 FRONT: Colour = (255, 178, 62, 255)
 CHOSEN: Colour = (70, 225, 190, 255)
 FAILED: Colour = (225, 95, 95, 255)
+
+Layer = Literal["population", "front", "chosen"]
+LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
+    "population": (POPULATION, 2.2, 1.0),
+    "front": (FRONT, 3.2, 2.0),
+    "chosen": (CHOSEN, 6.5, 3.0),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +58,7 @@ class SearchScene:
 
     def suits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
         """Say whether `shown` can be drawn on `canvases` as they are."""
-        return len(canvases) == len(self.pairs) and all(
-            canvas.suits(shown[:, list(pair)]) for pair, canvas in zip(self.pairs, canvases, strict=True)
-        )
+        return bool(canvases) and all(canvas.suits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
     @property
     def columns(self) -> int:
@@ -68,7 +74,7 @@ class SearchScene:
                 visual_bounds=canvas.bounds(),
                 background=BACKGROUND,
             )
-            for pair, canvas in zip(self.pairs, canvases, strict=True)
+            for pair, canvas in self._panels(canvases)
         ]
 
     def series_views(self) -> list[rrb.View]:
@@ -113,13 +119,15 @@ class SearchScene:
 
     def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
         """Draw the axes of every panel, for good or for the current generation."""
-        for pair, canvas in zip(self.pairs, canvases, strict=True):
+        for pair, canvas in self._panels(canvases):
             canvas.log(recording, rr.new_entity_path(self._panel(pair)), static=static)
 
-    def log_generation(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
-        """Draw `generation` at the current time, and keep its numbers exactly beside the drawing."""
-        self.log_points(recording, "population", generation.population, canvases, ids=None)
-        self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids)
+    def log_generation(
+        self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas], *, named: bool = False
+    ) -> None:
+        """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
+        self.log_points(recording, "population", generation.population, canvases)
+        self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids, named=named)
         recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
         recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
         if len(generation.front):
@@ -129,18 +137,17 @@ class SearchScene:
     def log_points(
         self,
         recording: rr.RecordingStream,
-        layer: str,
+        layer: Layer,
         F: Objectives,
         canvases: Sequence[Canvas],
         *,
-        ids: Ids | None,
+        ids: Ids | None = None,
         named: bool = False,
     ) -> None:
-        """Draw points as a layer of every panel; those outside a window are left to the exact numbers."""
-        colour, radius, order = _LAYERS[layer]
-        for pair, canvas in zip(self.pairs, canvases, strict=True):
+        """Draw points as a layer of every panel; those outside a window are left to the exact numbers beside it."""
+        colour, radius, order = LAYERS[layer]
+        for pair, canvas in self._panels(canvases):
             pairwise = F[:, list(pair)]
-            # A comparison with NaN is false, so failed points are not drawn.
             seen = canvas.shows(pairwise)
             points = rr.Points2D(
                 canvas.place(pairwise[seen]),
@@ -151,8 +158,12 @@ class SearchScene:
                 draw_order=order,
             )
             recording.log([*self._panel(pair), layer], points)
-        exact = rr.AnyValues(F=F.ravel(), n_obj=F.shape[1])
-        recording.log(f"search/{layer}", exact if ids is None else rr.AnyValues(F=F.ravel(), n_obj=F.shape[1], ids=ids))
+        numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
+        recording.log(f"search/{layer}", rr.AnyValues(**numbers if ids is None else numbers | {"ids": ids}))
+
+    def _panels(self, canvases: Sequence[Canvas]) -> list[tuple[tuple[int, int], Canvas]]:
+        """Return each pair with its canvas; before there is a finite point there are none."""
+        return list(zip(self.pairs, canvases, strict=True)) if canvases else []
 
     def _panel(self, pair: tuple[int, int]) -> list[str]:
         return ["front", f"{self.names[pair[0]]} - {self.names[pair[1]]}"]
@@ -177,13 +188,6 @@ class SearchScene:
     def _label(self, axis: int) -> str:
         unit = f" [{self.units[axis]}]" if self.units[axis] else ""
         return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
-
-
-_LAYERS: dict[str, tuple[Colour, float, float]] = {
-    "population": (POPULATION, 2.2, 1.0),
-    "front": (FRONT, 3.2, 2.0),
-    "chosen": (CHOSEN, 6.5, 3.0),
-}
 
 
 def replay_window(generations: Sequence[Generation], front: Objectives) -> Objectives:

@@ -117,7 +117,7 @@ class Arm:
             joint_types=_revolute(count),
             placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in before),
             bodies=tuple(
-                Body(mass=m, center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
+                Body(mass=float(m), center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
                 for m, c, j in zip(mass, center, inertia, strict=True)
             ),
             tool=Pose(np.array([length[-1], 0.0, 0.0])),
@@ -342,6 +342,8 @@ def _numbers(what: str, values: object, count: int | None, *, positive: bool = F
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
         wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one a joint"
         raise InvalidInput(f"{what} wants {wish}, got {values!r}")
+    if len(array) == 0:
+        raise InvalidInput(f"{what} wants at least one moving joint's value, got none")
     if positive and np.any(array <= 0):
         raise InvalidInput(f"{what} wants positive numbers, got {values!r}")
     return array

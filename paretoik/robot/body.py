@@ -11,6 +11,8 @@ from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
 
+DUST = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
@@ -61,7 +63,9 @@ class Body:
 
 def inertia_fault(inertia: Matrix3) -> str | None:
     """Return what keeps a tensor from being a real body's inertia, or None."""
-    size = max(float(np.abs(inertia).max()), 1e-300)
+    size = float(np.abs(inertia).max())
+    if size < DUST:
+        return None
     if np.abs(inertia - inertia.T).max() > 1e-9 * size:
         return "inertia must be symmetric"
     principal = np.linalg.eigvalsh(inertia)

@@ -13,7 +13,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.components import Component, Rows, Triple, rows, triple
 from paretoik.robot.pose import Pose
 
-BLOCK = 8192  # samples: enough to drown the cost of a call, few enough to stay in the cache
+BLOCK = 6144  # samples: enough to drown the cost of a call; at 48 KB a column, memory is reused, not mapped anew
 DUST = 1e-15  # entries this close to 0 or ±1 are the rounding of right angles
 
 
@@ -21,8 +21,8 @@ DUST = 1e-15  # entries this close to 0 or ±1 are the rounding of right angles
 class Link:
     """Constants of one joint and the link it moves, as components.
 
-    ``mass``, first ``moment`` and ``second`` moments ∫ r rᵀ dm, taken about the link's origin, are what is left of the link
-    after ``_shared_out``: equal in every motion, but mostly zero.
+    ``mass``, first ``moment``, ``second`` moments ∫ r rᵀ dm and ``inertia``, all about the link's origin, are what is
+    left of the link after ``_shared_out``: the same in every motion, but mostly zero.
     """
 
     prismatic: bool

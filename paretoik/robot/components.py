@@ -21,14 +21,15 @@ ZERO: Triple = (0.0, 0.0, 0.0)
 
 def times(a: Component, b: Component) -> Component:
     """Return a·b, folded where one of them is the number 0, 1 or −1."""
-    for x, y in ((a, b), (b, a)):
-        if not isinstance(x, np.ndarray):
-            if x == 0.0:
-                return 0.0
-            if x == 1.0:
-                return y
-            if x == -1.0:
-                return -y
+    if not isinstance(a, np.ndarray):
+        a, b = b, a
+    if not isinstance(b, np.ndarray):
+        if b == 0.0:
+            return 0.0
+        if b == 1.0:
+            return a
+        if b == -1.0:
+            return -a
     return a * b
 
 

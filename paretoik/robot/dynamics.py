@@ -42,7 +42,8 @@ def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
 
     def kernel(q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]) -> list[Component]:
         known = constants(arm)
-        return _newton_euler(known, q, sines(known.links, q), dq, ddq, scale(known.gravity, -1.0))
+        pull = scale(known.gravity, -1.0)
+        return _newton_euler(known, q, _turns(known, q, pull), dq, ddq, pull)
 
     return in_blocks(kernel, arm, (arm.dof,), q, dq, ddq)
 
@@ -56,7 +57,7 @@ def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
 
     def kernel(q: Sequence[Component]) -> list[Component]:
         known = constants(arm)
-        turns, still = sines(known.links, q), [0.0] * dof
+        turns, still = _turns(known, q, ZERO), [0.0] * dof
         units = [[1.0 if i == j else 0.0 for i in range(dof)] for j in range(dof)]
         found = [_newton_euler(known, q, turns, still, unit, ZERO) for unit in units]
         # The column of joint j is exact from row j on; the rest is its mirror image, so that M is symmetric to the bit.
@@ -75,7 +76,7 @@ def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
         known = constants(arm)
         spin, speed = ZERO, ZERO
         twice: Component = 0.0
-        for link, x, (cosine, sine), rate in zip(known.links, q, sines(known.links, q), dq, strict=True):
+        for link, x, (cosine, sine), rate in zip(known.links, q, _turns(known, q, ZERO), dq, strict=True):
             offset = _offset(link, x)
             speed = turn_back(apply_transposed(link.rotation, add(speed, cross(spin, offset))), cosine, sine)
             spin = turn_back(apply_transposed(link.rotation, spin), cosine, sine)
@@ -111,6 +112,14 @@ def power(torque: Joints, dq: Joints) -> Joints:
     """Return each joint's mechanical power τᵢ q̇ᵢ (*batch, dof) [W]."""
     watts: Joints = np.multiply(torque, dq)
     return watts
+
+
+def _turns(known: Constants, q: Sequence[Component], pull: Triple) -> list[tuple[Component, Component]]:
+    """Return ``sines``, but for a first joint that has nothing to turn: the base's ``pull`` lies on its axis."""
+    x, y, _ = apply_transposed(known.links[0].rotation, pull)
+    if isinstance(x, float) and isinstance(y, float) and x == y == 0.0:
+        return [(1.0, 0.0), *sines(known.links[1:], q[1:])]
+    return sines(known.links, q)
 
 
 def _newton_euler(

@@ -16,8 +16,8 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     """Return the planar prototype with three revolute joints of Tringali & Cocuzza 2020 (Table 1) and 2021.
 
     With the masses as printed the kinematics of both papers reproduce, but energies come out 27 % low. ``"fitted"``
-    masses are an inference, not in the papers: they reproduce eleven published energies within 0.85 %. Limits are those
-    of 2020, Table 2, on joint displacement, velocity and torque.
+    masses are an inference, not in the papers: they reproduce eleven published energies within 0.85 %. No limits:
+    those of 2020, Table 2, differ from simulation to simulation.
 
     >>> tringali_3r("fitted").bodies[2].mass
     0.503
@@ -29,9 +29,6 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
         masses=TRINGALI_MASSES[masses],
         centers=[0.0950, 0.0717, 0.0526],
         inertias=[0.001811, 0.003173, 0.002103],
-        position_limits=np.deg2rad([90.0, 120.0, 120.0]),
-        velocity_limits=3.8,
-        torque_limits=0.4,
         name=f"Tringali 3R, {masses} masses",
     )
 

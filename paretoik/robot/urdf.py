@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from paretoik.robot.body import Body, moved
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_faults import MOMENTS, MOVING, JointFacts, LinkFacts, RobotFacts, read_facts
 
-UNITS = {"prismatic": "m"}
+TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +85,7 @@ def load(
 
 @dataclass(frozen=True, kw_only=True)
 class _Selection:
-    """The part of a robot that becomes an arm: moving joints from base to tip, and the frozen ones that hang on them."""
+    """What of a robot becomes an arm: joints that move between base and tip, and the frozen ones that hang on them."""
 
     base: str
     tip: str
@@ -114,15 +113,15 @@ def _selected(
         faults.append(f"no joint moves between {start!r} and {end!r}")
     others = {joint.name: joint for joint in below if joint.kind != "fixed" and joint not in moving}
     frozen = {name: _frozen_value(name, others, fixed) for name in others}
-    notices = [_frozen_notice(joint, frozen[name], joint in chain) for name, joint in others.items()]
+    leaders = {joint.name for joint in moving}
+    notices = [_frozen_notice(joint, frozen[name], chain, leaders) for name, joint in others.items()]
     if start != facts.roots[0]:
         notices.insert(0, f"base {start!r} is not the root {facts.roots[0]!r}: what is above it is left out")
-    massless = _massless(facts, start, below, moving)
-    faults += [f"joint {name!r}: moves no mass, though other joints follow it" for name in massless[:-1]]
-    if massless and massless[-1] != moving[-1].name:
-        faults.append(f"joint {massless[-1]!r}: moves no mass, though other joints follow it")
-    elif massless:
-        notices.append(f"joint {massless[-1]!r}: moves no mass")
+    for name in _massless(facts, start, below, moving):
+        if name == moving[-1].name:
+            notices.append(f"joint {name!r}: moves no mass")
+        else:
+            faults.append(f"joint {name!r}: moves no mass, though other joints follow it")
     return _Selection(
         base=start,
         tip=end,
@@ -175,12 +174,14 @@ def _frozen_value(name: str, others: Mapping[str, JointFacts], fixed: Mapping[st
     return factor * _frozen_value(leader, others, fixed) + offset
 
 
-def _frozen_notice(joint: JointFacts, value: float, on_chain: bool) -> str:
-    place = "on" if on_chain else "off"
+def _frozen_notice(joint: JointFacts, value: float, chain: list[JointFacts], leaders: set[str]) -> str:
+    place = "on" if joint in chain else "off"
     if joint.kind not in MOVING:
         return f"joint {joint.name!r}: {place} the chain, frozen where its {joint.kind} motion is zero"
+    unit = "m" if joint.kind == "prismatic" else "rad"
     outside = "" if joint.lower <= value <= joint.upper else ", outside its limits"
-    return f"joint {joint.name!r}: {place} the chain, frozen at {value:g} {UNITS.get(joint.kind, 'rad')}{outside}"
+    leader = f", though it mimics {joint.mimic[0]!r}" if joint.mimic and joint.mimic[0] in leaders else ""
+    return f"joint {joint.name!r}: {place} the chain, frozen at {value:g} {unit}{outside}{leader}"
 
 
 def _massless(facts: RobotFacts, base: str, below: list[JointFacts], moving: list[JointFacts]) -> list[str]:
@@ -273,7 +274,7 @@ def _reduced_model(pinocchio: Any, facts: RobotFacts, selection: _Selection) -> 
 
 
 def _plain_urdf(facts: RobotFacts, selection: _Selection) -> str:
-    """Return links and joints below the base as a URDF without shapes, names numbered, continuous joints as revolute."""
+    """Return what is below the base as a URDF without shapes, its names numbered, continuous joints as revolute."""
     links = {name: f"link{number}" for number, name in enumerate(facts.links)}
     joints = {name: f"joint{number}" for number, name in enumerate(facts.joints)}
     kept = [selection.base, *(joint.child for joint in selection.below)]
@@ -281,7 +282,8 @@ def _plain_urdf(facts: RobotFacts, selection: _Selection) -> str:
     for joint in selection.below:
         kind = {"continuous": "revolute", "planar": "fixed", "floating": "fixed"}.get(joint.kind, joint.kind)
         parts.append(
-            f'<joint name="{joints[joint.name]}" type="{kind}"><origin xyz={_words(joint.xyz)} rpy={_words(joint.rpy)}/>'
+            f'<joint name="{joints[joint.name]}" type="{kind}">'
+            f"<origin xyz={_words(joint.xyz)} rpy={_words(joint.rpy)}/>"
             f'<parent link="{links[joint.parent]}"/><child link="{links[joint.child]}"/>'
             f'<axis xyz={_words(joint.axis)}/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
         )
@@ -296,8 +298,9 @@ def _plain_link(link: LinkFacts, name: str) -> str:
     )
 
 
-def _words(values: Any) -> str:
-    return quoteattr(" ".join(repr(float(value)) for value in values))
+def _words(values: Sequence[float]) -> str:
+    """Return numbers as a quoted attribute; one too small for some parsers is written as 0."""
+    return '"' + " ".join(repr(value if abs(value) > TINY else 0.0) for value in values) + '"'
 
 
 def _onto_z(axis: tuple[float, ...]) -> Pose:

@@ -105,6 +105,9 @@ def read_facts(file: Path) -> RobotFacts:
     joints = {name: _joint(name, element, notes) for name, element in elements["joint"].items()}
     lines = {name: element.line for name, element in elements["joint"].items()}
     _check_tree(links, joints, lines, notes)
+    if notes.rubbing:
+        text = f"damping or friction of {len(notes.rubbing)} joints, from {notes.rubbing[0]!r} on, is not modelled"
+        notes.warnings.append((lines[notes.rubbing[0]], text))
     return RobotFacts(
         name=robot.attributes.get("name") or file.stem,
         links=links,
@@ -120,6 +123,7 @@ class _Notes:
 
     faults: list[tuple[int, str]] = field(default_factory=list)
     warnings: list[tuple[int, str]] = field(default_factory=list)
+    rubbing: list[str] = field(default_factory=list)
 
     def listed(self, notes: Iterable[tuple[int, str]]) -> tuple[str, ...]:
         """Return notes by line, as text; of very many the first hundred."""
@@ -239,7 +243,8 @@ def _joint(name: str, element: Element, notes: _Notes) -> JointFacts:
     parent, child = (_end(what, element, tag, notes) for tag in ("parent", "child"))
     axis = _axis(what, element, notes) if kind in (*MOVING, "planar") else (0.0, 0.0, 1.0)
     lower, upper, velocity, effort = _limits(what, kind, element, notes)
-    _note_friction(what, kind, element, notes)
+    if kind in MOVING and _has_friction(what, element, notes):
+        notes.rubbing.append(name)
     return JointFacts(
         name=name,
         kind=kind,
@@ -307,14 +312,12 @@ def _limits(what: str, kind: str, joint: Element, notes: _Notes) -> tuple[float,
     return lower, upper, velocity, effort
 
 
-def _note_friction(what: str, kind: str, joint: Element, notes: _Notes) -> None:
-    element = notes.only(what, joint, "dynamics") if kind in MOVING else None
+def _has_friction(what: str, joint: Element, notes: _Notes) -> bool:
+    element = notes.only(what, joint, "dynamics")
     if element is None:
-        return
-    for name in ("damping", "friction"):
-        found = notes.finite(what, element, name, "0")
-        if found and found[0] != 0.0:
-            notes.warnings.append((element.line, f"{what}: {name} {found[0]:g} is not modelled"))
+        return False
+    found = [notes.finite(what, element, name, "0") for name in ("damping", "friction")]
+    return any(value is not None and value[0] != 0.0 for value in found)
 
 
 def _mimic(what: str, joint: Element, notes: _Notes) -> tuple[str, float, float] | None:
@@ -336,7 +339,7 @@ def _check_tree(
             if link and link not in links:
                 notes.faults.append((lines[name], f"joint {name!r}: {tag} link {link[:MAX_NAME]!r} does not exist"))
         if joint.child in holder:
-            two = f"joints {holder[joint.child]!r} and {name!r}"
+            two = f"{holder[joint.child]!r} and {name!r}"
             notes.faults.append((lines[name], f"link {joint.child!r}: is the child of two joints, {two}"))
         elif joint.child in links:
             holder[joint.child] = name

@@ -10,7 +10,7 @@ from paretoik.errors import InvalidInput, InvalidRobot
 
 MAX_BYTES = 10_000_000
 MAX_DEPTH = 64
-MAX_ELEMENTS = 100_000  # a humanoid with hands has some 10,000
+MAX_ELEMENTS = 50_000  # a humanoid with hands has some 10,000
 PARTS = ("link", "joint")  # what is read below <robot>; transmissions, materials and plug-ins are not
 SHAPES = ("visual", "collision")
 

@@ -9,8 +9,8 @@ import numpy as np
 from moocore import is_nondominated
 from numpy.typing import ArrayLike
 
-from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives, Values
-from paretoik.search.constraints import TOLERANCE, Floats, violations
+from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
+from paretoik.search.constraints import TOLERANCE, Floats, Integers, violations
 from paretoik.search.seeding import check_size
 
 CAPACITY = 20_000  # points above which a grid thins the archive
@@ -31,7 +31,7 @@ class Members:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def __getitem__(self, rows: Ids | Mask | slice) -> Members:
+    def __getitem__(self, rows: Integers | Mask | slice) -> Members:
         return Members(self.ids[rows], self.X[rows], self.F[rows], self.G[rows], self.generations[rows])
 
     def __add__(self, other: Members) -> Members:
@@ -126,7 +126,7 @@ class Archive:
             first = self.failed.first_cause or causes.get(int(new.ids[row])) or self._describe(new.F[row], new.G[row])
             self.failed = Failures(self.failed.count + 1, first)
 
-    def _describe(self, F: Values, G: Values) -> str:
+    def _describe(self, F: Floats, G: Floats) -> str:
         bad = np.flatnonzero(~np.isfinite(F))
         if bad.size:
             name = self._names[bad[0]] if self._names else f"f{bad[0] + 1}"
@@ -143,23 +143,22 @@ class Archive:
         return both if len(both) <= self._capacity else both[_thinned(both.F, self._capacity // 2)]
 
 
-def _non_dominated(known: Objectives, new: Objectives) -> Mask:
+def _non_dominated(known: Floats, new: Floats) -> Mask:
     mask: Mask = is_nondominated(np.concatenate((known, new)), keep_weakly=False)
     return mask
 
 
-def _repeats(known: Objectives, new: Objectives) -> Mask:
+def _repeats(known: Floats, new: Floats) -> Mask:
     """Mark those of ``new`` that lie within SAME of the ranges of a known point or of an earlier new one."""
     every = np.concatenate((known, new))
-    close: Mask = np.less(np.arange(len(every)), len(known) + np.arange(len(new))[:, None])
+    close = np.tri(len(new), len(every), len(known) - 1, dtype=bool)  # only older ones count
     for axis in range(new.shape[1] if len(new) else 0):
         reach = SAME * np.ptp(every[:, axis])
-        close = np.logical_and(close, np.abs(every[:, axis] - new[:, axis, None]) <= reach)
-    repeats: Mask = close.any(axis=1)
-    return repeats
+        np.logical_and(close, np.abs(every[:, axis] - new[:, axis, None]) <= reach, out=close)
+    return np.asarray(close.any(axis=1))
 
 
-def _thinned(F: Objectives, most: int) -> Ids:
+def _thinned(F: Floats, most: int) -> Integers:
     """Rows to keep: the best of each objective, and the oldest of each cell of the finest grid that leaves ``most``."""
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
     share: Floats = np.divide(F - ideal, width, out=np.zeros_like(F), where=width > 0)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from paretoik.errors import InvalidInput
 
-Floats: TypeAlias = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Floats: TypeAlias = Float[np.ndarray, "..."]  # of a shape that the docstring says
+Integers: TypeAlias = Int[np.ndarray, "..."]
 
 TOLERANCE = 1e-9
 EQUALITY_TOLERANCE = 1e-4

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import Event
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from paretoik.search.progress import Progress, normalised_hypervolume, spans
 from paretoik.search.seeding import check_size
 
 
+@runtime_checkable
 class Ending(Protocol):
     """What every ending can do."""
 

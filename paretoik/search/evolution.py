@@ -40,8 +40,9 @@ def evolve(
 ) -> str:
     """Run a search until the first of ``endings`` is reached and return its reason; the result stays in ``search``.
 
-    ``evaluate(X)`` returns a mapping with "F" and, with constraints, "G" and "H"; by default it is the problem's own.
-    When it raises, its rows are tried one by one, and those that raise again count as failed. After each generation
+    ``evaluate(X)`` returns a mapping with "F", with constraints "G" and "H", and if it likes "cause", a text a row that
+    says why it failed; by default it is the problem's own. When it raises, its rows are tried one by one, and those
+    that raise again count as failed. After each generation
     ``observe`` is shown the progress, and ``improve`` may return genes to be evaluated in the next. Ctrl-C ends with
     "interrupted".
 
@@ -89,6 +90,8 @@ def evaluated(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
         try:
             alone = _outcome(problem, evaluate(X[row : row + 1].copy()), 1)
             outcome.F[row], outcome.G[row], outcome.H[row] = alone.F[0], alone.G[0], alone.H[0]
+            if alone.causes:
+                outcome.causes[row] = alone.causes[0]
         except Exception as error:
             outcome.F[row] = np.nan
             outcome.causes[row] = f"{type(error).__name__}: {' '.join(str(error).split())}"
@@ -98,7 +101,8 @@ def evaluated(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
 def _outcome(problem: Any, found: Mapping[str, Any], rows: int) -> Outcome:
     columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
     tables = {name: np.asarray(found.get(name, np.full((rows, size), np.nan))) for name, size in columns.items()}
-    return Outcome(**tables, causes={})
+    causes = {row: str(cause) for row, cause in enumerate(found.get("cause", ())) if cause}
+    return Outcome(**tables, causes=causes)
 
 
 def _one_generation(search: Search, evaluate: Evaluate) -> None:

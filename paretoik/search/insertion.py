@@ -9,8 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paretoik.arrays import Ids
-from paretoik.search.constraints import Floats
+from paretoik.search.constraints import Floats, Integers
 
 MATRIX_LIMIT = 1024  # points up to which all pairwise distances are computed at once (8 MB)
 FAST_FROM = 192  # points from which splitting segments overtakes the greedy loop (measured)
@@ -60,7 +59,7 @@ def nearest_squared(Z: Floats, others: Floats) -> Floats:
     return nearest
 
 
-def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Ids, Floats]:
+def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
     """Select ``count`` of the mutually non-dominated points ``Z``, always the one farthest from all selected.
 
     ``nearest`` (points,) is each point's squared distance to what was selected before (inf where nothing was); the
@@ -70,7 +69,7 @@ def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int
     return (front_order if fast else greedy_order)(Z, count, nearest, starts)
 
 
-def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Ids, Floats]:
+def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
     """Select one by one, for any number of objectives; arguments as for ``insertion_order``."""
     nearest = nearest.copy()
     nearest[list(starts)] = np.inf
@@ -86,7 +85,7 @@ def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] =
     return order, distance
 
 
-def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Ids, Floats]:
+def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
     """Select as ``greedy_order`` does, bit for bit, on a two-objective front; arguments as for ``insertion_order``.
 
     Along a sorted front only the selected neighbour on either side matters, so the farthest point of a segment depends

@@ -16,6 +16,7 @@ from pymoo.core.variable import get
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives, Values
 from paretoik.errors import InvalidInput
+from paretoik.search.constraints import Floats, Integers
 from paretoik.search.maximin import column
 
 SPECIES_MUTATION = 0.05  # chance that an offspring is moved to another species
@@ -94,7 +95,7 @@ class BranchwiseMating:
                 mutated[moving, gene] = label[moving] + 0.5
         return mutated
 
-    def _winners(self, parents: Parents, a: Ids, b: Ids, rng: np.random.Generator) -> Ids:
+    def _winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
         """Index of the better of each pair: less violation, better rank, larger distance, chance."""
         won: Mask = np.zeros(len(a), dtype=bool)
         level: Mask = np.ones(len(a), dtype=bool)
@@ -121,15 +122,15 @@ def _parents(problem: Any, pop: Any) -> Parents:
     )
 
 
-def _of_same_species(species: Ids, individuals: Ids, rng: np.random.Generator) -> Ids:
+def _of_same_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
     """Draw for each individual one of its species, itself included."""
     grouped = np.argsort(species, kind="stable")
     labels, first, sizes = np.unique(species[grouped], return_index=True, return_counts=True)
     group = np.searchsorted(labels, species[individuals])
-    drawn: Ids = grouped[first[group] + rng.integers(0, sizes[group])]
+    drawn: Integers = grouped[first[group] + rng.integers(0, sizes[group])]
     return drawn
 
 
-def _dominates(F: Objectives, other: Objectives) -> Mask:
+def _dominates(F: Floats, other: Floats) -> Mask:
     dominates: Mask = np.less_equal(F, other).all(axis=1) & np.less(F, other).any(axis=1)
     return dominates

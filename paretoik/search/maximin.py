@@ -19,7 +19,7 @@ from pymoo.core.survival import Survival
 
 from paretoik.arrays import Ids, Values
 from paretoik.errors import InvalidInput
-from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, violations
+from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, violations
 from paretoik.search.insertion import insertion_order, nearest_squared, scaled, starting_points
 
 SPECIES_SHARE = 0.2  # of the population that may be kept only for being the best of its species
@@ -41,7 +41,7 @@ def survivors(
     *,
     ranges: Floats | None = None,
     infeasible_share: float = 0.0,
-    species: Ids | None = None,
+    species: Integers | None = None,
 ) -> Survivors:
     """Select ``count`` of the points with objectives ``F`` (points, n_obj) and ``violation`` (points,).
 
@@ -72,7 +72,7 @@ def survivors(
     )
 
 
-def _by_maximin(F: Floats, ranks: Ids, count: int, ranges: Floats | None) -> tuple[Ids, Floats]:
+def _by_maximin(F: Floats, ranks: Integers, count: int, ranges: Floats | None) -> tuple[Integers, Floats]:
     """Positions and insertion distances of ``count`` feasible points in order of selection."""
     if count == 0:
         return np.empty(0, dtype=np.int64), np.empty(0)
@@ -81,7 +81,7 @@ def _by_maximin(F: Floats, ranks: Ids, count: int, ranges: Floats | None) -> tup
     Z = scaled(F, ideal, nadir)
     beyond = np.zeros(len(F), dtype=bool) if ranges is None else (nadir < F).any(axis=1)
     nearest = np.full(len(F), np.inf)
-    taken: list[Ids] = []
+    taken: list[Integers] = []
     distances: list[Floats] = []
     left = count
     group_of = 2 * ranks + beyond
@@ -99,16 +99,16 @@ def _by_maximin(F: Floats, ranks: Ids, count: int, ranges: Floats | None) -> tup
     return np.concatenate(taken), np.concatenate(distances)
 
 
-def _worth_keeping(F: Floats, violation: Floats, front: Ids, others: Ids) -> Ids:
+def _worth_keeping(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
     """Those of ``others`` (kept in their order) with a finite violation that no point of ``front`` dominates."""
     others = others[np.isfinite(violation[others])]
     no_worse = (F[front][None] <= F[others][:, None]).all(axis=2)
     better = (F[front][None] < F[others][:, None]).any(axis=2)
-    spared: Ids = others[~(no_worse & better).any(axis=1)]
+    spared: Integers = others[~(no_worse & better).any(axis=1)]
     return spared
 
 
-def _with_species(chosen: Ids, distance: Floats, ranks: Ids, species: Ids) -> tuple[Ids, Floats]:
+def _with_species(chosen: Integers, distance: Floats, ranks: Integers, species: Integers) -> tuple[Integers, Floats]:
     """Let the best of each live species take the places of the last chosen of abundant ones."""
     quota = int(SPECIES_SHARE * chosen.size)
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
@@ -116,9 +116,9 @@ def _with_species(chosen: Ids, distance: Floats, ranks: Ids, species: Ids) -> tu
     floor = 2 if 2 * len(live) <= quota else 1  # two can mate
     counts = {kind: int((species[chosen] == kind).sum()) for kind in live}
     arriving: list[int] = []
+    absent = best_first[~np.isin(best_first, chosen)]
     for kind in live[: quota // floor]:
-        absent = [int(one) for one in best_first[species[best_first] == kind] if one not in set(chosen.tolist())]
-        arriving += absent[: max(0, floor - counts[kind])]
+        arriving += absent[species[absent] == kind].tolist()[: max(0, floor - counts[kind])]
     stays = np.ones(chosen.size, dtype=bool)
     leaving = len(arriving)
     for position in range(chosen.size - 1, -1, -1):
@@ -128,9 +128,8 @@ def _with_species(chosen: Ids, distance: Floats, ranks: Ids, species: Ids) -> tu
             stays[position] = False
             leaving -= 1
     arriving = arriving[: len(arriving) - leaving]
-    return np.concatenate((chosen[stays], np.asarray(arriving, dtype=np.int64))), np.concatenate(
-        (distance[stays], np.zeros(len(arriving)))
-    )
+    order = np.concatenate((chosen[stays], np.asarray(arriving, dtype=np.int64)))
+    return order, np.concatenate((distance[stays], np.zeros(len(arriving))))
 
 
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.front.indicators import hypervolume
@@ -29,10 +30,10 @@ class Progress:
     evaluations: int
     seconds: float
     failed: Failures
-    population: Objectives
+    population: Float[np.ndarray, "individuals n_obj"]
     front: Objectives
     ids: Ids
-    past: tuple[Objectives, ...] = ()
+    past: tuple[Floats, ...] = ()
 
     @cached_property
     def hypervolume(self) -> float:
@@ -46,7 +47,7 @@ def spans(front: Objectives) -> tuple[Values, Values]:
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
 
 
-def normalised_hypervolume(F: Objectives, ideal: Values, width: Values) -> float:
+def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats) -> float:
     """Hypervolume of ``F`` (points, n_obj) where ideal is 0, ideal + width 1 and the reference 1.1.
 
     Approximate (deterministically, moocore) above four objectives.

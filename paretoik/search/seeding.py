@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
+from paretoik.search.constraints import Floats
 
 SMALLEST_POPULATION = 4
 ROUNDING = 1e-12  # of a gene's range: what lies outside by no more was meant to lie inside
 
 
-def check_size(name: str, size: int, least: int) -> None:
+def check_size(name: str, size: object, least: int) -> None:
     """Raise InvalidInput unless ``size`` is an integer of at least ``least``."""
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < least:
         raise InvalidInput(f"{name}: an integer of at least {least} wanted, got {size!r}")
@@ -39,7 +39,7 @@ def check_problem(problem: Any) -> None:
         )
 
 
-def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Genes:
+def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Floats:
     """Return genes (points, genes) inside the bounds; only rounding is clipped.
 
     Raises
@@ -59,13 +59,13 @@ def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Gene
     return within(problem, X)
 
 
-def within(problem: Any, X: Genes) -> Genes:
+def within(problem: Any, X: Floats) -> Floats:
     """Clip genes (points, genes) to the problem's bounds."""
-    clipped: Genes = np.clip(X, problem.xl, problem.xu)
+    clipped: Floats = np.clip(X, problem.xl, problem.xu)
     return clipped
 
 
-def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Genes:
+def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Floats:
     """Make exactly ``size`` rows of genes: ``initial`` first, then the problem's own, then uniform in the bounds.
 
     ``problem.candidates(n, rng)`` and ``problem.self_motion_samples(n, rng)``, where it has them, each fill up to a
@@ -74,7 +74,7 @@ def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None,
     first = np.empty((0, problem.n_var)) if initial is None else checked_genes(problem, initial)
     if len(first) > size:
         raise InvalidInput(f"initial: at most {size} rows wanted (the population), got {len(first)}")
-    rows: dict[bytes, Genes] = {}
+    rows: dict[bytes, Floats] = {}
     _add(rows, first, size)
     third = -(-size // 3)
     for source in ("candidates", "self_motion_samples"):
@@ -87,12 +87,12 @@ def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None,
     return np.concatenate((np.array(list(rows.values())).reshape(-1, problem.n_var), spare))
 
 
-def _uniform(problem: Any, count: int, rng: np.random.Generator) -> Genes:
+def _uniform(problem: Any, count: int, rng: np.random.Generator) -> Floats:
     share = rng.random((count, problem.n_var))
     return within(problem, problem.xl + share * (problem.xu - problem.xl))
 
 
-def _add(rows: dict[bytes, Genes], genes: Genes, most: int) -> None:
+def _add(rows: dict[bytes, Floats], genes: Floats, most: int) -> None:
     for row in genes:
         if len(rows) >= most:
             return

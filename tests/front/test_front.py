@@ -100,6 +100,7 @@ def test_equal_points_may_stand_side_by_side():
         ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, np.inf]])}, "ranges: wanted"),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_what_is_no_front_is_refused(objectives, changes, message):
     with pytest.raises(InvalidInput, match=message):
         plain(objectives, **changes)

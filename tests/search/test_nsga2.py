@@ -36,9 +36,7 @@ def test_ask_and_tell_equals_minimize():
         infills = algorithm.ask()
         algorithm.evaluator.eval(problem, infills)
         algorithm.tell(infills=infills)
-    assert np.array_equal(
-        algorithm.result().F, minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=3).F
-    )
+    assert np.array_equal(algorithm.result().F, minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=3).F)
 
 
 def test_one_objective():

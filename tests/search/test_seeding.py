@@ -67,7 +67,7 @@ def test_initial_genes_of_another_shape_are_refused(initial):
 
 
 def test_more_initial_rows_than_places_are_refused_and_not_dropped():
-    with pytest.raises(InvalidInput, match="initial: at most 4 rows wanted .*, got 5"):
+    with pytest.raises(InvalidInput, match=r"initial: at most 4 rows wanted .*, got 5"):
         seeded_population(plain(), 4, rng().random((5, 2)), rng=rng())
 
 

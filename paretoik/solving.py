@@ -1,0 +1,283 @@
+"""The verbs of the face: solve a problem into a front, and open a front again."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from paretoik.arrays import Genes, Objectives
+from paretoik.errors import Infeasible, InvalidInput, ParetoikError
+from paretoik.execution.interrupts import Interruption, interruptible
+from paretoik.execution.run_folder import PICTURE, RECORDING, claimed, write_run
+from paretoik.front.front import Choice, Front
+from paretoik.front.indicators import hypervolume
+from paretoik.front.preferences import Weights
+from paretoik.loading import load_problem
+from paretoik.review.generation import Generation
+from paretoik.review.recorder import Recorder
+from paretoik.search.ask_tell import Search
+from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
+from paretoik.search.evolution import evolve
+from paretoik.search.progress import Progress
+from paretoik.task.motion import Motion
+
+EXACT = 1e-6  # rad or m: a motion that the genes miss by more is not the motion that was given
+
+Observer = Callable[[Generation, Progress], object]
+
+
+def solve(
+    problem: Any,
+    *,
+    population: int = 100,
+    generations: int = 300,
+    seed: int = 0,
+    out: str | Path | None = None,
+    initial: Genes | Motion | Front | None = None,
+    time_limit: float | None = None,
+    evaluations: int | None = None,
+    target: Sequence[float] | None = None,
+    stagnation: bool = True,
+    algorithm: Any = None,
+    overwrite: bool = False,
+    reference: str | None = None,
+    observe: Observer | None = None,
+) -> Front:
+    """Search for the Pareto front of any pymoo problem and return it.
+
+    Parameters
+    ----------
+    problem
+        A ``Tracking``, or any pymoo problem with real genes (its front then has no motions).
+    population, generations, seed
+        Size of the population, most generations, and the seed of all chance: the same seed gives the same front.
+    out
+        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png. ``overwrite`` allows it to
+        replace a run that is there.
+    initial
+        Start from genes (rows, genes), motions on the path, or a former front.
+    time_limit, evaluations, target, stagnation
+        Further endings: seconds; a number of evaluations; values to be reached by one point (one an objective, in its own
+        sign); whether to stop when the front has stood still for 20 generations.
+    algorithm
+        Any pymoo genetic algorithm in place of ``MaxiMinNSGA2``, with its own sizes.
+    reference
+        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
+    observe
+        Called after every generation with its ``Generation`` and ``Progress``.
+
+    Ctrl-C and SIGTERM end the search after the generation under way and keep its result; why it ended stands in
+    ``front.provenance["status"]``.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used.
+    Infeasible
+        Where nothing satisfied the limits: with the least-violating motion and the limit that binds.
+    EvaluationFailed
+        Where every evaluation failed, with the first cause.
+    """
+    search = Search(
+        problem, population=population, seed=seed, algorithm=algorithm, initial=_initial_genes(problem, initial)
+    )
+    settings = {"population": population, "generations": generations, "seed": seed, "time_limit": time_limit}
+    provenance = {"problem": reference, "fingerprint": fingerprint(problem), "settings": settings, "versions": _versions()}
+    endings: list[Ending] = [Generations(generations)]
+    endings += [TimeLimit(time_limit)] if time_limit is not None else []
+    endings += [Evaluations(evaluations)] if evaluations is not None else []
+    endings += [Target(_signed_target(search, target))] if target is not None else []
+    endings += [Stagnation()] if stagnation else []
+    with ExitStack() as stack:
+        folder = None if out is None else stack.enter_context(claimed(out, overwrite=overwrite))
+        interruption = stack.enter_context(interruptible())
+        endings.append(_Interrupted(interruption))
+        if folder is None:
+            return _searched(search, endings, provenance, _Watch(search, observe, None))
+        write_run(folder, {**provenance, "status": "running"})
+        recorder = _recorder(folder, search, reference)
+        stack.callback(recorder.close)
+        try:
+            front = _searched(search, endings, provenance, _Watch(search, observe, recorder))
+        except ParetoikError as error:
+            write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
+            raise
+        front.save(folder)
+        _review(front, folder, recorder)
+        return front
+
+
+def load_front(folder: str | Path, problem: Any = None) -> Front:
+    """Return the front of a run folder; its motions are whole where ``problem``, or the one the run names, can be had.
+
+    Raises
+    ------
+    InvalidRun
+        Where the folder is no run, or damaged.
+    InvalidInput
+        Where ``problem`` is not the one that the run solved.
+    """
+    front = Front.load(folder)
+    named = front.provenance.get("problem")
+    if problem is None and named is not None:
+        try:
+            problem = load_problem(str(named))
+        except ParetoikError as error:
+            warnings.warn(f"{folder}: motions come without their arm: {error}", RuntimeWarning, stacklevel=2)
+            return front
+    if problem is None or not hasattr(problem, "task"):
+        return front
+    if fingerprint(problem) != front.provenance.get("fingerprint"):
+        raise InvalidInput(f"{folder}: wants the problem that the run solved, but its fingerprint is another")
+    joints = problem.task.arm.joint_names
+
+    def rebuilt(times: np.ndarray, q: np.ndarray, joint_names: tuple[str, ...]) -> Motion:
+        order = [joint_names.index(joint) for joint in joints]
+        motion: Motion = problem.task.motion(q[..., order])
+        return motion
+
+    return Front.load(folder, motions=rebuilt)
+
+
+def fingerprint(problem: Any) -> str:
+    """Return a digest of what makes a problem itself: equal genes mean equal objectives."""
+    parts = problem.fingerprint_parts() if hasattr(problem, "fingerprint_parts") else [problem.xl, problem.xu]
+    digest = hashlib.sha256(f"{type(problem).__name__} {problem.n_var} {problem.n_obj}".encode())
+    for part in parts:
+        digest.update(np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else str(part).encode())
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class _Interrupted:
+    """Ends a search when a signal came."""
+
+    interruption: Interruption
+    memory: int = field(default=0, init=False, repr=False)
+
+    def reached(self, progress: Progress) -> str | None:
+        """Return the name of the signal that came, if any."""
+        return None if self.interruption.signal is None else self.interruption.signal.name
+
+
+class _Watch:
+    """Shows each generation to the recorder and to whoever looks on."""
+
+    def __init__(self, search: Search, observe: Observer | None, recorder: Recorder | None) -> None:
+        self.search, self.observe, self.recorder = search, observe, recorder
+        self.corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it can only grow
+
+    def __call__(self, progress: Progress) -> None:
+        if self.recorder is None and self.observe is None:
+            return
+        own = np.where(self.search.maximised, -1.0, 1.0)
+        if self.corner is None and len(progress.front):
+            worst = progress.front.max(axis=0)
+            self.corner = worst + np.maximum(np.ptp(progress.front, axis=0), 0.1 * np.abs(worst)) + 1e-12
+        generation = Generation(
+            number=progress.generation,
+            population=progress.population[np.isfinite(progress.population).all(axis=1)] * own,
+            front=progress.front * own,
+            front_ids=progress.ids,
+            hypervolume=0.0 if self.corner is None else hypervolume(progress.front, self.corner),
+            failed=progress.failed.count,
+        )
+        if self.recorder is not None:
+            self.recorder.record(generation)
+        if self.observe is not None:
+            self.observe(generation, progress)
+
+
+def _searched(search: Search, endings: list[Ending], provenance: dict[str, Any], watch: _Watch) -> Front:
+    started = time.monotonic()
+    status = evolve(search, endings, observe=watch)
+    if not len(search.archive):
+        raise _infeasible(search)
+    counts = {
+        "generations": search.generation,
+        "evaluations": search.evaluations,
+        "failed": search.failed.count,
+        "first_cause": search.failed.first_cause,
+        "seconds": round(time.monotonic() - started, 3),
+    }
+    return replace(search.front, provenance={**provenance, "status": status, "counts": counts})
+
+
+def _infeasible(search: Search) -> Infeasible:
+    least = search.archive.least_violating
+    if least is None:
+        return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+    worst = float(least.G.max())
+    names = getattr(search.problem, "constraint_names", tuple(f"constraint {i + 1}" for i in range(least.G.shape[1])))
+    limit = names[int(np.argmax(least.G[0]))]
+    said = search.problem.explain(least.X)[0] if hasattr(search.problem, "explain") else f"{limit} is violated by {worst:.3g}"
+    motion = search.problem.decode(least.X)[0] if hasattr(search.problem, "decode") else None
+    return Infeasible(
+        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {said}",
+        motion=motion,
+        limit=limit,
+        violation=worst,
+    )
+
+
+def _initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
+    if isinstance(initial, Front):
+        if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
+            return np.array(initial.genes)
+        if initial.motions is None:
+            raise InvalidInput("initial: the front is of another problem and has no motions to start from")
+        initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
+    if initial is None or isinstance(initial, np.ndarray | list):
+        return initial
+    if not hasattr(problem, "encode"):
+        raise InvalidInput("initial: wants genes, as this problem cannot encode motions")
+    genes, missed = problem.encode(initial)
+    inside = np.clip(genes, problem.xl, problem.xu)
+    inexact = (missed > EXACT) | (np.abs(genes - inside).max(axis=1) > 0)
+    if inexact.any():
+        warnings.warn(
+            f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "
+            f"{missed.max():.2g} rad (or m)",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+    clipped: Genes = inside
+    return clipped
+
+
+def _signed_target(search: Search, target: Sequence[float]) -> tuple[float, ...]:
+    if len(target) != len(search.names):
+        raise InvalidInput(f"target: wants {len(search.names)} numbers, one an objective, got {len(target)}")
+    return tuple(-value if turned else value for value, turned in zip(target, search.maximised, strict=True))
+
+
+def _recorder(folder: Path, search: Search, reference: str | None) -> Recorder:
+    return Recorder(
+        folder / RECORDING,
+        title=reference or type(search.problem).__name__,
+        names=search.names,
+        units=search.units,
+        maximised=search.maximised,
+    )
+
+
+def _review(front: Front, folder: Path, recorder: Recorder) -> None:
+    from paretoik.review.plots import front_picture  # here: matplotlib takes its time
+
+    choice: Choice = front.select(Weights(dict.fromkeys(front.names, 1.0)))
+    recorder.finish(front, choice)
+    front_picture(front, folder / PICTURE)
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import version
+
+    return {name: version(name) for name in ("paretoik", "pymoo", "numpy")}

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+import pytest
+
+from paretoik.execution.interrupts import interruptible
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_the_first_signal_is_noted_and_the_run_goes_on(number, code):
+    with interruptible() as interruption:
+        assert not interruption
+        assert interruption.exit_code == 0
+        os.kill(os.getpid(), number)
+        assert interruption
+        assert interruption.signal == number
+        assert interruption.exit_code == code
+
+
+def test_a_second_ctrl_c_raises():
+    with interruptible() as interruption:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert interruption
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_the_handlers_found_are_put_back():
+    mine = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+        with interruptible():
+            assert signal.getsignal(signal.SIGTERM) != signal.SIG_IGN
+        assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+        with pytest.raises(ZeroDivisionError), interruptible():
+            raise ZeroDivisionError
+        assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    finally:
+        signal.signal(signal.SIGTERM, mine)
+
+
+def test_another_thread_catches_nothing():
+    handlers = []
+
+    def work():
+        with interruptible() as interruption:
+            handlers.append((signal.getsignal(signal.SIGINT), bool(interruption)))
+
+    before = signal.getsignal(signal.SIGINT)
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert handlers == [(before, False)]

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from paretoik.errors import InvalidInput
+from paretoik.front.preferences import Weights
+from paretoik.review.plots import POSTURES, _points_to_show, front_picture, stroboscopic
+
+
+@pytest.mark.parametrize(
+    ("n_obj", "planar", "moving"),
+    [(1, True, True), (2, True, True), (2, False, True), (2, True, False), (3, True, True), (5, False, True)],
+)
+def test_every_front_gets_a_small_picture_that_shows_something(n_obj, planar, moving, tmp_path, make_front):
+    front = make_front(n_obj, points=60, planar=planar, moving=moving)
+    file = tmp_path / "front.png"
+    front_picture(front, file, front.select(Weights({front.names[0]: 1.0})))
+    assert file.stat().st_size < 150_000
+    with Image.open(file) as picture:
+        pixels = np.asarray(picture.convert("L"))
+    assert min(pixels.shape) > 300
+    assert 0.005 < (pixels < 128).mean() < 0.5
+
+
+def test_an_empty_front_gets_a_picture_that_says_so(tmp_path, make_front):
+    front_picture(make_front(2, points=0), tmp_path / "front.png")
+    assert (tmp_path / "front.png").stat().st_size > 1000
+
+
+def test_the_extremes_and_the_choice_are_shown(make_front):
+    front = make_front(2)
+    choice = front.select(Weights({front.names[0]: 1.0, front.names[1]: 1.0}))
+    shown = {point.index: point.why for point in _points_to_show(front, choice)}
+    assert shown == {0: "best kinetic_energy", choice.index: "chosen", len(front) - 1: "best torque_norm"}
+
+
+def test_without_a_choice_a_compromise_is_shown(make_front):
+    front = make_front(2)
+    shown = {point.why: point.index for point in _points_to_show(front, None)}
+    assert shown["compromise"] == np.linalg.norm(front.shares, axis=1).argmin()
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_a_stroboscopic_view_draws_postures_and_the_way_of_the_tool(planar, make_front):
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(projection=None if planar else "3d")
+    motion = make_front(2, planar=planar).motions[0]
+    stroboscopic(axes, motion)
+    assert len(axes.lines) == POSTURES + 3
+    lines = [np.stack(line.get_data() if planar else line.get_data_3d(), axis=-1) for line in axes.lines]
+    np.testing.assert_array_equal(lines[0], motion.links[0][:, : 2 if planar else 3])
+    np.testing.assert_array_equal(lines[-2], motion.tool)
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path, make_front):
+    with pytest.raises(InvalidInput, match="wanted to write a picture"):
+        front_picture(make_front(2, moving=False), tmp_path / "missing" / "front.png")

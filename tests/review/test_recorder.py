@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from paretoik.front.preferences import Weights
+from paretoik.review import recording as recording_module
+from paretoik.review.recorder import Recorder
+
+
+@pytest.fixture(autouse=True)
+def strict():
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def recorder(file: Path, front) -> Recorder:
+    return Recorder(file, title="a: test", names=front.names, units=front.units, maximised=front.maximised)
+
+
+def recorded(file: Path, front, generations, *, finished: bool = True, weights=None):
+    started = recorder(file, front)
+    for generation in generations:
+        started.record(generation)
+    choice = front.select(weights or Weights({front.names[0]: 1.0})) if len(front) else None
+    if finished:
+        started.finish(front, choice)
+    else:
+        started.close()
+    return choice
+
+
+def read(file: Path) -> dict[str, list]:
+    """Return the record batches of each entity of the data recording, blueprint left out."""
+    reader = rr.chunk.RrdReader(file)
+    (store,) = reader.recordings()
+    batches: dict[str, list] = {}
+    for chunk in reader.stream(store=store):
+        batches.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
+    return batches
+
+
+def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
+    """Return what the last row logged at each time of `timeline` holds in `component`."""
+    found = {}
+    for batch in batches:
+        names = batch.schema.names
+        matching = [name for name in names if name.split(":")[-1] == component]
+        if timeline in names and matching:
+            times = batch.column(timeline).cast("int64").to_pylist()
+            for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
+                if value is not None:
+                    found[time] = np.array(value)
+    return found
+
+
+def timelines(batches: list) -> set[str]:
+    return {name for batch in batches for name in ("generation", "motion") if name in batch.schema.names}
+
+
+@pytest.mark.parametrize("finished", [False, True])
+@pytest.mark.parametrize("n_obj", [1, 2, 3, 5])
+def test_every_generation_is_kept_exactly(n_obj, finished, tmp_path, make_front, make_generations):
+    generations = make_generations(n_obj)
+    front = make_front(n_obj)
+    recorded(tmp_path / "review.rrd", front, generations, finished=finished)
+    entities = read(tmp_path / "review.rrd")
+    for layer, exact in (("population", lambda g: g.population), ("front", lambda g: g.front)):
+        F = rows(entities[f"/search/{layer}"], "generation", "F")
+        assert sorted(F) == [0, 1, 2, 3]
+        for generation in generations[:3]:
+            np.testing.assert_array_equal(F[generation.number], exact(generation).ravel())
+    volumes = rows(entities["/search/hypervolume"], "generation", "scalars")
+    assert [float(volumes[number][0]) for number in range(4)] == [0.5, 1.5, 2.5, 3.5]
+    counts = rows(entities["/search/counts"], "generation", "scalars")
+    assert counts[0].tolist() == [len(generations[0].front), 1.0]
+
+
+def test_the_best_value_of_each_objective_is_followed(tmp_path, make_front, make_generations):
+    generations = make_generations(3)
+    recorded(tmp_path / "review.rrd", make_front(3), generations)
+    entities = read(tmp_path / "review.rrd")
+    least = rows(entities["/search/best/kinetic_energy"], "generation", "scalars")
+    most = rows(entities["/search/best/manipulability"], "generation", "scalars")
+    assert least[2][0] == generations[2].front[:, 0].min()
+    assert most[2][0] == generations[2].front[:, 2].max()
+
+
+def test_the_end_stands_on_both_timelines(tmp_path, make_front, make_generations):
+    front = make_front(2)
+    choice = recorded(tmp_path / "review.rrd", front, make_generations(2))
+    entities = read(tmp_path / "review.rrd")
+    for timeline, time in (("generation", 3), ("motion", 0)):
+        last = rows(entities["/search/front"], timeline, "F")[time]
+        np.testing.assert_array_equal(last, front.objectives.ravel())
+        np.testing.assert_array_equal(rows(entities["/search/front"], timeline, "ids")[time], front.ids)
+        np.testing.assert_array_equal(rows(entities["/search/chosen"], timeline, "F")[time], choice.objectives)
+    both = {"generation", "motion"}
+    drawn = [path for path in entities if path.startswith(("/front/", "/arm/links", "/joints/", "/charts/"))]
+    assert all(timelines(entities[path]) in (both, set()) for path in drawn)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_the_chosen_motion_is_replayed_sample_by_sample(planar, tmp_path, make_front, make_generations):
+    front = make_front(2, planar=planar)
+    choice = recorded(tmp_path / "review.rrd", front, make_generations(2))
+    entities = read(tmp_path / "review.rrd")
+    nanoseconds = np.round(choice.motion.time * 1e9).astype(int).tolist()
+    for name, values in (
+        ("position", choice.motion.q),
+        ("velocity", choice.motion.dq),
+        ("torque", choice.motion.torque),
+    ):
+        series = rows(entities[f"/joints/{name}"], "motion", "scalars")
+        assert sorted(series) == nanoseconds
+        np.testing.assert_array_equal(np.stack([series[time] for time in nanoseconds]), values)
+    strips = rows(entities["/arm/links"], "motion", "strips")
+    assert sorted(strips) == nanoseconds
+    last = strips[nanoseconds[-1]][0]
+    assert last.shape == (4, 2 if planar else 3)
+    if not planar:
+        np.testing.assert_allclose(last, choice.motion.links[-1], rtol=1e-6)
+
+
+def test_points_are_drawn_in_their_places_on_the_axes(tmp_path, make_front, make_generations):
+    front = make_front(2)
+    recorded(tmp_path / "review.rrd", front, make_generations(2))
+    entities = read(tmp_path / "review.rrd")
+    (panel,) = [path for path in entities if path.endswith("/front") and path.startswith("/front/")]
+    drawn = rows(entities[panel], "motion", "positions")[0]
+    assert len(drawn) == len(front)
+    # More energy lies further right, more torque further up, which is a smaller second coordinate.
+    assert (np.diff(drawn[:, 0]) > 0).all()
+    assert np.corrcoef(drawn[:, 1], front.objectives[:, 1])[0, 1] < -0.999999
+
+
+def test_points_are_named_by_their_ids_and_the_chosen_one_openly(tmp_path, make_front, make_generations):
+    front = make_front(3)
+    choice = recorded(tmp_path / "review.rrd", front, make_generations(3))
+    entities = read(tmp_path / "review.rrd")
+    chosen = [path for path in entities if path.startswith("/front/") and path.endswith("/chosen")]
+    fronts = [path for path in entities if path.startswith("/front/") and path.endswith("/front")]
+    assert len(chosen) == len(fronts) == 3
+    for path in chosen:
+        assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {choice.id}"]
+        assert rows(entities[path], "motion", "show_labels")[0].tolist() == [True]
+    for path in fronts:
+        assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {number}" for number in front.ids]
+        assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]
+
+
+def test_a_front_found_by_nobody_is_recorded_as_such(tmp_path, make_front, make_generations):
+    front = make_front(2, points=0)
+    generations = make_generations(2, points=0)
+    recorded(tmp_path / "review.rrd", front, generations)
+    F = rows(read(tmp_path / "review.rrd")["/search/population"], "generation", "F")
+    assert sorted(F) == [0, 1, 2, 3]
+
+
+def test_a_constant_objective_gets_axes_all_the_same(tmp_path, make_front):
+    front = make_front(2, points=1)
+    recorded(tmp_path / "review.rrd", front, [])
+    assert "/search/front" in read(tmp_path / "review.rrd")
+
+
+KILLED = """
+import sys, os, signal
+import numpy as np
+from paretoik.review.generation import Generation
+from paretoik.review.recorder import Recorder
+recorder = Recorder(sys.argv[1], title="killed", names=["a", "b"], units=["", ""], maximised=[False, False])
+for number in range(5):
+    F = np.array([[1.0, 2.0 - 0.1 * number], [2.0 - 0.1 * number, 1.0]])
+    recorder.record(Generation(number=number, population=F, front=F, front_ids=np.arange(2), hypervolume=1.0))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_run_keeps_every_generation(tmp_path):
+    file = tmp_path / "review.rrd"
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(file)], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    F = {}
+    rr.set_strict_mode(False)
+    with pytest.warns(rr.error_utils.RerunWarning, match="no footer"):
+        reader = rr.chunk.RrdReader(file)
+    for chunk in reader.stream():
+        if str(chunk.entity_path) == "/search/front":
+            F |= rows([chunk.to_record_batch()], "generation", "F")
+    assert sorted(F) == [0, 1, 2, 3, 4]
+
+
+def test_a_recording_that_cannot_be_opened_is_warned_of_once_and_the_run_goes_on(
+    tmp_path, make_front, make_generations
+):
+    front = make_front(2)
+    with pytest.warns(RuntimeWarning, match="recording stopped, the run goes on"):
+        started = recorder(tmp_path / "missing" / "folder" / "review.rrd", front)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for generation in make_generations(2):
+            started.record(generation)
+        started.finish(front)
+        started.close()
+
+
+def test_a_recording_that_fails_on_the_way_is_warned_of_once_and_what_was_written_stays(
+    tmp_path, make_front, make_generations
+):
+    front, generations = make_front(2), make_generations(2)
+    started = recorder(tmp_path / "review.rrd", front)
+    started.record(generations[0])
+    with pytest.warns(RuntimeWarning, match="the run goes on"):
+        started.record(None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        started.record(generations[1])
+        started.finish(front)
+    assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == [0]
+
+
+def test_a_missing_rerun_is_warned_of_and_the_run_goes_on(tmp_path, monkeypatch, make_front, make_generations):
+    monkeypatch.setitem(sys.modules, "paretoik.review.recording", None)
+    with pytest.warns(RuntimeWarning, match="the run goes on"):
+        started = recorder(tmp_path / "review.rrd", make_front(2))
+    started.record(make_generations(2)[0])
+    assert not (tmp_path / "review.rrd").exists()
+
+
+def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, make_front, make_generations):
+    front = make_front(2)
+    started = recorder(tmp_path / "review.rrd", front)
+    for generation in make_generations(2):
+        started.record(generation)
+
+    def fail(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(recording_module.SearchScene, "log_generation", fail)
+    with pytest.warns(RuntimeWarning, match="No space left on device"):
+        started.finish(front)
+    assert [file.name for file in tmp_path.iterdir()] == ["review.rrd"]
+    assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == [0, 1, 2, 3]

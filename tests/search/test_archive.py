@@ -1,0 +1,109 @@
+"""The archive remembers what the population forgets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from paretoik.errors import InvalidInput
+from paretoik.search import Archive
+from paretoik.search.archive import SAME
+
+
+def fill(archive, F, *, G=None, first=0, generation=0, causes=None):
+    F = np.asarray(F, dtype=float)
+    ids = np.arange(first, first + len(F))
+    archive.add(ids, np.repeat(ids[:, None].astype(float), 2, axis=1), F, G, generation, causes=causes)
+    return archive
+
+
+def dominates(a, b):
+    return (a <= b).all() and (a < b).any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(1, 3).flatmap(
+        lambda n_obj: hnp.arrays(float, st.tuples(st.integers(1, 25), st.just(n_obj)), elements=st.integers(0, 6))
+    ),
+    st.integers(1, 5),
+)
+def test_it_holds_the_first_of_each_non_dominated_point_whatever_the_batches(F, batches):
+    archive = Archive()
+    first = 0
+    for generation, part in enumerate(np.array_split(F, batches)):
+        if len(part):
+            fill(archive, part, first=first, generation=generation)
+        first += len(part)
+    expected = [
+        one
+        for one in range(len(F))
+        if not any(dominates(other, F[one]) for other in F) and not any((F[:one] == F[one]).all(axis=1))
+    ]
+    assert archive.ids.tolist() == expected
+    assert np.array_equal(archive.F, F[expected])
+    assert np.array_equal(archive.members.X[:, 0], expected)
+
+
+def test_ids_and_generations_stay_with_their_points():
+    archive = fill(Archive(), [[0, 2], [2, 0]], first=0, generation=0)
+    fill(archive, [[1, 1], [3, 3]], first=2, generation=1)
+    fill(archive, [[0.5, 0.5]], first=4, generation=2)
+    assert archive.ids.tolist() == [0, 1, 4]
+    assert archive.members.generations.tolist() == [0, 0, 2]
+
+
+def test_the_order_within_a_batch_does_not_matter():
+    F = np.random.default_rng(0).random((30, 2))
+    straight, shuffled = fill(Archive(), F), Archive()
+    order = np.random.default_rng(1).permutation(30)
+    shuffled.add(order, np.repeat(order[:, None], 2, axis=1), F[order], None, 0)
+    assert np.array_equal(straight.ids, shuffled.ids)
+
+
+def test_a_point_nearer_than_rounding_is_the_older_one():
+    archive = fill(Archive(), [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]])
+    nearly = [[0.5 - SAME / 2, 0.5 + SAME / 2], [0.5 - 3 * SAME, 0.5 + 3 * SAME]]
+    assert fill(archive, nearly, first=3).ids.tolist() == [0, 1, 2, 4]
+
+
+def test_only_feasible_and_finite_points_enter_and_failures_are_counted_with_the_first_cause():
+    F = [[0, 0], [np.nan, 0], [0, np.inf], [1, 1], [2, 2]]
+    G = np.array([[1.0], [-1.0], [-1.0], [1e-12], [np.nan]])
+    archive = fill(Archive(names=("energy", "torque")), F, G=G)
+    assert archive.ids.tolist() == [3]
+    assert archive.failed.count == 3
+    assert archive.failed.first_cause == "objective energy is nan"
+    named = fill(Archive(), F, G=G, causes={1: "ValueError: no"})
+    assert named.failed.first_cause == "ValueError: no"
+    assert fill(Archive(), [[1, 1]], G=np.array([[0.0, np.nan]])).failed.first_cause == "constraint 2 is nan"
+
+
+def test_without_a_feasible_point_the_least_violating_one_is_kept():
+    archive = fill(Archive(), [[0, 0], [1, 1], [2, 2]], G=np.array([[3.0], [1.0], [np.nan]]))
+    fill(archive, [[3, 3]], G=np.array([[2.0]]), first=3)
+    assert len(archive) == 0
+    assert archive.least_violating.ids.tolist() == [1]
+    fill(archive, [[9, 9]], G=np.array([[0.0]]), first=4)
+    assert archive.least_violating is None
+    assert archive.ids.tolist() == [4]
+
+
+@pytest.mark.parametrize("n_obj", [2, 3])
+def test_above_its_capacity_a_grid_thins_it_but_keeps_the_extremes(n_obj):
+    F = np.abs(np.random.default_rng(2).normal(size=(1200, n_obj)))
+    F /= np.linalg.norm(F, axis=1, keepdims=True)
+    archive = fill(Archive(capacity=1000), F)
+    assert 100 < len(archive) <= 500
+    assert np.isin(F.argmin(axis=0), archive.ids).all()
+    assert np.array_equal(archive.F, F[archive.ids])
+    gaps = np.sort(archive.F[:, 0])
+    assert n_obj > 2 or np.diff(gaps).max() < 0.05
+
+
+def test_a_capacity_of_nothing_is_refused():
+    with pytest.raises(InvalidInput, match="archive capacity: an integer of at least 1 wanted, got 0"):
+        Archive(capacity=0)

@@ -1,0 +1,218 @@
+"""Ask and tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+
+from paretoik.errors import InvalidInput
+from paretoik.search import MaxiMinNSGA2, Search
+from tests.search.problems import Constant, Parabolas
+
+
+def told(search, generations, split=None):
+    problem = search.problem
+    for _ in range(generations):
+        asked = search.ask()
+        out = problem.evaluate(asked.X, return_as_dictionary=True)
+        parts = [np.arange(len(asked.ids))] if split is None else split(len(asked.ids))
+        for part in parts:
+            search.tell(asked.ids[part], out["F"][part], out["G"][part] if "G" in out else None)
+    return search
+
+
+def test_asking_twice_returns_the_same_and_changes_nothing():
+    once, twice = Search(Parabolas(), population=8, seed=5), Search(Parabolas(), population=8, seed=5)
+    for _ in range(3):
+        first = twice.ask()
+        assert twice.ask() is first
+        assert np.array_equal(once.ask().X, first.X)
+        for search in (once, twice):
+            told(search, 1)
+
+
+def test_the_order_and_the_parts_in_which_it_is_told_do_not_matter():
+    rng = np.random.default_rng(0)
+
+    def split(n):
+        return np.array_split(rng.permutation(n), 3)
+
+    whole = told(Search(Parabolas(), population=10, seed=1), 6)
+    parts = told(Search(Parabolas(), population=10, seed=1), 6, split)
+    assert np.array_equal(whole.archive.F, parts.archive.F)
+    assert np.array_equal(whole.archive.ids, parts.archive.ids)
+    assert np.array_equal(whole.ask().X, parts.ask().X)
+
+
+def test_a_generation_advances_only_when_all_of_it_was_told():
+    search = Search(Parabolas(), population=6)
+    asked = search.ask()
+    F = search.problem.evaluate(asked.X)
+    search.tell(asked.ids[:5], F[:5])
+    assert search.ask() is asked
+    assert (search.generation, search.evaluations, len(search.archive)) == (0, 0, 0)
+    search.tell(asked.ids[5:], F[5:])
+    assert (search.generation, search.evaluations) == (1, 6)
+    assert search.ask().generation == 1
+
+
+def test_ids_count_evaluations_and_are_never_used_again():
+    search = Search(Parabolas(), population=6, offspring=4)
+    seen = []
+    for _ in range(5):
+        seen += search.ask().ids.tolist()
+        told(search, 1)
+    assert seen == list(range(6 + 4 * 4))
+
+
+def test_archived_points_are_what_was_asked_under_their_id():
+    search = Search(Parabolas(), population=8, seed=2)
+    rows = {}
+    for _ in range(6):
+        asked = search.ask()
+        rows |= dict(zip(asked.ids.tolist(), asked.X, strict=True))
+        told(search, 1)
+    members = search.archive.members
+    assert all(np.array_equal(rows[number], X) for number, X in zip(members.ids.tolist(), members.X, strict=True))
+    assert np.array_equal(search.problem.evaluate(members.X), members.F)
+
+
+@pytest.mark.parametrize(
+    ("ids", "rows", "message"),
+    [
+        ([3, 99], 2, "ids: those asked, 0 to 5, wanted, got 99"),
+        ([-1], 1, "ids: those asked, 0 to 5, wanted, got -1"),
+        ([2, 2], 2, "ids: each told once wanted, got 2 again"),
+        ([0], 1, "ids: each told once wanted, got 0 again"),
+        ([1.0], 1, "ids: a list of integers wanted, got float64"),
+        ([3, 4], 1, r"F: real numbers of shape \(2, 2\) wanted, got float64 of shape \(1, 2\)"),
+    ],
+)
+def test_ids_that_are_unknown_or_repeated_are_refused_and_nothing_is_taken(ids, rows, message):
+    search = Search(Parabolas(), population=6)
+    asked = search.ask()
+    search.tell(asked.ids[:1], np.zeros((1, 2)))
+    with pytest.raises(InvalidInput, match=message):
+        search.tell(ids, np.zeros((rows, 2)))
+    search.tell(asked.ids[1:], np.ones((5, 2)))
+    assert search.generation == 1
+
+
+@pytest.mark.parametrize(
+    ("F", "G", "message"),
+    [
+        (np.zeros(4), np.zeros((4, 1)), r"F: .*\(4, 2\) wanted, got float64 of shape \(4,\)"),
+        (np.zeros((4, 2)), None, r"G: .*\(4, 1\) wanted, got nothing"),
+        (np.zeros((4, 2)), np.zeros((4, 2)), r"G: .*got float64 of shape \(4, 2\)"),
+        (np.zeros((4, 2), complex), np.zeros((4, 1)), "F: real numbers .* got complex128"),
+        (None, np.zeros((4, 1)), "F: .*got nothing"),
+    ],
+)
+def test_arrays_of_another_shape_or_type_are_refused_by_name(F, G, message):
+    search = Search(Parabolas(constrained=True), population=4)
+    with pytest.raises(InvalidInput, match=message):
+        search.tell(search.ask().ids, F, G)
+
+
+def test_telling_before_asking_is_refused():
+    with pytest.raises(InvalidInput, match="before ask"):
+        Search(Parabolas()).tell([0], [[1.0, 1.0]])
+
+
+def test_rows_that_are_not_finite_count_as_failed_and_never_reach_the_front():
+    search = Search(Parabolas(), population=20, seed=1)
+    for _ in range(10):
+        asked = search.ask()
+        F = search.problem.evaluate(asked.X)
+        bad = asked.X[:, 1] < 0.8  # 70 % of the box
+        F[bad] = np.nan
+        search.tell(asked.ids, F, causes={int(asked.ids[row]): "singular" for row in np.flatnonzero(bad)[:1]})
+    assert search.failed.count > 10
+    assert search.failed.first_cause == "singular"
+    assert np.isfinite(search.archive.F).all()
+    assert (search.archive.members.X[:, 1] >= 0.8).all()
+    assert len(search.archive) > 5
+
+
+def test_a_generation_of_failures_only_does_not_stop_the_search():
+    search = Search(Parabolas(), population=6)
+    search.tell(search.ask().ids, np.full((6, 2), np.nan))
+    assert search.failed.count == 6
+    assert search.failed.first_cause == "objective f1 is nan"
+    told(search, 3)
+    assert len(search.archive) > 0
+
+
+def test_no_feasible_point_leaves_an_empty_front_and_the_least_violating_point():
+    search = Search(Parabolas(constrained=True), population=8)
+    asked = search.ask()
+    search.tell(asked.ids, search.problem.evaluate(asked.X)[0], 1.0 + np.arange(8.0)[::-1, None])
+    assert len(search.archive) == 0
+    assert search.archive.least_violating.ids.tolist() == [7]
+
+
+class Named(Parabolas):
+    names = ("speed", "cost")
+    units = ("m/s", "J")
+    maximised = (True, False)
+
+
+def test_the_front_speaks_the_users_language():
+    search = told(Search(Named(), population=8), 3)
+    front = search.front
+    assert tuple(front.names) == ("speed", "cost")
+    assert tuple(front.units) == ("m/s", "J")
+    order = np.argsort(front.ids)
+    assert np.array_equal(front.objectives[order], search.archive.F * [-1, 1])
+    assert np.array_equal(front.genes[order], search.archive.members.X)
+    assert tuple(told(Search(Parabolas(), population=8), 1).front.names) == ("f1", "f2")
+
+
+def test_names_of_another_number_of_objectives_are_refused():
+    problem = Parabolas()
+    problem.names = ("one",)
+    with pytest.raises(InvalidInput, match=r"problem.names: 2 wanted, one an objective, got 1"):
+        Search(problem)
+
+
+def test_initial_genes_are_asked_first():
+    search = Search(Parabolas(), population=6, initial=[[0.5, 0.25, 0.0]])
+    assert search.ask().X[0].tolist() == [0.5, 0.25, 0.0]
+
+
+def test_suggested_genes_are_asked_next_and_the_rest_later():
+    search = told(Search(Parabolas(), population=6, offspring=2), 1)
+    best = np.array([[0.1, 0, 0], [0.2, 0, 0], [0.3, 0, 0]])
+    search.suggest(best)
+    assert np.array_equal(search.ask().X, best[:2])
+    told(search, 1)
+    assert np.array_equal(search.ask().X[-1:], best[2:])
+    told(search, 1)
+    assert np.isin([6, 7, 9], search.archive.ids).all()
+    with pytest.raises(InvalidInput, match=r"suggested\[0\]: gene 2 .* got nan"):
+        search.suggest([[0, 0, np.nan]])
+
+
+@pytest.mark.parametrize("algorithm", [MaxiMinNSGA2(pop_size=12), NSGA2(pop_size=12)])
+def test_any_genetic_algorithm_can_be_asked(algorithm):
+    search = told(Search(Parabolas(), algorithm=algorithm, seed=1), 4)
+    assert search.evaluations == 48
+    assert algorithm.problem is None  # a copy was used
+
+
+def test_settings_beside_an_algorithm_are_refused():
+    with pytest.raises(InvalidInput, match="algorithm: its own sampling and offspring wanted"):
+        Search(Parabolas(), algorithm=MaxiMinNSGA2(), offspring=5)
+
+
+@pytest.mark.parametrize("n_obj", [1, 2, 10])
+def test_constant_objectives_leave_one_point(n_obj):
+    search = told(Search(Constant(n_obj), population=6), 4)
+    assert search.archive.ids.tolist() == [0]
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, None])
+def test_a_seed_that_is_no_natural_number_is_refused(seed):
+    with pytest.raises(InvalidInput, match="seed: an integer of at least 0 wanted, got"):
+        Search(Parabolas(), seed=seed)

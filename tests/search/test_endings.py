@@ -1,0 +1,137 @@
+"""When a search ends and why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paretoik.errors import InvalidInput
+from paretoik.search import (
+    Evaluations,
+    Failures,
+    Generations,
+    HypervolumeTarget,
+    Interrupt,
+    Progress,
+    Stagnation,
+    Target,
+    TimeLimit,
+)
+
+LINE = np.column_stack((np.linspace(0, 1, 11), np.linspace(1, 0, 11)))
+
+
+def progress(front=LINE, *, past=(), generation=5, evaluations=100, seconds=3.0):
+    return Progress(
+        generation=generation,
+        evaluations=evaluations,
+        seconds=seconds,
+        failed=Failures(),
+        population=np.asarray(front),
+        front=np.asarray(front),
+        ids=np.arange(len(front)),
+        past=tuple(past),
+    )
+
+
+@pytest.mark.parametrize(
+    ("ending", "early", "reason"),
+    [
+        (Generations(5), {"generation": 4}, "generations"),
+        (Evaluations(100), {"evaluations": 99}, "evaluations"),
+        (TimeLimit(3.0), {"seconds": 2.9}, "time limit"),
+    ],
+)
+def test_limits_end_when_they_are_reached_and_not_before(ending, early, reason):
+    assert ending.reached(progress()) == reason
+    assert ending.reached(progress(**early)) is None
+
+
+@pytest.mark.parametrize(
+    ("ending", "arguments", "message"),
+    [
+        (Generations, (0,), "generations: an integer of at least 1 wanted, got 0"),
+        (Evaluations, (-1,), "evaluations: .* got -1"),
+        (TimeLimit, (0.0,), "time limit: more than 0 seconds wanted, got 0.0"),
+        (TimeLimit, (float("nan"),), "time limit: .* got nan"),
+        (Stagnation, (0.0,), "stagnation gain: more than 0 wanted, got 0.0"),
+        (Stagnation, (1e-4, 0), "stagnation over: .* got 0"),
+        (Target, ((1.0, float("nan")),), "target: .*nan"),
+        (HypervolumeTarget, ((1.0, np.inf), 0.5), "hypervolume target: finite numbers wanted"),
+    ],
+)
+def test_limits_that_cannot_be_used_are_refused_by_name_and_value(ending, arguments, message):
+    with pytest.raises(InvalidInput, match=message):
+        ending(*arguments)
+
+
+def test_nothing_moving_for_long_enough_is_stagnation():
+    ending = Stagnation(over=3)
+    assert ending.reached(progress(past=[LINE] * 3)) == "stagnation"
+    assert ending.reached(progress(past=[LINE] * 2)) is None
+
+
+@pytest.mark.parametrize(
+    "then",
+    [
+        LINE * 1.001,  # the hypervolume grew
+        LINE[1:],  # the ideal moved
+        np.concatenate((LINE, [[-0.1, 1.5]])),  # the nadir moved
+        np.empty((0, 2)),  # nothing was feasible yet
+    ],
+)
+def test_a_front_that_grew_or_whose_ends_moved_is_no_stagnation(then):
+    assert Stagnation(over=1).reached(progress(past=[then])) is None
+
+
+def test_stagnation_does_not_depend_on_units():
+    factor = np.array([1e9, 1e-9])
+    nearly = LINE + 1e-6
+    assert Stagnation(over=1).reached(progress(past=[nearly])) == "stagnation"
+    assert Stagnation(over=1).reached(progress(LINE * factor, past=[nearly * factor])) == "stagnation"
+
+
+def test_one_objective_stagnates_by_its_value():
+    assert Stagnation(over=1).reached(progress([[5.0]], past=[np.array([[5.0001]])])) == "stagnation"
+    assert Stagnation(over=1).reached(progress([[5.0]], past=[np.array([[5.01]])])) is None
+
+
+def test_no_feasible_point_is_never_stagnation():
+    assert Stagnation(over=1).reached(progress(np.empty((0, 2)), past=[np.empty((0, 2))])) is None
+
+
+def test_a_target_is_met_by_one_point_as_good_in_every_objective():
+    assert Target((0.5, 0.5)).reached(progress()) == "target"
+    assert Target((0.5, 0.45)).reached(progress()) is None
+    assert Target((np.inf, 0.0)).reached(progress()) == "target"
+    with pytest.raises(InvalidInput, match="target: 2 numbers wanted, one an objective, got 1"):
+        Target((0.5,)).reached(progress())
+
+
+def test_a_hypervolume_target_is_met_by_the_volume():
+    volume = progress().hypervolume
+    assert HypervolumeTarget((1.1, 1.1), volume).reached(progress()) == "target"
+    assert HypervolumeTarget((1.1, 1.1), volume * 1.001).reached(progress()) is None
+    assert HypervolumeTarget((1.0, 1.0), 0.1).reached(progress(np.empty((0, 2)))) is None
+
+
+def test_an_interrupt_ends_once_requested():
+    ending = Interrupt("terminated")
+    assert ending.reached(progress()) is None
+    ending.request()
+    assert ending.reached(progress()) == "terminated"
+
+
+def test_hypervolume_is_normalised_by_the_front_itself():
+    assert progress().hypervolume == pytest.approx(progress(LINE * [3.0, 1e6] + [5.0, -7.0]).hypervolume)
+    assert progress([[2.0, 3.0]]).hypervolume == pytest.approx(1.1**2)
+    assert progress(np.empty((0, 2))).hypervolume == 0.0
+
+
+def test_many_objectives_have_an_approximate_hypervolume():
+    from moocore import hypervolume
+
+    F = np.abs(np.random.default_rng(0).normal(size=(80, 5)))
+    F /= np.linalg.norm(F, axis=1, keepdims=True)
+    normal = (F - F.min(axis=0)) / np.ptp(F, axis=0)
+    assert progress(F).hypervolume == pytest.approx(hypervolume(normal, ref=np.full(5, 1.1)), rel=0.05)

@@ -1,0 +1,224 @@
+"""The loop, and the evaluations that go wrong in it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.search import Evaluations, Generations, Interrupt, Search, Stagnation, evolve
+from paretoik.search.evolution import evaluated
+from tests.search.problems import Parabolas
+
+
+def search(problem=None, **settings):
+    return Search(problem or Parabolas(), population=10, seed=1, **settings)
+
+
+def test_it_runs_until_the_first_ending_and_shows_each_generation():
+    seen = []
+    running = search()
+    assert evolve(running, [Generations(7), Evaluations(1000)], observe=seen.append) == "generations"
+    assert [progress.generation for progress in seen] == [1, 2, 3, 4, 5, 6, 7]
+    assert [progress.evaluations for progress in seen] == list(range(10, 80, 10))
+    assert np.array_equal(seen[-1].front, running.archive.F)
+    assert np.array_equal(seen[-1].ids, running.archive.ids)
+    assert seen[-1].population.shape == (10, 2)
+    assert seen[0].seconds <= seen[-1].seconds
+    assert evolve(search(), [Generations(70), Evaluations(35)]) == "evaluations"
+
+
+def test_the_archive_never_loses_hypervolume():
+    fronts = []
+    evolve(search(), [Generations(15)], observe=lambda progress: fronts.append(progress.front))
+    for before, after in pairwise(fronts):
+        covered = (after[None] <= before[:, None]).all(axis=2).any(axis=1)
+        assert covered.all()
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not():
+    runs = []
+    for seed in (4, 4, 5):
+        running = Search(Parabolas(), population=10, seed=seed)
+        evolve(running, [Generations(8)])
+        runs.append(running.archive.members)
+    assert np.array_equal(runs[0].X, runs[1].X)
+    assert np.array_equal(runs[0].ids, runs[1].ids)
+    assert not np.array_equal(runs[0].X[:4], runs[2].X[:4])
+
+
+def test_running_on_equals_running_at_once():
+    at_once, in_two = search(), search()
+    evolve(at_once, [Generations(9)])
+    evolve(in_two, [Generations(4)])
+    evolve(in_two, [Generations(9)])
+    assert np.array_equal(at_once.archive.members.X, in_two.archive.members.X)
+
+
+def test_a_solved_problem_stagnates():
+    running = search()
+    assert evolve(running, [Generations(400), Stagnation(gain=1e-2, over=10)]) == "stagnation"
+    assert running.generation > 10
+
+
+class Raising(Parabolas):
+    """Raises whenever an individual is in a corner of the box."""
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        if (x[:, 1] > 1.0).any():
+            raise ArithmeticError("elbow\nlocked")
+        super()._evaluate(x, out)
+
+
+def test_one_individual_that_raises_does_not_take_the_others_with_it():
+    X = np.zeros((5, 3))
+    X[2, 1] = 1.5
+    problem = Raising()
+    outcome = evaluated(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
+    assert np.isnan(outcome.F).all(axis=1).tolist() == [False, False, True, False, False]
+    assert outcome.causes == {2: "ArithmeticError: elbow locked"}
+
+
+def test_a_search_survives_individuals_that_raise_and_names_the_first_cause():
+    running = search(Raising())
+    assert evolve(running, [Generations(10)]) == "generations"
+    assert running.failed.count > 0
+    assert running.failed.first_cause == "ArithmeticError: elbow locked"
+    assert (running.archive.members.X[:, 1] <= 1.0).all()
+
+
+class Explaining(Parabolas):
+    """Names the cause itself, row by row, and may raise besides."""
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        if (x[:, 2] > 1.9).any():
+            raise ArithmeticError
+        super()._evaluate(x, out)
+        bad = x[:, 1] > 1.0
+        out["F"][bad] = np.inf
+        out["cause"] = np.where(bad, "elbow locked", "").astype(object)
+
+
+def test_causes_that_the_evaluation_itself_names_are_kept():
+    X = np.zeros((4, 3))
+    X[1, 1] = 1.5
+    problem = Explaining()
+    for risky in (0.0, 2.0):
+        X[3, 2] = risky
+        outcome = evaluated(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
+        assert outcome.causes[1] == "elbow locked"
+        assert len(outcome.causes) == (2 if risky else 1)
+    running = search(problem)
+    evolve(running, [Generations(5)])
+    assert running.failed.count > 0
+    assert running.failed.first_cause in ("elbow locked", "ArithmeticError: ")
+
+
+class Broken(Parabolas):
+    def _evaluate(self, x, out, *args, **kwargs):
+        raise TypeError("wrist_effort: unexpected argument")
+
+
+class Nothing(Parabolas):
+    def _evaluate(self, x, out, *args, **kwargs):
+        out["F"] = np.full((len(x), 2), np.nan)
+
+
+class Misshapen(Parabolas):
+    def _evaluate(self, x, out, *args, **kwargs):
+        out["F"] = np.zeros((len(x), 3))
+
+
+@pytest.mark.parametrize(
+    ("problem", "cause"),
+    [
+        (Broken(), "all 10 failed, the first with: TypeError: wrist_effort: unexpected argument"),
+        (Nothing(), "all 10 failed, the first with: objective f1 is nan"),
+        (Misshapen(), r"all 10 failed, the first with: .*expected shape \(1, 2\) but provided \(1, 3\)"),
+    ],
+)
+def test_when_every_evaluation_fails_it_ends_with_the_first_cause(problem, cause):
+    with pytest.raises(EvaluationFailed, match=cause):
+        evolve(search(problem), [Generations(5)])
+
+
+def test_an_evaluation_that_changes_its_input_harms_nobody():
+    class Meddling(Parabolas):
+        def _evaluate(self, x, out, *args, **kwargs):
+            super()._evaluate(x, out)
+            x[:] = 0.0
+
+    meddled, clean = search(Meddling()), search()
+    for running in (meddled, clean):
+        evolve(running, [Generations(4)])
+    assert np.array_equal(meddled.archive.members.X, clean.archive.members.X)
+
+
+def test_ctrl_c_during_an_evaluation_keeps_the_result():
+    class Impatient(Parabolas):
+        def _evaluate(self, x, out, *args, **kwargs):
+            super()._evaluate(x, out)
+            if self.calls == 4:
+                raise KeyboardInterrupt
+
+    running = search(Impatient())
+    assert evolve(running, [Generations(50)]) == "interrupted"
+    assert running.generation == 3
+    assert len(running.archive) > 0
+    asked = running.ask()
+    assert asked.generation == 3
+    running.tell(asked.ids, Parabolas().evaluate(asked.X))
+    assert running.generation == 4
+
+
+def test_a_requested_interrupt_ends_after_the_generation():
+    flag = Interrupt()
+    running = search()
+
+    def observe(progress):
+        if progress.generation == 3:
+            flag.request()
+
+    assert evolve(running, [Generations(50), flag], observe=observe) == "interrupted"
+    assert running.generation == 3
+
+
+def test_what_improve_returns_is_evaluated_in_the_next_generation():
+    better = np.array([[0.5, 0.0, 0.0]])
+    running = search()
+    evolve(running, [Generations(3)], improve=lambda progress: better if progress.generation == 1 else None)
+    row = np.flatnonzero(np.equal(running.archive.members.X, better[0]).all(axis=1))
+    assert running.archive.members.generations[row].tolist() == [1]
+
+
+def test_evaluation_may_happen_elsewhere():
+    def remote(X):
+        return {"F": Parabolas().evaluate(X)}
+
+    near, far = search(), search(Broken())
+    evolve(near, [Generations(5)])
+    evolve(far, [Generations(5)], evaluate=remote)
+    assert np.array_equal(near.archive.members.X, far.archive.members.X)
+
+
+def test_equality_constraints_count():
+    class OnALine(Parabolas):
+        def __init__(self):
+            super().__init__()
+            self.n_eq_constr = 1
+
+        def _evaluate(self, x, out, *args, **kwargs):
+            super()._evaluate(x, out)
+            out["H"] = x[:, 1:2] - 0.5
+
+    running = search(OnALine(), initial=[[0.2, 0.5, 0.1], [0.6, 0.5, 0.1], [0.6, 0.4, 0.0]])
+    evolve(running, [Generations(10)])
+    assert len(running.archive) >= 2
+    assert np.allclose(running.archive.members.X[:, 1], 0.5, atol=1e-4)
+
+
+def test_a_run_without_an_ending_is_refused():
+    with pytest.raises(InvalidInput, match="endings: at least one wanted"):
+        evolve(search(), [])
