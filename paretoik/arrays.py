@@ -1,7 +1,7 @@
 """Array shapes, each named once.
 
-The batch leads: ``*batch`` stands for any number of leading axes, none included. ``time`` counts samples, ``dof`` joints,
-``points`` the members of a front. ``Inexact`` shapes are real or complex: the robot kernels run on both.
+The batch leads: ``*batch`` stands for any number of leading axes, none included. ``time`` counts samples, ``dof``
+joints, ``points`` the members of a front. ``Inexact`` shapes are real or complex: the robot kernels run on both.
 """
 
 from __future__ import annotations

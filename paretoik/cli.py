@@ -29,7 +29,13 @@ app = typer.Typer(
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
 STOPPED_BY_LIMIT = 5
-EXIT_CODES = {"time limit": STOPPED_BY_LIMIT, "evaluations": STOPPED_BY_LIMIT, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
+EXIT_CODES = {
+    "time limit": STOPPED_BY_LIMIT,
+    "evaluations": STOPPED_BY_LIMIT,
+    "SIGINT": 130,
+    "interrupted": 130,
+    "SIGTERM": 143,
+}
 
 
 def main() -> None:
@@ -220,7 +226,9 @@ def _state(generation: Any) -> str:
 def _print_front(front: Front, out: Path) -> None:
     counts = front.provenance["counts"]
     table = Table("objective", "unit", "best", "worst on the front", box=None)
-    for name, unit, maximised, column in zip(front.names, front.units, front.maximised, front.objectives.T, strict=True):
+    for name, unit, maximised, column in zip(
+        front.names, front.units, front.maximised, front.objectives.T, strict=True
+    ):
         best, worst = (column.max(), column.min()) if maximised else (column.min(), column.max())
         table.add_row(_escaped(name), _escaped(unit), f"{best:.6g}", f"{worst:.6g}")
     console = Console()

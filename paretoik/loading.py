@@ -17,17 +17,22 @@ def load_problem(reference: str) -> Any:
     As with Flask and uvicorn: for a file the folders with an ``__init__.py`` above it are its package, whose root goes
     *first* on sys.path. A name that is not a problem but a function without arguments is called.
 
-    Raises InvalidInput where the file, the module or the name is missing, loading it fails, or what it names is no problem.
+    Raises InvalidInput where the file, the module or the name is missing, loading it fails, or what it names is no
+    problem.
     """
     place, separator, name = reference.rpartition(":")
     if not separator or not place or not name:
         raise InvalidInput(f"problem {reference!r}: wants FILE.py:NAME or package.module:NAME")
     found = getattr(_module(place), name, None)
     if found is None:
-        raise InvalidInput(f"problem {reference!r}: {place} has no {name!r}; it has {', '.join(_offered(place)) or 'none'}")
+        raise InvalidInput(
+            f"problem {reference!r}: {place} has no {name!r}; it has {', '.join(_offered(place)) or 'none'}"
+        )
     problem = found() if callable(found) and not _is_problem(found) else found
     if not _is_problem(problem):
-        raise InvalidInput(f"problem {reference!r}: wants a pymoo problem or a function that returns one, got {problem!r}")
+        raise InvalidInput(
+            f"problem {reference!r}: wants a pymoo problem or a function that returns one, got {problem!r}"
+        )
     return problem
 
 

@@ -60,13 +60,13 @@ def solve(
     population, generations, seed
         Size of the population, most generations, and the seed of all chance: the same seed gives the same front.
     out
-        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png. ``overwrite`` allows it to
-        replace a run that is there.
+        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png. ``overwrite`` allows it
+        to replace a run that is there.
     initial
         Start from genes (rows, genes), motions on the path, or a former front.
     time_limit, evaluations, target, stagnation
-        Further endings: seconds; a number of evaluations; values to be reached by one point (one an objective, in its own
-        sign); whether to stop when the front has stood still for 20 generations.
+        Further endings: seconds; a number of evaluations; values to be reached by one point (one an objective, in its
+        own sign); whether to stop when the front has stood still for 20 generations.
     algorithm
         Any pymoo genetic algorithm in place of ``MaxiMinNSGA2``, with its own sizes.
     reference
@@ -90,7 +90,12 @@ def solve(
         problem, population=population, seed=seed, algorithm=algorithm, initial=_initial_genes(problem, initial)
     )
     settings = {"population": population, "generations": generations, "seed": seed, "time_limit": time_limit}
-    provenance = {"problem": reference, "fingerprint": fingerprint(problem), "settings": settings, "versions": _versions()}
+    provenance = {
+        "problem": reference,
+        "fingerprint": fingerprint(problem),
+        "settings": settings,
+        "versions": _versions(),
+    }
     endings: list[Ending] = [Generations(generations)]
     endings += [TimeLimit(time_limit)] if time_limit is not None else []
     endings += [Evaluations(evaluations)] if evaluations is not None else []
@@ -218,7 +223,11 @@ def _infeasible(search: Search) -> Infeasible:
     worst = float(least.G.max())
     names = getattr(search.problem, "constraint_names", tuple(f"constraint {i + 1}" for i in range(least.G.shape[1])))
     limit = names[int(np.argmax(least.G[0]))]
-    said = search.problem.explain(least.X)[0] if hasattr(search.problem, "explain") else f"{limit} is violated by {worst:.3g}"
+    said = (
+        search.problem.explain(least.X)[0]
+        if hasattr(search.problem, "explain")
+        else f"{limit} is violated by {worst:.3g}"
+    )
     motion = search.problem.decode(least.X)[0] if hasattr(search.problem, "decode") else None
     return Infeasible(
         f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {said}",

@@ -1,0 +1,1 @@
+"""The papers' problems and a few real arms, ready to solve; learn here how to write yours."""

@@ -1,6 +1,7 @@
 """Tringali & Cocuzza 2020: the five simulations of section 3.2, and the trade-off of section 4.3.
 
-The arm is that of Table 1, as printed. Every problem is a function without arguments, so that only what is used is built::
+The arm is that of Table 1, as printed. Every problem is a function without arguments, so that only what is used is
+built::
 
     paretoik solve problems/tringali_2020.py:energy_torque --out runs/first
 """

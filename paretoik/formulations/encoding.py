@@ -20,9 +20,9 @@ DEGREE = 3
 class Encoding:
     """Genes ↔ motions. The first gene, floored, is the base; the others, in [−1, 1], are spline coefficients.
 
-    The coordinates are y(t) = radius(t) · Σ_k c_k B_k(t): ``radius`` (bases, time) is how far the chart around each base
-    reaches, ``spline`` (time, coefficients) a C² cubic basis: clamped, periodic on a cycle, without its first member where
-    the start is given, and with equal last two where the motion has to stop.
+    Coordinates are y(t) = radius(t) · Σ_k c_k B_k(t): ``radius`` (bases, time) is how far the chart around each base
+    reaches, ``spline`` (time, coefficients) a C² cubic basis: clamped, periodic on a cycle, without its first member
+    where the start is given, and with equal last two where the motion has to stop.
     """
 
     charts: Charts
@@ -61,7 +61,7 @@ class Encoding:
     def encode(
         self, which: Int[np.ndarray, " motions"], q: Float[np.ndarray, "motions time dof"]
     ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and the largest coordinate [rad, m] that the spline misses."""
+        """Return genes of motions around bases ``which``, and by how much [rad, m] the spline misses them."""
         y = self.charts.coordinates(which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         missed = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
@@ -98,7 +98,7 @@ def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
 
 
 def _reach(task: MotionTask, around: Charts) -> np.ndarray:
-    """Return how far each chart reaches: the largest radius on the path along all directions tried, smoothed in time."""
+    """Return how far each chart reaches: the largest radius that stays on the path all round, smoothed in time."""
     bases, times, _, redundancy = around.normal.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
     fine = np.ones((bases, times), dtype=bool)

@@ -1,8 +1,8 @@
 """Following a path with a redundant arm, as a pymoo problem over the self-motion manifold.
 
-An individual is a base motion, already on the path, and spline coordinates around it (``Encoding``). Every motion that the
-search looks at follows the path; only the limits are left to be searched for. The base motions are weighted-pseudoinverse
-roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
+An individual is a base motion, already on the path, and spline coordinates around it (``Encoding``). Every motion that
+the search looks at follows the path; only the limits are left to be searched for. The base motions are
+weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
 """
 
 from __future__ import annotations
@@ -152,8 +152,8 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
         """Return genes of motions on the path, and the largest coordinate [rad, m] that the spline misses.
 
-        Each motion is written around the base that leaves least unsaid; where the genes leave their bounds, or the residual
-        is not small, the genes do not stand for the motion: keep the motion itself.
+        Each motion is written around the base that leaves least unsaid; where the genes leave their bounds, or the
+        residual is not small, the genes do not stand for the motion: keep the motion itself.
         """
         best: tuple[np.ndarray, np.ndarray] | None = None
         for base in range(self.encoding.bases):
@@ -168,7 +168,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return best
 
     def candidates(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of the ``count`` best roll-outs, of all branches in turn, as near as the spline comes to them."""
+        """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""
         genes, _ = self.encode(self.task.motion(self._seeds[self._ranked[:count]]))
         genes[:, 1:] = np.clip(genes[:, 1:], -1, 1)
         return genes
@@ -199,8 +199,8 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             else:
                 sample = int(np.argmin(arrived))
                 reasons.append(
-                    f"off the path at sample {sample} ({self.task.times[sample]:.3g} s): beyond a fold of the self-motion "
-                    f"manifold around base {int(self.species(genes[i : i + 1])[0])}"
+                    f"off the path at sample {sample} ({self.task.times[sample]:.3g} s): beyond a fold of the "
+                    f"self-motion manifold around base {int(self.species(genes[i : i + 1])[0])}"
                 )
         return reasons
 

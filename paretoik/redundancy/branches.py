@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import jacobian
+from paretoik.robot.kinematics import jacobian, link_nodes
 from paretoik.task.motion import Motion
 
 STRAIGHT = 1e-9
@@ -15,9 +15,9 @@ STRAIGHT = 1e-9
 def bends(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
     """Return the sign in which every inner joint is bent, 0 where it is straight: shoulder, elbow, wrist.
 
-    For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of the
-    turn from one link to the next. It changes just where a joint aligns its neighbours. Arms of two joints or fewer have
-    none.
+    For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of
+    the turn from one link to the next. It changes just where a joint aligns its neighbours. Arms of two joints or fewer
+    have none.
     """
     if arm.dof < 3:
         return np.zeros((*q.shape[:-1], 0), dtype=int)
@@ -36,22 +36,18 @@ def bends(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*bat
 def labels(motion: Motion) -> list[str]:
     """Return a label for each motion of a batch (motions, time, dof), such as ``+-`` or ``+~``.
 
-    One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed by
-    the sign it ends with.
+    One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed
+    by the sign it ends with.
     """
     found = bends(motion.arm, motion.q)
-    first, last = found[..., 0, :], found[..., -1, :]
-    always = (found >= 0).all(axis=-2) | (found <= 0).all(axis=-2)
-    sign = {-1: "-", 0: "0", 1: "+"}
+    constant = np.logical_or((found >= 0).all(axis=-2), (found <= 0).all(axis=-2))
     return [
-        "".join(sign[int(end)] if constant else "~" + sign[int(end)] for end, constant in zip(ends, kept, strict=True))
-        for ends, kept, _ in zip(last, always, first, strict=True)
+        "".join(("" if kept else "~") + "-0+"[sign + 1] for sign, kept in zip(ends, kept_all, strict=True))
+        for ends, kept_all in zip(found[..., -1, :], np.atleast_2d(constant), strict=True)
     ]
 
 
 def _axes(arm: Arm, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    from paretoik.robot.kinematics import link_nodes
-
     spins = np.stack([_axis(arm, q, i) for i in range(arm.dof)], axis=-2)
     nodes = link_nodes(arm, q)[..., 1:, :]
     return spins, nodes

@@ -54,11 +54,11 @@ def _range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
 def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
     """Return up to ``count`` motions on the path, by roll-outs of weighted pseudoinverses.
 
-    Each starts at another posture (or all at the given one) and weighs the joints by its own random symmetric matrix with
-    eigenvalues in (0, 1); every step is corrected onto the path. Source: Tringali & Cocuzza 2020, section 3.1.2.
+    Each starts at another posture (or all at the given one) and weighs the joints by its own random symmetric matrix
+    with eigenvalues in (0, 1); every step is corrected onto the path. Source: Tringali & Cocuzza 2020, section 3.1.2.
 
-    Raises OutOfReach, naming the sample, where no posture reaches the path; Infeasible where postures exist everywhere but
-    no continuous motion was found.
+    Raises OutOfReach, naming the sample, where no posture reaches the path; Infeasible where postures exist everywhere
+    but no continuous motion was found.
     """
     start = postures(task, count, rng) if task.start is None else np.tile(task.start, (count, 1))
     if len(start) == 0:
@@ -93,7 +93,8 @@ def unreachable(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
             size = min(3 if (task.tasks[0].axes or "").startswith("xyz") or task.tasks[0].axes == "pose" else 2, 3)
             wanted = task.targets[sample, :size]
             return OutOfReach(
-                f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {np.round(wanted, 6).tolist()} m is "
+                f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {np.round(wanted, 6).tolist()} m "
+                f"is "
                 f"{np.linalg.norm(error[:size]):.3g} m from the nearest point found, "
                 f"{np.round(wanted - error[:size], 6).tolist()} m",
                 sample=sample,

@@ -39,10 +39,10 @@ class Recording:
         self._stream.set_time("generation", sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
         if not self._scene.suits(self._canvases, shown):
-            first = not self._canvases
+            without_panels = not self._canvases
             self._canvases = self._scene.canvases(shown)
             self._scene.log_axes(self._stream, self._canvases, static=False)
-            if first:
+            if not self._generations or (without_panels and self._canvases):
                 self._stream.send_blueprint(self._blueprint(self._canvases))
         self._scene.log_generation(self._stream, generation, self._canvases)
         self._stream.flush()

@@ -190,7 +190,7 @@ class SearchScene:
         return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
 
 
-def replay_window(generations: Sequence[Generation], front: Objectives) -> Objectives:
+def replay_window(generations: Sequence[Generation], front: Objectives) -> np.ndarray:
     """Return corners (2, n_obj) around the final `front` and those before it, as far as they are worth seeing.
 
     An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
@@ -199,4 +199,8 @@ def replay_window(generations: Sequence[Generation], front: Objectives) -> Objec
     everything = np.concatenate(fronts)
     low, high = front.min(axis=0), front.max(axis=0)
     reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
-    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])
+    nearest, farthest = (
+        np.maximum(everything.min(axis=0), low - reach),
+        np.minimum(everything.max(axis=0), high + reach),
+    )
+    return np.stack([nearest, farthest])

@@ -165,13 +165,11 @@ def _check_fixed(source: str, below: list[JointFacts], fixed: Mapping[str, float
 
 def _frozen_value(name: str, others: Mapping[str, JointFacts], fixed: Mapping[str, float]) -> float:
     """Return where a joint is frozen: as asked, as the frozen joint it mimics, or at 0."""
-    if name in fixed:
-        return float(fixed[name])
-    mimic = others[name].mimic if name in others else None
-    if mimic is None:
-        return 0.0
-    leader, factor, offset = mimic
-    return factor * _frozen_value(leader, others, fixed) + offset
+    factor, offset = 1.0, 0.0
+    while name in others and name not in fixed and (mimic := others[name].mimic):
+        name, gain, shift = mimic
+        factor, offset = factor * gain, offset + factor * shift
+    return factor * float(fixed.get(name, 0.0)) + offset
 
 
 def _frozen_notice(joint: JointFacts, value: float, chain: list[JointFacts], leaders: set[str]) -> str:

@@ -58,7 +58,7 @@ def evolve(
     if evaluate is None:
         evaluate = partial(search.problem.evaluate, return_as_dictionary=True)
     memory = max(ending.memory for ending in endings)
-    past: tuple[Objectives, ...] = ()
+    past: tuple[Floats, ...] = ()
     started = time.monotonic()
     try:
         while True:
@@ -117,7 +117,7 @@ def _one_generation(search: Search, evaluate: Evaluate) -> None:
         )
 
 
-def _progress(search: Search, past: tuple[Objectives, ...], seconds: float) -> Progress:
+def _progress(search: Search, past: tuple[Floats, ...], seconds: float) -> Progress:
     return Progress(
         generation=search.generation,
         evaluations=search.evaluations,

@@ -44,7 +44,7 @@ def starting_points(Z: Floats) -> list[int]:
 
 def squared_distances(Z: Floats, others: Floats) -> Floats:
     """Squared distances (points, others), summed axis by axis so that every method here rounds alike."""
-    total = (Z[:, 0, None] - others[None, :, 0]) ** 2
+    total: Floats = (Z[:, 0, None] - others[None, :, 0]) ** 2
     for axis in range(1, Z.shape[1]):
         total += (Z[:, axis, None] - others[None, :, axis]) ** 2
     return total

@@ -19,11 +19,12 @@ Bounds = Float[np.ndarray, "#time dof 2"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Limits:
-    """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|, in rad, s, N m and W (m and N if sliding).
+    """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|.
 
-    Each is a tuple (lower, upper), or a number or array taken as symmetric; arrays are (dof,), or (time, dof) to vary along
-    the path; a mapping goes by joint name, joints not named keeping the arm's own. None is the arm's own limit if it
-    declares one, np.inf none. ``clearance`` [m] is the least distance to obstacles, where the problem has any.
+    Units are rad, s, N m and W; m and N for sliding joints. Each is a tuple (lower, upper), or a number or array
+    taken as symmetric; arrays are (dof,), or (time, dof) to vary along the path; a mapping goes by joint name, joints
+    not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
+    the least distance to obstacles, where the problem has any.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8
@@ -81,7 +82,8 @@ def constraint(
 ) -> Callable[[Function], Constraint]:
     """Make a limit lower ≤ function(motion) ≤ upper; "peak" must hold at every sample, other forms as for objectives.
 
-    Violations are divided by ``scale``: by default upper − lower, or the size of the only bound, or 1 where that is zero.
+    Violations are divided by ``scale``: by default upper − lower, or the size of the only bound, or 1 where that is
+    zero.
 
     Raises InvalidInput for an unknown form, no bound, or lower > upper.
 
@@ -162,7 +164,8 @@ def _side(kind: str, given: object, arm: Arm, samples: int) -> np.ndarray:
         raise InvalidInput(f"{kind} limit wants numbers, got {given!r}") from None
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
-            f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got {array.shape}"
+            f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "
+            f"{array.shape}"
         )
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
 

@@ -26,11 +26,11 @@ Differences = Literal["backward", "central"]
 class Motion:
     """Joint motions of one arm, (*batch, time, dof): the samples ``q`` [rad, m] at ``time`` (*batch, time) [s].
 
-    A motion *is* the C² interpolant of its samples, projected back onto its tasks (``at``). Velocities and accelerations
-    at the samples follow ``differences``: "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt,
-    aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the rectangle at the right end), or "central" (second order, integrals by the
-    trapezoid rule). A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from the batch; arrays
-    are read-only.
+    A motion *is* the C² interpolant of its samples, projected back onto its tasks (``at``). Velocities and
+    accelerations at the samples follow ``differences``: "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ =
+    (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the rectangle at the right end), or "central" (second order,
+    integrals by the trapezoid rule). A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from
+    the batch; arrays are read-only.
 
     Raises InvalidInput where shapes don't fit the arm, a number is not finite, or times don't increase.
     """
@@ -145,7 +145,7 @@ class Motion:
 
     @cached_property
     def clearance(self) -> Series:
-        """Distance from the links, capsules of ``link_radius``, to the nearest obstacle (*batch, time) [m]; inf without."""
+        """Distance of the links, capsules of ``link_radius``, from the nearest obstacle (*batch, time) [m]."""
         return _frozen(clearance(self.obstacles, self.links, self.link_radius))
 
     @property
@@ -251,7 +251,7 @@ class Motion:
 
 
 def steepest(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:
-    """Return an orthonormal basis of the row space of J, ordered so that J times it is lower triangular, diagonal > 0."""
+    """Return an orthonormal basis of the row space of J; J times it is lower triangular with a positive diagonal."""
     orthonormal, upper = np.linalg.qr(np.moveaxis(jacobian, -1, 0).swapaxes(-1, -2))
     signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     return orthonormal * signs[:, None, :]

@@ -1,4 +1,4 @@
-"""The thing everyone solves: an arm, its tasks, what the motion is worth, what it may not exceed, how it starts and ends."""
+"""What everyone solves: an arm, its tasks, what a motion is worth, what it may not exceed, how it starts and ends."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ START_TOLERANCE = 1e-6  # m and rad: a start this near the path is moved onto it
 class MotionTask:
     """One motion problem, checked; made with ``motion_task``.
 
-    ``start`` is None (free) or joint positions (dof,); ``bounds`` maps limit kinds to (1 or time, dof, 2) arrays; ``arm``
-    carries the position limits that hold.
+    ``start`` is None (free) or joint positions (dof,); ``bounds`` maps limit kinds to (1 or time, dof, 2) arrays;
+    ``arm`` carries the position limits that hold.
     """
 
     arm: Arm
@@ -209,7 +209,9 @@ def _started(found: MotionTask) -> MotionTask:
     error, _ = task_errors(found.arm, found.tasks, found.start[None], found.targets[:1])
     distance = float(np.abs(error).max())
     if distance > START_TOLERANCE:
-        raise InvalidInput(f"start is {distance:.3g} m (or rad) off the path's first sample; wants at most {START_TOLERANCE}")
+        raise InvalidInput(
+            f"start is {distance:.3g} m (or rad) off the path's first sample; wants at most {START_TOLERANCE}"
+        )
     if "position" in found.bounds:
         lower, upper = found.bounds["position"][0].T
         outside = (found.start < lower) | (found.start > upper)

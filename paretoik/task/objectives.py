@@ -133,9 +133,10 @@ def joint_drift(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="integral")
 def joint_limit_distance(motion: Motion) -> np.ndarray:
-    """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))². Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14.
+    """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))².
 
-    Joints without limits don't count. Raises InvalidInput where no joint has limits.
+    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits don't count. Raises InvalidInput
+    where no joint has limits.
     """
     lower, upper = motion.arm.position_limits.T
     limited = np.isfinite(upper - lower)

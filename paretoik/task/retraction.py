@@ -22,7 +22,10 @@ LONGEST_STEP = 1.0  # rad or m, in any one direction
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Retraction:
-    """Postures on the path. ``error`` [m, rad] is what is left; ``on_path`` says which arrived on the sheet they left from."""
+    """Postures that were led to the path.
+
+    ``error`` [m, rad] is what is left; ``on_path`` says which arrived, on the sheet that they left from.
+    """
 
     q: Float[np.ndarray, "samples dof"]
     error: Float[np.ndarray, " samples"]
@@ -69,7 +72,7 @@ def retract(
 def _retract_block(
     arm: Arm, tasks: Sequence[Task], start: np.ndarray, targets: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    count, dof, rows = directions.shape
+    count, _, rows = directions.shape
     q, wanted = np.ascontiguousarray(start.T), np.ascontiguousarray(targets.T)
     along = np.ascontiguousarray(np.moveaxis(directions, 0, -1))
     left, upright = np.full(count, np.inf), np.zeros(count, dtype=bool)
@@ -77,7 +80,7 @@ def _retract_block(
     for _ in range(ITERATIONS):
         here, slope = q[:, active], along[:, :, active]
         error, jacobian = _evaluate(arm, tasks, list(here), list(wanted[:, active]))
-        matrix = [[sum_of(jacobian[i], slope[:, j]) for j in range(rows)] for i in range(rows)]
+        matrix = [[sum_of(jacobian[i], list(slope[:, j])) for j in range(rows)] for i in range(rows)]
         step, determinant = eliminate(matrix, error)
         left[active] = np.max([np.abs(value) for value in np.broadcast_arrays(*error)], axis=0)
         upright[active] = determinant > 0
@@ -90,9 +93,10 @@ def _retract_block(
 
 
 def eliminate(matrix: Sequence[Sequence[Component]], right: Sequence[Component]) -> tuple[list[np.ndarray], np.ndarray]:
-    """Solve small systems, given as components, by elimination without exchange of rows; return (solution, determinant).
+    """Solve small systems, given as components; return (solution, determinant).
 
-    For the retraction, directions are ordered so that the matrix starts lower triangular with a positive diagonal.
+    By elimination without exchange of rows: for the retraction, directions are ordered so that the matrix starts
+    lower triangular with a positive diagonal.
     """
     rows = [list(row) for row in matrix]
     known, size = list(right), len(right)

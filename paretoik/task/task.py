@@ -16,9 +16,7 @@ from paretoik.robot.components import (
     Component,
     Rows,
     Triple,
-    apply,
     apply_transposed,
-    cross,
     dot,
     minus,
     multiply,
@@ -40,9 +38,9 @@ class Task:
     """Frame ``frame`` of the arm follows ``path`` in ``axes``.
 
     axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
-    and direction of the frame's z axis, "pose" for all six. None takes what the path gives: its points, or its poses (in
-    the plane for a planar arm). Position errors are in m in world axes; orientation errors are the rotation vector [rad]
-    of RᵀR_d.
+    and direction of the frame's z axis, "pose" for all six. None takes what the path gives: its points, or its poses
+    (in the plane for a planar arm). Position errors are in m in world axes; orientation errors are the rotation vector
+    [rad] of RᵀR_d.
 
     Raises InvalidInput for unknown axes, or axes that the path says nothing about.
     """
@@ -70,7 +68,8 @@ class Task:
         arm.frame(self.frame)
         points, turns = self.path.positions, self.path.quaternions is not None
         if self.axes is None:
-            flat, spatial = ("xy+angle", "pose") if turns else ("xy", "xy" if points.shape[-1] == 2 else "xyz")
+            flat: Axes = "xy+angle" if turns else "xy"
+            spatial: Axes = "pose" if turns else "xy" if points.shape[-1] == 2 else "xyz"
             return replace(self, axes=flat if arm.is_planar else spatial)
         if arm.is_planar and self.axes not in ("xy", "xy+angle"):
             raise InvalidInput(f"{arm.name} moves in a plane: axes must be 'xy' or 'xy+angle', got {self.axes!r}")
@@ -87,7 +86,7 @@ class Task:
         return {"xy": 2, "xyz": 3, "xy+angle": 11}.get(self.axes or "", 12)
 
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
-        """Return what ``errors`` compares with at times t [s]: position, then the rotation matrix row by row, if any."""
+        """Return what ``errors`` compares with at times t [s]: position, then the rotation matrix by rows, if any."""
         positions, quaternions = self.path.at(t)
         wanted = [positions[:, :2] if self.axes in ("xy", "xy+angle") else positions]
         if self.axes in ("xy+angle", "xyz+z-axis", "pose"):

@@ -9,9 +9,9 @@ final populations are judged by hypervolume (reference 1.1), IGD+ and additive e
 all fronts; with --fronts that union is stored and joined with what was stored before. On the steep tail only the useful
 corner counts, and MaxiMin is also compared with itself when told of that corner by ``ranges=``.
 
-A loss or a win is a Mann-Whitney test that stays significant after Holm's correction over the whole table; "equal" is
-two one-sided tests that put the ratio of medians within the margin of the indicator; the rest is undecided. A12 is the
-chance that a MaxiMin run is the better one.
+A loss or a win is a significant Mann-Whitney test; "equal" (or "within margin") are two one-sided ones against the peer
+scaled by one minus and one plus the margin of the indicator; both by Holm over the whole table, the rest is undecided.
+A12 is the chance that a MaxiMin run is the better one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -101,6 +101,7 @@ class Row:
     p: float
     p_equal: float
     p_holm: float = 1.0
+    p_equal_holm: float = 1.0
     verdict: str = ""
 
 
@@ -248,22 +249,27 @@ def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Value
     )
 
 
-def judged(rows: Sequence[Row]) -> list[Row]:
-    """Correct by Holm and pronounce; losses first, then undecided, equal, wins."""
-    order = np.argsort([row.p for row in rows])
-    corrected = np.empty(len(rows))
+def holm(p: Sequence[float]) -> Values:
+    """Correct p-values for their number."""
+    corrected = np.empty(len(p))
     highest = 0.0
-    for place, index in enumerate(order):
-        highest = max(highest, min(1.0, rows[index].p * (len(rows) - place)))
+    for place, index in enumerate(np.argsort(p)):
+        highest = max(highest, min(1.0, p[index] * (len(p) - place)))
         corrected[index] = highest
+    return corrected
+
+
+def judged(rows: Sequence[Row]) -> list[Row]:
+    """Correct both tests and pronounce; losses first, then undecided, equal, wins."""
     found = []
-    for row, p in zip(rows, corrected, strict=True):
+    differing, equal = holm([row.p for row in rows]), holm([row.p_equal for row in rows])
+    for row, p, p_equal in zip(rows, differing, equal, strict=True):
         verdict = "undecided"
         if p < LEVEL:
             verdict = "loss" if row.a12 < 0.5 else "win"
-        if row.p_equal < LEVEL:
+        if p_equal < LEVEL:
             verdict = f"{verdict}, within margin" if verdict != "undecided" else "equal"
-        found.append(Row(**{**asdict(row), "p_holm": float(p), "verdict": verdict}))
+        found.append(replace(row, p_holm=float(p), p_equal_holm=float(p_equal), verdict=verdict))
     grades = ["loss", "loss, within margin", "undecided", "equal", "win, within margin", "win"]
     return sorted(found, key=lambda row: (grades.index(row.verdict), row.indicator, row.a12))
 
@@ -289,7 +295,7 @@ def show(rows: Sequence[Row], runs: dict[tuple[str, str], list[Run]], chosen: Se
         table.add_column(name, no_wrap=True)
     for row in rows:
         interval = f"{row.ratio:.3f} [{row.ratio_low:.3f}, {row.ratio_high:.3f}]"
-        tests = (f"{row.a12:.2f}", f"{row.p_holm:.1e}", f"{row.p_equal:.1e}")
+        tests = (f"{row.a12:.2f}", f"{row.p_holm:.1e}", f"{row.p_equal_holm:.1e}")
         table.add_row(
             row.verdict,
             row.problem,

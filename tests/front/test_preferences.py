@@ -101,7 +101,7 @@ def test_an_objective_without_range_counts_nothing():
 
 def test_the_reason_says_what_was_weighed_where_the_point_stands_and_what_the_next_one_costs():
     front = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [2.0, 1.0], [5.0, 0.0]]))
-    assert front.select(Weights(energy=3, torque=3)).reason == (
+    assert front.select(Weights(energy=3.0, torque=3.0)).reason == (
         "Of 3 points point 2 has the least weighted sum (energy 50%, torque 50%): "
         "energy 2 J s, 25% of the range from the best; torque 1 N²m²s, 25% of the range from the best. "
         "The nearest alternative is point 1: it gains energy 1 J s and costs torque 3 N²m²s."

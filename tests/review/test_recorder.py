@@ -213,13 +213,18 @@ def test_a_recording_that_cannot_be_opened_is_warned_of_once_and_the_run_goes_on
 
 
 def test_a_recording_that_fails_on_the_way_is_warned_of_once_and_what_was_written_stays(
-    tmp_path, make_front, make_generations
+    tmp_path, monkeypatch, make_front, make_generations
 ):
     front, generations = make_front(2), make_generations(2)
     started = recorder(tmp_path / "review.rrd", front)
     started.record(generations[0])
-    with pytest.warns(RuntimeWarning, match="the run goes on"):
-        started.record(None)
+
+    def fail(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(recording_module.SearchScene, "log_generation", fail)
+    with pytest.warns(RuntimeWarning, match="the run goes on: No space left on device"):
+        started.record(generations[1])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         started.record(generations[1])

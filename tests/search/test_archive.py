@@ -60,7 +60,7 @@ def test_the_order_within_a_batch_does_not_matter():
     F = np.random.default_rng(0).random((30, 2))
     straight, shuffled = fill(Archive(), F), Archive()
     order = np.random.default_rng(1).permutation(30)
-    shuffled.add(order, np.repeat(order[:, None], 2, axis=1), F[order], None, 0)
+    shuffled.add(order, np.repeat(order[:, None].astype(float), 2, axis=1), F[order], None, 0)
     assert np.array_equal(straight.ids, shuffled.ids)
 
 

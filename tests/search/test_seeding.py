@@ -8,6 +8,7 @@ from pymoo.core.problem import Problem
 
 from paretoik.errors import InvalidInput
 from paretoik.search import MaxiMinNSGA2, Search, seeded_population
+from paretoik.search.seeding import check_size
 
 
 class Structured(Problem):
@@ -71,12 +72,18 @@ def test_more_initial_rows_than_places_are_refused_and_not_dropped():
         seeded_population(plain(), 4, rng().random((5, 2)), rng=rng())
 
 
-@pytest.mark.parametrize("size", [0, 1, 2, 3, -5, 4.0, True])
+@pytest.mark.parametrize("size", [0, 1, 2, 3, -5])
 def test_populations_below_four_are_refused_by_name_and_value(size):
     with pytest.raises(InvalidInput, match=f"population: an integer of at least 4 wanted, got {size}"):
         Search(plain(), population=size)
     with pytest.raises(InvalidInput, match=f"pop_size: an integer of at least 4 wanted, got {size}"):
         MaxiMinNSGA2(pop_size=size)
+
+
+@pytest.mark.parametrize("size", [4.0, True, None, "9"])
+def test_sizes_that_are_no_integers_are_refused(size):
+    with pytest.raises(InvalidInput, match=f"population: an integer of at least 0 wanted, got {size!r}"):
+        check_size("population", size, 0)
 
 
 @pytest.mark.parametrize(
