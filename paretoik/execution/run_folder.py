@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.files import replace_file
 
 FORMAT = 1
 RUN = "run.json"
@@ -66,28 +67,6 @@ def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
     """
     content = json.dumps({"format": FORMAT, **plain(entries)}, indent=2, allow_nan=False)
     replace_file(folder / RUN, content.encode() + b"\n")
-
-
-def replace_file(file: Path, content: bytes) -> None:
-    """Write `content` beside `file` and put it in its place, so that no reader ever sees half of it.
-
-    Raises
-    ------
-    InvalidInput
-        The system refuses, for instance because the disk is full; what was there before is untouched.
-    """
-    part = file.with_name(f".{file.name}.{os.getpid()}")
-    try:
-        try:
-            with part.open("wb") as sink:
-                sink.write(content)
-                sink.flush()
-                os.fsync(sink.fileno())
-            part.replace(file)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as fault:
-        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
 
 
 def plain(value: Any, *, name: str = "run") -> Any:

@@ -19,6 +19,8 @@ from paretoik.formulations.encoding import Encoding, encoding
 from paretoik.redundancy.branches import labels
 from paretoik.redundancy.self_motion import candidates
 from paretoik.robot.arm import Arm
+from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.variation import Differential, SmoothMutation
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Differences, Motion
 from paretoik.task.motion_task import MotionTask, motion_task
@@ -28,6 +30,7 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 
 ROLL_OUTS = 256
+INFEASIBLE_SHARE = 0.2  # optima lie on the limits: approached from both sides they are found far sooner
 
 
 class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -166,6 +169,23 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
                 best = np.where(better[:, None], genes, best[0]), np.where(better, missed, best[1])
         assert best is not None
         return best
+
+    def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
+        """Return the same motions as far as they can be said around other bases; what leaves the bounds is clipped."""
+        q, _ = self.encoding.decode(self.task, genes)
+        said, _ = self.encoding.encode(np.asarray(labels), q)
+        return np.clip(said, self.xl, self.xu)
+
+    def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
+        """Return the algorithm that suits these genes: differential steps, smooth mutation, some infeasible parents."""
+        return MaxiMinNSGA2(
+            pop_size=population,
+            n_offsprings=offspring,
+            sampling=initial,
+            crossover=Differential(),
+            mutation=SmoothMutation(self.encoding.coefficients),
+            infeasible_share=INFEASIBLE_SHARE,
+        )
 
     def candidates(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""

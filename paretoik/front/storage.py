@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.files import replace_file
 from paretoik.front.front import Front, MotionBuilder
 from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
 
@@ -60,7 +60,7 @@ def save(front: Front, folder: Path) -> None:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
     files[RUN] = json.dumps(run | {"digest": _digest(run)}, indent=2).encode() + b"\n"
     for name, content in files.items():
-        _replace(folder / name, content)
+        replace_file(folder / name, content)
 
 
 def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
@@ -214,23 +214,6 @@ def _read_verified(file: Path, digest: object) -> bytes:
     if hashlib.sha256(content).hexdigest() != digest:
         raise InvalidRun(f"{file}: wanted the file that {RUN} belongs to, got another or a damaged one")
     return content
-
-
-def _replace(file: Path, content: bytes) -> None:
-    """Write `content` beside `file` and put it in its place, so that no reader ever sees half of it."""
-    part = file.with_name(f".{file.name}.{os.getpid()}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with part.open("wb") as sink:
-                sink.write(content)
-                sink.flush()
-                os.fsync(sink.fileno())
-            part.replace(file)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as fault:
-        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
 
 
 def _digest(run: Mapping[str, Any]) -> str:

@@ -63,23 +63,38 @@ def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[
     start = postures(task, count, rng) if task.start is None else np.tile(task.start, (count, 1))
     if len(start) == 0:
         raise unreachable(task, rng, 0)
+    q = _roll_outs(task, start, rng)
+    if task.cyclic:
+        q = _closed(task, q)
+    q, on_path = _onto(task, q)
+    if not on_path.all(axis=1).any():
+        raise unreachable(task, rng, int(np.argmin(on_path, axis=1).max()))
+    smooth = np.abs(np.diff(q, axis=1)).max(axis=(1, 2)) <= JUMP
+    ...
+    return q[kept]
+
+
+def _roll_outs(
+    task: MotionTask, start: Float[np.ndarray, "count dof"], rng: np.random.Generator
+) -> Float[np.ndarray, "found time dof"]:
+    """Return motions near the path: one Newton step a sample, each making good what the one before left."""
     inverses = _inverse_weights(len(start), task.arm.dof, rng)
     q = np.empty((len(start), len(task.times), task.arm.dof))
-    q[:, 0] = _onto(task, start, 0)
+    q[:, 0] = start
     alive = np.ones(len(start), dtype=bool)
     for i in range(1, len(task.times)):
         here = q[alive, i - 1]
-        targets = np.tile(task.targets[i], (len(here), 1))
-        slopes = np.moveaxis(task_errors(task.arm, task.tasks, here, targets)[1], -1, 0)
-        directions = inverses[alive] @ np.swapaxes(slopes, -1, -2)
-        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        moved = retract(task.arm, task.tasks, here, targets, directions)
-        q[alive, i] = moved.q
-        arrived = moved.on_path & (np.abs(moved.q - here).max(axis=1) <= JUMP)
-        alive[alive] = arrived
+        error, slopes = task_errors(task.arm, task.tasks, here, np.tile(task.targets[i], (len(here), 1)))
+        jacobian = np.moveaxis(slopes, -1, 0)
+        spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
+        with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
+            share = eliminate(np.moveaxis(jacobian @ spread, 0, -1), error)[0]
+            move = (spread @ np.stack(share, axis=-1)[..., None])[..., 0]
+        q[alive, i] = here + move
+        alive[alive] = np.abs(move).max(axis=1) <= JUMP
         if not alive.any():
             raise unreachable(task, rng, i)
-    return _closed(task, q[alive]) if task.cyclic else q[alive]
+    return q[alive]
 
 
 def unreachable(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:

@@ -47,8 +47,9 @@ class Search:
     """An evolutionary search, asked and told.
 
     The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``) and
-    turn genes into motions (``decode(X)``). ``initial`` (rows, genes) are in the first generation. ``algorithm`` is any
-    pymoo genetic algorithm with its own sizes and settings, MaxiMinNSGA2 if None; it is copied. ``archive`` holds every
+    turn genes into motions (``decode(X)``), and offer the
+    ``algorithm(population, offspring=, initial=)`` that suits its genes. ``initial`` (rows, genes) are in the first generation. ``algorithm`` is any
+    pymoo genetic algorithm with its own sizes and settings; None takes the problem's own, or MaxiMinNSGA2. It is copied. ``archive`` holds every
     good point so far. All chance comes from ``seed``.
 
     Raises
@@ -73,7 +74,10 @@ class Search:
         if offspring is not None:
             check_size("offspring", offspring, 1)
         if algorithm is None:
-            algorithm = MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
+            if hasattr(problem, "algorithm"):
+                algorithm = problem.algorithm(population, offspring=offspring, initial=initial)
+            else:
+                algorithm = MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
         elif initial is not None or offspring is not None:
             raise InvalidInput("algorithm: its own sampling and offspring wanted, got initial= or offspring= beside it")
         self.problem = problem

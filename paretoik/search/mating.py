@@ -2,7 +2,9 @@
 
 A problem may offer ``species(X) -> (points,)`` integer labels; crossing two labels makes infeasible children, so only
 equals mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and ``n_species``:
-crossover and polynomial mutation leave that gene alone, and now and then it jumps to another label.
+crossover and mutation leave that gene alone, and now and then it jumps to another label. Where the problem can say the
+same thing under another label, ``translated(X, labels) -> X``, the offspring is translated, so that species learn from
+each other.
 """
 
 from __future__ import annotations
@@ -38,13 +40,13 @@ class Parents:
 class BranchwiseMating:
     """pymoo mating on whole arrays: binary tournaments by rank, then insertion distance; then the two operators.
 
-    ``crossover`` and ``mutation`` are pymoo operators of real genes, the former of two parents. With
-    ``infeasible_parents`` an infeasible point beats a feasible one that it dominates.
+    ``crossover`` and ``mutation`` are pymoo operators of real genes. Of two parents both win a tournament; of three, as a
+    ``Differential`` has them, the first, and the others are drawn from its species. With ``infeasible_parents`` an infeasible point beats a feasible one that it dominates.
     """
 
     def __init__(self, crossover: Any, mutation: Any, *, infeasible_parents: bool = False) -> None:
-        if crossover.n_parents != 2:
-            raise InvalidInput(f"crossover: an operator of 2 parents wanted, got {crossover.n_parents}")
+        if crossover.n_parents not in (2, 3):
+            raise InvalidInput(f"crossover: an operator of 2 or 3 parents wanted, got {crossover.n_parents}")
         self.crossover = crossover
         self.mutation = mutation
         self.infeasible_parents = infeasible_parents
@@ -69,11 +71,8 @@ class BranchwiseMating:
 
     def _offspring(self, problem: Any, parents: Parents, count: int, rng: np.random.Generator) -> Genes:
         matings = -(-count // self.crossover.n_offsprings)
-        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
-        first = self._winners(parents, pool[:matings], pool[matings : 2 * matings], rng)
-        rivals = _of_same_species(parents.species, np.concatenate((first, first)), rng)
-        second = self._winners(parents, rivals[:matings], rivals[matings:], rng)
-        couples = np.stack((parents.X[first], parents.X[second]))
+        chosen = self._couples(parents, matings, rng)
+        couples = parents.X[chosen]
         children = np.array(self.crossover._do(problem, couples, random_state=rng))
         idle = rng.random(matings) >= get(self.crossover.prob)
         children[:, idle] = couples[: len(children), idle]
@@ -82,17 +81,29 @@ class BranchwiseMating:
             children[..., gene] = couples[: len(children), :, gene]
         return self._mutated(problem, children.reshape(-1, problem.n_var), gene, rng)
 
+    def _couples(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
+        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
+        first = self._winners(parents, pool[:matings], pool[matings : 2 * matings], rng)
+        others = _of_same_species(parents.species, np.concatenate((first, first)), rng)
+        if self.crossover.n_parents == 3:
+            return np.stack((first, others[:matings], others[matings:]))
+        return np.stack((first, self._winners(parents, others[:matings], others[matings:], rng)))
+
     def _mutated(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
         mutated = np.array(self.mutation._do(problem, X, random_state=rng))
         spared = rng.random(len(X)) > get(self.mutation.prob)
         mutated[spared] = X[spared]
-        if gene is not None:
-            mutated[:, gene] = X[:, gene]
-            moving = rng.random(len(X)) < SPECIES_MUTATION
-            if problem.n_species > 1:
-                step = rng.integers(1, problem.n_species, size=len(X))
-                label = (np.floor(X[:, gene]).astype(np.int64) + step) % problem.n_species
-                mutated[moving, gene] = label[moving] + 0.5
+        if gene is None:
+            return mutated
+        mutated[:, gene] = X[:, gene]
+        moving = np.flatnonzero(rng.random(len(X)) < SPECIES_MUTATION)
+        if problem.n_species > 1 and moving.size:
+            step = rng.integers(1, problem.n_species, size=moving.size)
+            labels = (np.floor(X[moving, gene]).astype(np.int64) + step) % problem.n_species
+            if hasattr(problem, "translated"):
+                mutated[moving] = problem.translated(mutated[moving], labels)
+            else:
+                mutated[moving, gene] = labels + 0.5
         return mutated
 
     def _winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:

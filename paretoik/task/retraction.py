@@ -17,7 +17,9 @@ from paretoik.task.task import Task
 TOLERANCE = 1e-12  # m and rad: where Newton stops; its last step squares the error
 ACCEPTED = 1e-10  # m and rad: rounding may keep a long arm from TOLERANCE, but not from this
 ITERATIONS = 12
+FIRST_STEPS = 5  # after these, most have arrived
 LONGEST_STEP = 1.0  # rad or m, in any one direction
+SAMPLES = BLOCK
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,35 +63,43 @@ def retract(
     changed the sign of its determinant have crossed a fold, where the answer would belong to another sheet of the
     self-motion manifold; they count as not on the path.
     """
-    q = np.empty_like(start)
-    error, on_path = np.empty(len(start)), np.empty(len(start), dtype=bool)
-    for first in range(0, len(start), BLOCK):
-        part = slice(first, first + BLOCK)
-        q[part], error[part], on_path[part] = _retract_block(arm, tasks, start[part], targets[part], directions[part])
-    return Retraction(q=q, error=error, on_path=on_path)
+    q, left, upright = start.copy(), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
+    going = np.arange(len(start))
+    for steps in (FIRST_STEPS, ITERATIONS - FIRST_STEPS):  # the few that need more are gathered from all blocks
+        for first in range(0, len(going), SAMPLES):
+            part = going[first : first + SAMPLES]
+            q[part], left[part], upright[part] = _newton(
+                arm, tasks, q[part], targets[part], directions[part], steps=steps
+            )
+        going = going[left[going] > TOLERANCE]
+    return Retraction(q=q, error=left, on_path=upright & (left <= ACCEPTED))
 
 
-def _retract_block(
-    arm: Arm, tasks: Sequence[Task], start: np.ndarray, targets: np.ndarray, directions: np.ndarray
+def _newton(
+    arm: Arm, tasks: Sequence[Task], start: np.ndarray, targets: np.ndarray, directions: np.ndarray, *, steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (q, error before the last step, whether the determinant is positive)."""
     count, _, rows = directions.shape
-    q, wanted = np.ascontiguousarray(start.T), np.ascontiguousarray(targets.T)
-    along = np.ascontiguousarray(np.moveaxis(directions, 0, -1))
     left, upright = np.full(count, np.inf), np.zeros(count, dtype=bool)
-    active = np.arange(count)
-    for _ in range(ITERATIONS):
-        here, slope = q[:, active], along[:, :, active]
-        error, jacobian = _evaluate(arm, tasks, list(here), list(wanted[:, active]))
-        matrix = [[sum_of(jacobian[i], list(slope[:, j])) for j in range(rows)] for i in range(rows)]
+    found, going = start.copy(), np.arange(count)
+    q, wanted, along = (np.ascontiguousarray(np.moveaxis(array, 0, -1)) for array in (start, targets, directions))
+    for _ in range(steps):
+        error, jacobian = _evaluate(arm, tasks, list(q), list(wanted))
+        matrix = [[sum_of(jacobian[i], list(along[:, j])) for j in range(rows)] for i in range(rows)]
         step, determinant = eliminate(matrix, error)
-        left[active] = np.max([np.abs(value) for value in np.broadcast_arrays(*error)], axis=0)
-        upright[active] = determinant > 0
-        going = left[active] > TOLERANCE
-        if not going.any():
+        size = np.max([np.abs(value) for value in np.broadcast_arrays(*error)], axis=0)
+        left[going], upright[going] = size, determinant > 0
+        further = size > TOLERANCE
+        move = np.clip(np.broadcast_arrays(*step), -LONGEST_STEP, LONGEST_STEP)
+        if not further.all():
+            found[going[~further]] = q[:, ~further].T
+            q, wanted, along, move = (array[..., further] for array in (q, wanted, along, move))
+            going = going[further]
+        if len(going) == 0:
             break
-        active, step = active[going], [np.clip(np.broadcast_to(z, going.shape)[going], -1, 1) for z in step]
-        q[:, active] += np.einsum("djn,jn->dn", slope[:, :, going], np.array(step) * LONGEST_STEP)
-    return q.T, left, upright & (left <= ACCEPTED)
+        q = q + np.array([sum_of(list(slopes), list(move)) for slopes in along])
+    found[going] = q.T
+    return found, left, upright
 
 
 def eliminate(matrix: Sequence[Sequence[Component]], right: Sequence[Component]) -> tuple[list[np.ndarray], np.ndarray]:
@@ -122,7 +132,9 @@ def sum_of(first: Sequence[Component], second: Sequence[Component]) -> Component
     """Return Σ aᵢ bᵢ over components."""
     total: Component = 0.0
     for a, b in zip(first, second, strict=True):
-        if isinstance(a, np.ndarray) or a != 0.0:
+        if isinstance(total, np.ndarray):
+            total += a * b  # in place: this is where a retraction spends its time
+        elif isinstance(a, np.ndarray) or a != 0.0:
             total = total + a * b
     return total
 

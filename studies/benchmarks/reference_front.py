@@ -333,7 +333,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--json", type=Path, help="file to write the rows to")
     parser.add_argument("--write", action="store_true", help=f"write the front to {REPORTED.name}")
     given = parser.parse_args(arguments)
-    starts, levels = (12, 10) if given.quick else (48, 60)
+    starts, levels = (12, 10) if given.quick else (48, 100)
     begin = time.perf_counter()
     front, ends = reference_front(build(101), starts, levels, given.seed)
     rows = front_rows(front, ends) + ([] if given.quick else published(starts, given.seed))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import CONTENTS, LOCK, RUN, claimed, plain, replace_file, write_run
+from paretoik.execution.run_folder import CONTENTS, LOCK, RUN, claimed, plain, write_run
 
 HOLDER = """
 import sys, time
@@ -118,18 +118,6 @@ def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
     for folder in (tmp_path / "taken", tmp_path / "taken" / "run"):
         with pytest.raises(InvalidInput, match="wanted a folder to write a run into"), claimed(folder):
             pass
-
-
-def test_a_full_disk_leaves_the_former_file_whole(tmp_path, monkeypatch):
-    replace_file(tmp_path / RUN, b"before")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InvalidInput, match="got No space left on device"):
-        replace_file(tmp_path / RUN, b"after")
-    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [(RUN, b"before")]
 
 
 def test_what_a_run_says_becomes_strict_json(tmp_path):

@@ -1,0 +1,1 @@
+"""How one motion is resolved, deterministic: candidates along the path, self-motion charts, branches."""

@@ -1,0 +1,56 @@
+"""Operators for genes that are coordinates of one smooth thing, such as the coefficients of a spline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pymoo.core.crossover import Crossover
+from pymoo.core.mutation import Mutation
+
+from paretoik.search.constraints import Floats
+
+STEPS = (0.3, 0.6, 1.0)  # how much of a difference is added
+WIDTHS = (0.5, 8.0)  # in genes: how far a mutation reaches, drawn on a logarithmic scale
+SIZES = (0.003, 0.2)  # of a gene's range: how large it is, likewise
+
+
+class Differential(Crossover):  # type: ignore[misc]  # pymoo has no types
+    """One offspring of three parents: the first, plus a share of the difference of the other two.
+
+    Steps so made have the size and the shape of the population itself, however badly the genes are scaled against each
+    other. Source: Storn & Price 1997; with NSGA-II's selection as in Robic & Filipic 2005.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(3, 1, prob=1.0)
+
+    def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
+        step = random_state.choice(STEPS, size=(X.shape[1], 1))
+        made: Floats = np.clip(X[0] + step * (X[1] - X[2]), problem.xl, problem.xu)
+        return made[None]
+
+
+class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
+    """A bump over neighbouring genes: a Gaussian of random place, width and size is added to one row of ``row`` genes.
+
+    The last genes of an individual are taken as rows of that length; genes before them are left alone.
+    """
+
+    def __init__(self, row: int, *, prob: float = 0.5) -> None:
+        super().__init__(prob=prob)
+        self.row = row
+
+    def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
+        count, rows = len(X), problem.n_var // self.row
+        place = random_state.uniform(0, self.row - 1, (count, 1))
+        width = np.exp(random_state.uniform(*np.log(WIDTHS), (count, 1)))
+        size = np.exp(random_state.uniform(*np.log(SIZES), (count, 1))) * random_state.normal(size=(count, 1))
+        bump = size * np.exp(-(((np.arange(self.row) - place) / width) ** 2))
+        which = random_state.integers(rows, size=count)
+        first = problem.n_var - rows * self.row
+        genes = first + which[:, None] * self.row + np.arange(self.row)
+        made: Floats = X.copy()
+        span = (problem.xu - problem.xl)[genes]
+        np.put_along_axis(made, genes, np.take_along_axis(made, genes, axis=1) + bump * span / 2, axis=1)
+        return np.clip(made, problem.xl, problem.xu)

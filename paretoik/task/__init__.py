@@ -1,0 +1,1 @@
+"""What is asked: path, timing, motion, objectives, limits, obstacles, and the task they make."""
