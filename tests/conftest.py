@@ -1,16 +1,27 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 
 import hypothesis
-from jaxtyping import install_import_hook
+import jaxtyping
+import pytest
 
-import tests.shape_checks  # the hook below knows it by name only
+import paretoik.robot.components  # noqa: F401  before the hook: sums and products, millions of them, without shapes
+import tests.shape_checks  # noqa: F401  the hook knows it by name
 
-# In production annotations are not looked at; in tests every call and every field is checked against them.
-install_import_hook("paretoik", "tests.shape_checks.checked")
-assert tests.shape_checks.checked is not None
+# In production nobody looks at annotations; in tests every call and every field is held against them.
+jaxtyping.install_import_hook("paretoik", "tests.shape_checks.checked")
 
 hypothesis.settings.register_profile("local", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+@pytest.fixture
+def unchecked() -> Iterator[None]:
+    """Leave shapes and types to the library's own checks, as in production."""
+    before = jaxtyping.config.jaxtyping_disable
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", before)

@@ -1,7 +1,17 @@
-"""What the tests check types and shapes with: beartype, where a float may be an int as PEP 484 has it."""
+"""What the tests hold annotations against: beartype, for which an int will do where a float is asked, as in PEP 484."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from beartype import BeartypeConf, beartype
 
-checked = beartype(conf=BeartypeConf(is_pep484_tower=True))
+CONFIGURATION = BeartypeConf(is_pep484_tower=True)
+
+
+def checked(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the function, with its arguments and results checked at every call."""
+    if "<locals>" in function.__qualname__:
+        return function  # it is made anew at every call of what encloses it, and so would its checks be
+    return beartype(function, conf=CONFIGURATION)

@@ -30,7 +30,7 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 
 ROLL_OUTS = 256
-INFEASIBLE_SHARE = 0.2  # optima lie on the limits: approached from both sides they are found far sooner
+INFEASIBLE_SHARE = 0.3  # optima lie on the limits: approached from both sides they are found far sooner
 
 
 class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed

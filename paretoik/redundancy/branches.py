@@ -21,12 +21,12 @@ def bends(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*bat
     """
     if arm.dof < 3:
         return np.zeros((*q.shape[:-1], 0), dtype=int)
-    axes, origins = _axes(arm, q)
+    axes, origins = _axes(arm, q), link_nodes(arm, q)[..., 1:, :]
     before, here, after = axes[..., :-2, :], axes[..., 1:-1, :], axes[..., 2:, :]
     product = np.sum(np.cross(before, after) * here, axis=-1)
     links = np.diff(origins, axis=-2)
     turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
-    parallel = np.all(np.abs(np.cross(before, after)) < STRAIGHT, axis=-1).reshape(-1, arm.dof - 2).all(axis=0)
+    parallel = _always_parallel(arm)
     inner = np.where(parallel, turn[..., : arm.dof - 2], product)
     last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
     signed = np.concatenate([inner, last], axis=-1)
@@ -47,13 +47,13 @@ def labels(motion: Motion) -> list[str]:
     ]
 
 
-def _axes(arm: Arm, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    spins = np.stack([_axis(arm, q, i) for i in range(arm.dof)], axis=-2)
-    nodes = link_nodes(arm, q)[..., 1:, :]
-    return spins, nodes
+def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
+    """Return the direction of every joint's axis in the world (*batch, dof, 3)."""
+    columns = np.swapaxes(jacobian(arm, q), -1, -2)
+    return np.where(arm.periodic[:, None], columns[..., 3:], columns[..., :3])
 
 
-def _axis(arm: Arm, q: np.ndarray, joint: int) -> np.ndarray:
-    slopes = jacobian(arm, q, arm.joint_names[joint])
-    column = slopes[..., joint]
-    return column[..., :3] if arm.joint_types[joint] == "prismatic" else column[..., 3:]
+def _always_parallel(arm: Arm) -> np.ndarray:
+    """Return for every inner joint whether the axes on either side of it are parallel at all postures."""
+    axes = _axes(arm, np.arange(1.0, arm.dof + 1))  # a posture like any other
+    return np.all(np.abs(np.cross(axes[:-2], axes[2:])) < STRAIGHT, axis=-1)

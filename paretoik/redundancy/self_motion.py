@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ACCEPTED, retract, task_errors
+from paretoik.task.retraction import ACCEPTED, eliminate, retract, task_errors
 
 ATTEMPTS = 40  # Newton steps of a cold start
 JUMP = 0.7  # rad or m: no joint of a candidate moves further than this from one sample to the next
@@ -23,39 +23,44 @@ def postures(
 
     Damped least squares (Nakamura & Hanafusa 1986), then Newton; those that don't arrive are left out.
     """
-    q, left = _cold_start(task, count, rng, sample)
-    return q[left <= ACCEPTED]
+    q, error = _cold_start(task, np.full(count, sample), rng)
+    return q[np.abs(error).max(axis=1) <= ACCEPTED]
 
 
 def _cold_start(
-    task: MotionTask, count: int, rng: np.random.Generator, sample: int
-) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, " count"]]:
-    lower, upper = _range(task)
-    q = rng.uniform(lower, upper, size=(count, task.arm.dof))
-    targets = np.tile(task.targets[sample], (count, 1))
-    for step in range(ATTEMPTS):
+    task: MotionTask, samples: Int[np.ndarray, " count"], rng: np.random.Generator, *, attempts: int = ATTEMPTS
+) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
+    """Return for each sample asked for a posture near it, from a random start, and the task errors that are left."""
+    q = rng.uniform(*_range(task), size=(len(samples), task.arm.dof))
+    targets = task.targets[samples]
+    for step in range(attempts):
         error, slopes = task_errors(task.arm, task.tasks, q, targets)
-        jacobian, gap = np.moveaxis(slopes, -1, 0), error.T[..., None]
-        damping = 1e-2 * np.sum(gap**2, axis=1, keepdims=True) + (1e-3 if step < 5 else 1e-12)
-        square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping * np.eye(task.rows)
-        move = (np.swapaxes(jacobian, -1, -2) @ np.linalg.solve(square, gap))[..., 0]
+        jacobian = np.moveaxis(slopes, -1, 0)
+        gap = np.linalg.norm(error, axis=0)
+        damping = 1e-2 * gap**2 + (1e-3 if step < 5 else 1e-12)
+        if step >= ATTEMPTS:
+            damping = gap  # the target may be out of reach: with less it would swing about the nearest point for ever
+        square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
+        share = np.stack(eliminate(np.moveaxis(square, 0, -1), list(error))[0], axis=-1)
+        move = (np.swapaxes(jacobian, -1, -2) @ share[..., None])[..., 0]
         q = q + move / np.maximum(1.0, np.abs(move).max(axis=1, keepdims=True) / 0.5)
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
-    return q, np.abs(task_errors(task.arm, task.tasks, q, targets)[0]).max(axis=0)
+    return q, task_errors(task.arm, task.tasks, q, targets)[0].T
 
 
 def _range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = task.arm.position_limits.T
-    reach = np.where(task.arm.periodic, np.pi, 1.0)
-    return np.where(np.isfinite(lower), lower, -reach), np.where(np.isfinite(upper), upper, reach)
+    width = np.where(task.arm.periodic, 2 * np.pi, 2.0)
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
+    return low, np.where(np.isfinite(upper), upper, low + width)
 
 
 def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
     """Return up to ``count`` motions on the path, by roll-outs of weighted pseudoinverses.
 
     Each starts at another posture (or all at the given one) and weighs the joints by its own random symmetric matrix
-    with eigenvalues in (0, 1); every step is corrected onto the path. Source: Tringali & Cocuzza 2020, section 3.1.2.
+    with eigenvalues in (0, 1); the whole is then led onto the path. Source: Tringali & Cocuzza 2020, section 3.1.2.
 
     Raises OutOfReach, naming the sample, where no posture reaches the path; Infeasible where postures exist everywhere
     but no continuous motion was found.
@@ -64,13 +69,13 @@ def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[
     if len(start) == 0:
         raise unreachable(task, rng, 0)
     q = _roll_outs(task, start, rng)
+    q, on_path = _onto_path(task, _without_drift(task, q) if task.cyclic else q)
     if task.cyclic:
-        q = _closed(task, q)
-    q, on_path = _onto(task, q)
-    if not on_path.all(axis=1).any():
+        q[:, -1] = q[:, 0]
+    on_path[:, 1:] &= np.abs(np.diff(q, axis=1)).max(axis=2) <= JUMP
+    kept = on_path.all(axis=1)
+    if not kept.any():
         raise unreachable(task, rng, int(np.argmin(on_path, axis=1).max()))
-    smooth = np.abs(np.diff(q, axis=1)).max(axis=(1, 2)) <= JUMP
-    ...
     return q[kept]
 
 
@@ -88,7 +93,7 @@ def _roll_outs(
         jacobian = np.moveaxis(slopes, -1, 0)
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
-            share = eliminate(np.moveaxis(jacobian @ spread, 0, -1), error)[0]
+            share = eliminate(np.moveaxis(jacobian @ spread, 0, -1), list(error))[0]
             move = (spread @ np.stack(share, axis=-1)[..., None])[..., 0]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= JUMP
@@ -99,33 +104,43 @@ def _roll_outs(
 
 def unreachable(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
     """Return the error that says why no motion gets past sample ``near``."""
-    order = [near, *range(len(task.times))]
-    for sample in order:
-        q, left = _cold_start(task, 64, rng, sample)
-        best = int(np.argmin(left))
-        if left[best] > ACCEPTED:
-            error = task_errors(task.arm, task.tasks, q[best : best + 1], task.targets[sample : sample + 1])[0][:, 0]
-            size = min(3 if (task.tasks[0].axes or "").startswith("xyz") or task.tasks[0].axes == "pose" else 2, 3)
-            wanted = task.targets[sample, :size]
+    every = np.arange(len(task.times))
+    _, error = _cold_start(task, np.repeat(every, 32), rng)
+    missed = np.abs(error).max(axis=1).reshape(-1, 32).min(axis=1) > ACCEPTED
+    for sample in every[missed]:  # few starts did not reach it: ask in earnest before it is called out of reach
+        _, error = _cold_start(task, np.full(256, sample), rng, attempts=5 * ATTEMPTS)
+        if np.abs(error).max(axis=1).min() > ACCEPTED:
+            nearest = error[int(np.argmin(np.sum(error**2, axis=1)))]
             return OutOfReach(
-                f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {np.round(wanted, 6).tolist()} m "
-                f"is "
-                f"{np.linalg.norm(error[:size]):.3g} m from the nearest point found, "
-                f"{np.round(wanted - error[:size], 6).tolist()} m",
-                sample=sample,
+                f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {_gap(task, sample, nearest)}",
+                sample=int(sample),
             )
-    jacobian = np.moveaxis(task_errors(task.arm, task.tasks, q, np.tile(task.targets[near], (len(q), 1)))[1], -1, 0)
-    condition = float(np.linalg.cond(jacobian).min())
+    if task.cyclic:
+        return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
+    q = postures(task, 64, rng, sample=near)
+    slopes = task_errors(task.arm, task.tasks, q, np.tile(task.targets[near], (len(q), 1)))[1]
+    condition = float(np.linalg.cond(np.moveaxis(slopes, -1, 0)).min())
     return Infeasible(
         f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
-        f"singularity or a gap between branches (least condition number of the Jacobian there: {condition:.3g})"
+        f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "
+        f"{condition:.3g})"
     )
 
 
-def _onto(task: MotionTask, q: np.ndarray, sample: int) -> np.ndarray:
-    targets = np.tile(task.targets[sample], (len(q), 1))
-    directions = steepest(task_errors(task.arm, task.tasks, q, targets)[1])
-    return retract(task.arm, task.tasks, q, targets, directions).q
+def _gap(task: MotionTask, sample: int, error: Float[np.ndarray, " rows"]) -> str:
+    """Return in words how far the nearest posture found is from a sample, for the task that is missed most."""
+    gaps, row, column = [], 0, 0
+    for asked in task.tasks:
+        size = 2 if asked.axes in ("xy", "xy+angle") else 3
+        wanted, left = task.targets[sample, column : column + size], error[row : row + asked.rows]
+        gaps.append((float(np.linalg.norm(left)), wanted, left[:size], left[size:]))
+        row, column = row + asked.rows, column + asked.numbers
+    _, wanted, off, turn = max(gaps, key=lambda gap: gap[0])
+    turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+    return (
+        f"{(np.round(wanted, 6) + 0.0).tolist()} m is {np.linalg.norm(off):.3g} m from the nearest point found, "
+        f"{(np.round(wanted - off, 6) + 0.0).tolist()} m{turned}"
+    )
 
 
 def _inverse_weights(count: int, dof: int, rng: np.random.Generator) -> Float[np.ndarray, "count dof dof"]:
@@ -134,22 +149,22 @@ def _inverse_weights(count: int, dof: int, rng: np.random.Generator) -> Float[np
     return (basis / eigenvalues[:, None, :]) @ np.swapaxes(basis, -1, -2)
 
 
-def _closed(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    """Return those motions that still follow the path when their drift is taken out evenly, closed to the bit."""
+def _without_drift(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+    """Return motions that end in the posture they start from, their drift taken out evenly over time."""
     drift = q[:, -1:] - q[:, :1]
     drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
-    share = (task.times / task.times[-1])[None, :, None]
-    bent = (q - share * (q[:, -1:] - q[:, :1])) if not task.arm.periodic.any() else q - share * drift
-    flat = bent.reshape(-1, task.arm.dof)
-    targets = np.tile(task.targets, (len(q), 1))
-    directions = steepest(task_errors(task.arm, task.tasks, flat, targets)[1])
-    back = retract(task.arm, task.tasks, flat, targets, directions)
-    closed = back.q.reshape(q.shape)
-    closed[:, -1] = closed[:, 0]
-    kept = back.on_path.reshape(q.shape[:2]).all(axis=1) & (np.abs(np.diff(closed, axis=1)).max(axis=(1, 2)) <= JUMP)
-    if not kept.any():
-        raise Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
-    return closed[kept]
+    return q - (task.times / task.times[-1])[None, :, None] * drift
+
+
+def _onto_path(
+    task: MotionTask, q: Float[np.ndarray, "motions time dof"]
+) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
+    """Return motions led to the path the shortest way, and which of their samples arrived."""
+    flat, targets = q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1))
+    slopes = task_errors(task.arm, task.tasks, flat, targets)[1]
+    directions = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-12)
+    found = retract(task.arm, task.tasks, flat, targets, np.transpose(directions, (2, 1, 0)))
+    return found.q.reshape(q.shape), found.on_path.reshape(q.shape[:2])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,7 +182,10 @@ class Charts:
     def at(
         self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "motions time redundancy"]
     ) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
-        """Return motions at coordinates y around bases ``which``, and which of their samples are on the path."""
+        """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
+
+        A sample whose way to the path jumps from that of the sample before has come to another sheet, and is off.
+        """
         start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.normal[which], y)
         count = len(which)
         found = retract(
@@ -177,7 +195,10 @@ class Charts:
             np.tile(task.targets, (count, 1)),
             self.steep[which].reshape(-1, task.arm.dof, task.rows),
         )
-        return found.q.reshape(start.shape), found.on_path.reshape(start.shape[:2])
+        q, on_path = found.q.reshape(start.shape), found.on_path.reshape(start.shape[:2])
+        pace = np.abs(np.diff(start, axis=1)).max(axis=2)
+        on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= JUMP + pace
+        return q, on_path
 
     def coordinates(
         self, which: np.ndarray, q: Float[np.ndarray, "motions time dof"]

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
 from paretoik.robot.body import Body, merged, moved
-from paretoik.robot.pose import Pose
+from paretoik.robot.pose import ArrayLike, Pose
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
@@ -82,10 +82,10 @@ class Arm:
     def planar(
         cls,
         *,
-        lengths: Sequence[float],
-        masses: Sequence[float] | None = None,
-        centers: Sequence[float] | None = None,
-        inertias: Sequence[float] | None = None,
+        lengths: ArrayLike,
+        masses: ArrayLike | None = None,
+        centers: ArrayLike | None = None,
+        inertias: ArrayLike | None = None,
         position_limits: object = None,
         velocity_limits: object = None,
         torque_limits: object = None,
@@ -133,13 +133,13 @@ class Arm:
     def from_dh(
         cls,
         *,
-        a: Sequence[float],
-        alpha: Sequence[float],
-        d: Sequence[float],
-        theta: Sequence[float],
+        a: ArrayLike,
+        alpha: ArrayLike,
+        d: ArrayLike,
+        theta: ArrayLike,
         convention: Literal["modified", "standard"],
         types: Sequence[JointType] | None = None,
-        masses: Sequence[float] | None = None,
+        masses: ArrayLike | None = None,
         centers: object = None,
         inertias: object = None,
         joint_names: Sequence[str] | None = None,

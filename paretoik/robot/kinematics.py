@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Inexact
+
 from paretoik.arrays import Jacobians, Joints, Positions, Rotations, Twists
 from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.chain import Constants, constants, in_blocks, sines
@@ -160,7 +163,7 @@ def jacobian_rate(arm: Arm, q: Joints, dq: Joints, frame: str = "tool") -> Twist
     return in_blocks(kernel, arm, (6,), q, dq)
 
 
-def link_nodes(arm: Arm, q: Joints) -> Positions:
+def link_nodes(arm: Arm, q: Joints) -> Inexact[np.ndarray, "*batch nodes 3"]:
     """Return the arm as a polyline (*batch, dof + 2, 3) [m]: base, every joint, tool."""
     tool = arm.frame("tool")
 

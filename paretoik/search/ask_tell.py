@@ -48,9 +48,9 @@ class Search:
 
     The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``) and
     turn genes into motions (``decode(X)``), and offer the
-    ``algorithm(population, offspring=, initial=)`` that suits its genes. ``initial`` (rows, genes) are in the first generation. ``algorithm`` is any
-    pymoo genetic algorithm with its own sizes and settings; None takes the problem's own, or MaxiMinNSGA2. It is copied. ``archive`` holds every
-    good point so far. All chance comes from ``seed``.
+    ``algorithm(population, offspring=, initial=)`` that suits its genes. ``initial`` (rows, genes) are in the first
+    generation. ``algorithm`` is any pymoo genetic algorithm with its own sizes and settings; None takes the problem's
+    own, or MaxiMinNSGA2. It is copied. ``archive`` holds every good point so far. All chance comes from ``seed``.
 
     Raises
     ------

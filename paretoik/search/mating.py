@@ -21,6 +21,7 @@ from paretoik.errors import InvalidInput
 from paretoik.search.constraints import Floats, Integers
 from paretoik.search.maximin import column
 
+FAIR_SHARE = 0.5  # of the matings, spread evenly over the species: one that is behind may still have the better end
 SPECIES_MUTATION = 0.05  # chance that an offspring is moved to another species
 ATTEMPTS = 20  # rounds of mating spent on finding offspring that are new
 
@@ -40,8 +41,9 @@ class Parents:
 class BranchwiseMating:
     """pymoo mating on whole arrays: binary tournaments by rank, then insertion distance; then the two operators.
 
-    ``crossover`` and ``mutation`` are pymoo operators of real genes. Of two parents both win a tournament; of three, as a
-    ``Differential`` has them, the first, and the others are drawn from its species. With ``infeasible_parents`` an infeasible point beats a feasible one that it dominates.
+    ``crossover`` and ``mutation`` are pymoo operators of real genes. Of two parents both win a tournament; of three, as
+    a ``Differential`` has them, the first, and the others are drawn from its species. With ``infeasible_parents`` an
+    infeasible point beats a feasible one that it dominates.
     """
 
     def __init__(self, crossover: Any, mutation: Any, *, infeasible_parents: bool = False) -> None:
@@ -83,11 +85,23 @@ class BranchwiseMating:
 
     def _couples(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
         pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
-        first = self._winners(parents, pool[:matings], pool[matings : 2 * matings], rng)
+        rivals = self._fair(parents.species, pool[: 2 * matings].reshape(2, matings), rng)
+        first = self._winners(parents, *rivals, rng)
         others = _of_same_species(parents.species, np.concatenate((first, first)), rng)
         if self.crossover.n_parents == 3:
             return np.stack((first, others[:matings], others[matings:]))
         return np.stack((first, self._winners(parents, others[:matings], others[matings:], rng)))
+
+    def _fair(self, species: Integers, rivals: Integers, rng: np.random.Generator) -> Integers:
+        """Let some of the tournaments (2, matings) be held within one species, every species in its turn as likely."""
+        labels, members = np.unique(species, return_index=True)
+        if len(labels) == 1:
+            return rivals
+        fair = rng.random(rivals.shape[1]) < FAIR_SHARE
+        drawn = members[rng.integers(0, len(labels), size=int(fair.sum()))]
+        for rival in rivals:
+            rival[fair] = _of_same_species(species, drawn, rng)
+        return rivals
 
     def _mutated(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
         mutated = np.array(self.mutation._do(problem, X, random_state=rng))

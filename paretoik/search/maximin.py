@@ -22,7 +22,7 @@ from paretoik.errors import InvalidInput
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, violations
 from paretoik.search.insertion import insertion_order, nearest_squared, scaled, starting_points
 
-SPECIES_SHARE = 0.2  # of the population that may be kept only for being the best of its species
+SPECIES_SHARE = 0.5  # of the population that may be kept only for being the best of its species
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ def survivors(
     Feasible points (violation 0) come first, by rank and then MaxiMin; after them the others, least violation first,
     those with violation inf last. ``ranges`` (2, n_obj), lower and upper, is a box that replaces ideal and nadir, and
     points beyond its upper side are inserted after those below. Up to ``infeasible_share`` of the places go to
-    the least-violating infeasible points that no feasible one dominates. With ``species`` (points,) the best two (or
-    one) of each feasible species stay, within a fifth of the places.
+    the least-violating infeasible points that no feasible one dominates. With ``species`` (points,) the best of each
+    feasible species stay: half of the places, shared out evenly.
     """
     count = min(count, len(F))
     feasible = np.flatnonzero(violation <= 0.0)
@@ -113,7 +113,7 @@ def _with_species(chosen: Integers, distance: Floats, ranks: Integers, species: 
     quota = int(SPECIES_SHARE * chosen.size)
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
     live = list(dict.fromkeys(species[best_first].tolist()))
-    floor = 2 if 2 * len(live) <= quota else 1  # two can mate
+    floor = max(1, quota // len(live))
     counts = {kind: int((species[chosen] == kind).sum()) for kind in live}
     arriving: list[int] = []
     absent = best_first[~np.isin(best_first, chosen)]

@@ -37,7 +37,7 @@ class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
     The last genes of an individual are taken as rows of that length; genes before them are left alone.
     """
 
-    def __init__(self, row: int, *, prob: float = 0.5) -> None:
+    def __init__(self, row: int, *, prob: float = 0.8) -> None:
         super().__init__(prob=prob)
         self.row = row
 

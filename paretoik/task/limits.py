@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -42,6 +43,8 @@ class Limits:
 
         Raises InvalidInput, naming limit and joint, for wrong shapes, NaN, or a lower limit above the upper.
         """
+        if not np.isfinite(self.clearance):
+            raise InvalidInput(f"clearance limit wants a distance in m, got {self.clearance}")
         own = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
         found = {kind: _bounds(kind, getattr(self, kind), own.get(kind), arm, samples) for kind in KINDS}
         return {kind: bounds for kind, bounds in found.items() if np.isfinite(bounds).any()}
@@ -141,7 +144,7 @@ def _bounds(kind: str, given: object, own: np.ndarray | None, arm: Arm, samples:
         declared = np.stack([-declared, declared], axis=-1)
     if given is None:
         return declared[None].copy()
-    if isinstance(given, dict):
+    if isinstance(given, Mapping):
         return _by_name(kind, given, declared, arm)[None]
     lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (None, given)
     high = _side(kind, upper, arm, samples)
@@ -170,14 +173,17 @@ def _side(kind: str, given: object, arm: Arm, samples: int) -> np.ndarray:
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
 
 
-def _by_name(kind: str, given: dict[str, object], declared: np.ndarray, arm: Arm) -> np.ndarray:
+def _by_name(kind: str, given: Mapping[str, Any], declared: np.ndarray, arm: Arm) -> np.ndarray:
     bounds = declared.copy()
     for joint, value in given.items():
         if joint not in arm.joint_names:
             raise InvalidInput(
                 f"{kind} limit: no joint {joint!r} on {arm.name}; its joints: {', '.join(arm.joint_names)}"
             )
-        low, high = value if isinstance(value, tuple) else (-float(value), float(value))  # type: ignore[arg-type]
+        try:
+            low, high = (float(side) for side in (value if isinstance(value, tuple) else (-value, value)))
+        except (TypeError, ValueError):
+            raise InvalidInput(f"{kind} limit of {joint}: wants a number or (lower, upper), got {value!r}") from None
         if not low <= high:
             raise InvalidInput(f"{kind} limit of {joint}: wants lower ≤ upper, got {low} and {high}")
         bounds[arm.joint_names.index(joint)] = low, high

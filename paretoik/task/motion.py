@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths, Rotations, Series
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.task.obstacles import Obstacle, clearance
@@ -32,7 +32,8 @@ class Motion:
     integrals by the trapezoid rule). A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from
     the batch; arrays are read-only.
 
-    Raises InvalidInput where shapes don't fit the arm, a number is not finite, or times don't increase.
+    Raises InvalidInput where shapes don't fit the arm, a number is not finite, times don't increase, or a cyclic motion
+    does not close.
     """
 
     arm: Arm
@@ -43,29 +44,30 @@ class Motion:
     link_radius: float = 0.0
     differences: Differences = "backward"
     cyclic: bool = False
-    _checked: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the samples, spread the times over the batch and freeze both."""
-        if self._checked:
-            return
-        q, time = np.array(self.q, dtype=float), np.asarray(self.time, dtype=float)
+        q, time = np.array(self.q, dtype=float), np.array(self.time, dtype=float)
         if q.ndim < 2 or q.shape[-1] != self.arm.dof:
             raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
-        if time.shape[-1:] != q.shape[-2:-1] or q.shape[-2] < 3:
-            raise InvalidInput(f"motion: wants one time a sample and at least 3, got {time.shape[-1:]} for {q.shape}")
-        if not np.all(np.isfinite(q)) or not np.all(np.isfinite(time)):
-            raise InvalidInput("motion: positions and times must be finite")
-        if not np.all(np.diff(time) > 0):
-            raise InvalidInput(f"motion: times must increase, they don't at sample {int(np.argmin(np.diff(time))) + 1}")
+        if q.shape[-2] < 3 or time.shape not in (q.shape[-2:-1], q.shape[:-1]):
+            raise InvalidInput(f"motion: wants one time a sample and at least 3, got {time.shape} for {q.shape}")
+        for what, values in (("position", q), ("time", time[..., None])):
+            wrong = np.argwhere(~np.isfinite(values))
+            if len(wrong):
+                raise InvalidInput(f"motion: every {what} must be finite, it is not at sample {wrong[0][-2]}")
+        late = np.argwhere(np.diff(time) <= 0)
+        if len(late):
+            raise InvalidInput(f"motion: times must increase, they don't at sample {late[0][-1] + 1}")
         if self.differences not in get_args(Differences):
             raise InvalidInput(
                 f"differences must be one of {', '.join(get_args(Differences))}, got {self.differences!r}"
             )
-        q.setflags(write=False)
-        object.__setattr__(self, "q", q)
-        object.__setattr__(self, "time", np.broadcast_to(time, q.shape[:-1]))
-        object.__setattr__(self, "_checked", True)
+        if self.cyclic and np.any(q[..., 0, :] != q[..., -1, :]):
+            apart = np.abs(q[..., -1, :] - q[..., 0, :]).max()
+            raise InvalidInput(f"cyclic motion: must end where it starts, got ends {apart:.3g} rad or m apart")
+        object.__setattr__(self, "q", _frozen(q))
+        object.__setattr__(self, "time", np.broadcast_to(_frozen(time), q.shape[:-1]))
 
     def __len__(self) -> int:
         """Return the size of the leading batch axis; a single motion has none."""
@@ -163,14 +165,13 @@ class Motion:
     def at(self, t: Float[np.ndarray, " instants"]) -> Float[np.ndarray, "*batch instants dof"]:
         """Return joint positions (*batch, instants, dof) at times t [s]: the interpolant, projected onto the tasks.
 
-        Raises InvalidInput for times outside the motion.
+        Raises InvalidInput for times outside the motion, Infeasible where the path is lost between samples.
         """
         instants = np.atleast_1d(np.asarray(t, dtype=float))
-        if np.any(instants < self.time[..., :1].max() - 1e-12) or np.any(instants > self.time[..., -1:].min() + 1e-12):
-            raise InvalidInput(
-                f"at: wants times from {self.time.min()} s to {self.time[..., -1].min()} s, got {instants.min()} to "
-                f"{instants.max()} s"
-            )
+        first, last = self.time[..., 0].max(), self.time[..., -1].min()
+        outside = instants[~((instants >= first - 1e-12) & (instants <= last + 1e-12))]
+        if len(outside):
+            raise InvalidInput(f"at: wants times from {first:g} s to {last:g} s, got {outside[0]:g} s")
         ends = "periodic" if self.cyclic else "not-a-knot"
         flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
         if np.all(times == times[0]):
@@ -186,7 +187,14 @@ class Motion:
         flat = q.reshape(-1, self.arm.dof)
         wanted = np.tile(targets, (len(q), 1))
         directions = steepest(task_errors(self.arm, self.tasks, flat, wanted)[1])
-        return retract(self.arm, self.tasks, flat, wanted, directions).q.reshape(q.shape)
+        found = retract(self.arm, self.tasks, flat, wanted, directions)
+        if not found.on_path.all():
+            lost = int(np.argmin(found.on_path))
+            raise Infeasible(
+                f"at: the motion must follow its path, but at {instants[lost % len(instants)]:g} s its tool is "
+                f"{found.error[lost]:.3g} m or rad off, beyond recall"
+            )
+        return found.q.reshape(q.shape)
 
     @property
     def _flat(self) -> np.ndarray:

@@ -28,7 +28,7 @@ class MotionTask:
     """One motion problem, checked; made with ``motion_task``.
 
     ``start`` is None (free) or joint positions (dof,); ``bounds`` maps limit kinds to (1 or time, dof, 2) arrays;
-    ``arm`` carries the position limits that hold.
+    ``arm`` carries the position limits that hold, the widest where they vary along the path.
     """
 
     arm: Arm
@@ -137,21 +137,21 @@ def motion_task(
 
     Raises InvalidInput, naming the thing, for each part that cannot be used.
     """
-    settled = tuple(
-        (Task(given) if isinstance(given, Path) else given).settled(arm)
-        for given in (tasks if isinstance(tasks, Sequence) else [tasks])
-    )
+    settled = tuple(_task(given).settled(arm) for given in (tasks if isinstance(tasks, Sequence) else [tasks]))
     _check_tasks(arm, settled)
-    _check_objectives(objectives)
+    _check_decorated("objective", objectives, Objective)
+    _check_decorated("constraint", constraints, Constraint)
+    if not objectives:
+        raise InvalidInput("objectives: wants at least one, got none")
     path = settled[0].path
     if cyclic and not all(task.path.closed for task in settled):
         raise InvalidInput("cyclic=True wants a closed path, but the path does not end where it starts")
     if end_velocity is not None and (end_velocity != 0 or cyclic):
         raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {end_velocity!r}")
     bounds = (limits or Limits()).settled(arm, path.samples)
-    if "position" in bounds:
-        tightest = np.stack([bounds["position"][..., 0].max(axis=0), bounds["position"][..., 1].min(axis=0)], axis=-1)
-        arm = replace(arm, position_limits=tightest)
+    allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
+    widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
+    arm = replace(arm, position_limits=widest)
     found = MotionTask(
         arm=arm,
         tasks=settled,
@@ -169,6 +169,12 @@ def motion_task(
     return found if found.start is None else _started(found)
 
 
+def _task(given: object) -> Task:
+    if not isinstance(given, Path | Task):
+        raise InvalidInput(f"path wants a Path, a Task or several of them, got {given!r}")
+    return Task(given) if isinstance(given, Path) else given
+
+
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...]) -> None:
     if not tasks:
         raise InvalidInput("wants at least one path or task, got none")
@@ -183,15 +189,15 @@ def _check_tasks(arm: Arm, tasks: tuple[Task, ...]) -> None:
         )
 
 
-def _check_objectives(objectives: Sequence[Objective]) -> None:
-    if not objectives:
-        raise InvalidInput("objectives: wants at least one, got none")
-    for given in objectives:
-        if not isinstance(given, Objective):
-            raise InvalidInput(f"objectives: wants functions decorated with @objective, got {given!r}")
-    names = [given.name for given in objectives]
+def _check_decorated(kind: str, given: Sequence[Objective] | Sequence[Constraint], wanted: type) -> None:
+    if not isinstance(given, Sequence):
+        raise InvalidInput(f"{kind}s: wants a list, got {given!r}")
+    for member in given:
+        if not isinstance(member, wanted):
+            raise InvalidInput(f"{kind}s: wants functions decorated with @{kind}, got {member!r}")
+    names = [member.name for member in given]
     if len(set(names)) != len(names):
-        raise InvalidInput(f"objectives: names must differ, got {', '.join(names)}")
+        raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
 
 
 def _given_start(arm: Arm, start: object) -> np.ndarray:

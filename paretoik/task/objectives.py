@@ -135,11 +135,11 @@ def joint_drift(motion: Motion) -> np.ndarray:
 def joint_limit_distance(motion: Motion) -> np.ndarray:
     """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))².
 
-    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits don't count. Raises InvalidInput
-    where no joint has limits.
+    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits, or held at one place, don't count.
+    Raises InvalidInput where no joint has limits.
     """
     lower, upper = motion.arm.position_limits.T
-    limited = np.isfinite(upper - lower)
+    limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
         raise InvalidInput("joint_limit_distance wants position limits, but no joint of the arm has any")
     ratio = (motion.q[..., limited] - ((lower + upper) / 2)[limited]) / (upper - lower)[limited]

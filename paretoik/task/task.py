@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
-from paretoik.robot.arm import Arm
+from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.components import (
     Component,
     Rows,
@@ -101,7 +102,7 @@ class Task:
 
         The Jacobian is that of the frame's motion in the same coordinates, so that J δq = error is Newton's step.
         """
-        frame = arm.frame(self.frame)
+        frame = _frame(arm, self.frame)
         rotation, position = located(arm, links, frame)
         pairs = columns(arm, links, frame, position)
         size = 2 if self.axes in ("xy", "xy+angle") else 3
@@ -114,6 +115,11 @@ class Task:
             error += [turn[i] for i in kept]
             jacobian += [[spin[i] for spin in spins] for i in kept]
         return error, jacobian
+
+
+@lru_cache(maxsize=64)
+def _frame(arm: Arm, name: str) -> Frame:
+    return arm.frame(name)  # it searches and builds; Newton's method asks a thousand times
 
 
 def _matrix(entries: Sequence[Component]) -> Rows:

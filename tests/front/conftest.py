@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -32,12 +29,3 @@ def front() -> Front:
         ranges=np.array([[0.0, 10.0], [0.0, 25.0]]),
         provenance={"status": "done", "seed": 1},
     )
-
-
-@pytest.fixture
-def unchecked() -> Iterator[None]:
-    """Leave shapes and types to the library's own checks, as in production."""
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)

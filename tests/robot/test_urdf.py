@@ -95,6 +95,7 @@ def test_a_report_without_a_tip_names_the_leaves_to_choose_from():
     assert "root panda_link0, leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger" in report.summary
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -99,6 +99,7 @@ def test_ids_that_are_unknown_or_repeated_are_refused_and_nothing_is_taken(ids, 
     assert search.generation == 1
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("F", "G", "message"),
     [
