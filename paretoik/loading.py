@@ -3,35 +3,40 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
+import traceback
+from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, ParetoikError
 
 
 def load_problem(reference: str) -> Any:
     """Return the pymoo problem that ``file.py:name`` or ``package.module:name`` stands for.
 
     As with Flask and uvicorn: for a file the folders with an ``__init__.py`` above it are its package, whose root goes
-    *first* on sys.path. A name that is not a problem but a function without arguments is called.
+    *first* on sys.path; for a module it is the current folder. A name that is not a problem but a function without
+    arguments is called; what paretoik raises then passes through.
 
-    Raises InvalidInput where the file, the module or the name is missing, loading it fails, or what it names is no
-    problem.
+    Raises
+    ------
+    InvalidInput
+        The file, the module or the name is missing, loading it fails, or what it names is no problem.
     """
-    place, separator, name = reference.rpartition(":")
-    if not separator or not place or not name:
-        raise InvalidInput(f"problem {reference!r}: wants FILE.py:NAME or package.module:NAME")
-    found = getattr(_module(place), name, None)
+    place, _, name = reference.rpartition(":")
+    if not place or not name:
+        raise InvalidInput(f"problem {reference!r}: wanted FILE.py:NAME or package.module:NAME, got {'no name' if place or name else 'nothing'}")
+    module = _module(place)
+    found = getattr(module, name, None)
     if found is None:
-        raise InvalidInput(
-            f"problem {reference!r}: {place} has no {name!r}; it has {', '.join(_offered(place)) or 'none'}"
-        )
-    problem = found() if callable(found) and not _is_problem(found) else found
+        raise InvalidInput(f"problem {reference!r}: wanted one that {place} has, {_choices(module, name)}")
+    problem = found if _is_problem(found) or not callable(found) else _made(found, module, reference)
     if not _is_problem(problem):
         raise InvalidInput(
-            f"problem {reference!r}: wants a pymoo problem or a function that returns one, got {problem!r}"
+            f"problem {reference!r}: wanted a pymoo problem or a function that returns one, got {problem!r}"
         )
     return problem
 
@@ -41,47 +46,36 @@ def problems_in(place: str) -> dict[str, str]:
 
     A problem is a pymoo problem, or a function without required arguments that is annotated to return one.
 
-    Raises InvalidInput as ``load_problem`` does.
+    Raises
+    ------
+    InvalidInput
+        As in ``load_problem``.
     """
-    module = _module(place)
-    found = {name: (getattr(module, name).__doc__ or "").strip() for name in _offered(place)}
-    return {name: text.splitlines()[0] if text else "" for name, text in found.items()}
-
-
-def _offered(place: str) -> list[str]:
-    import inspect
-
-    module = _module(place)
-    names = []
-    for name, value in vars(module).items():
-        own = getattr(value, "__module__", None) == module.__name__
-        if name.startswith("_") or inspect.isclass(value):
-            continue
-        returns = getattr(value, "__annotations__", {}).get("return", "") if callable(value) else ""
-        if _is_problem(value) or (own and callable(value) and str(returns) in ("Tracking", "Problem")):
-            names.append(name)
-    return names
+    return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in _offered(_module(place)).items()}
 
 
 def _module(place: str) -> ModuleType:
     path = Path(place)
-    dotted = str(place)
+    root, dotted = Path.cwd(), place
     if path.suffix == ".py":
         if not path.is_file():
-            raise InvalidInput(f"problem file {place}: not found in {Path.cwd()}")
+            raise InvalidInput(f"problem file {place}: wanted a file, got nothing of that name in {root}")
         root, dotted = _root_and_name(path.resolve())
-        _refuse_clash(root, dotted)
-        sys.path[:] = [str(root), *(entry for entry in sys.path if entry != str(root))]
+        _refuse_clash(root, dotted.partition(".")[0])
+    sys.path[:] = [str(root), *(entry for entry in sys.path if entry != str(root))]
+    importlib.invalidate_caches()
     try:
         return importlib.import_module(dotted)
-    except ModuleNotFoundError as error:
-        if error.name == dotted or dotted.startswith(f"{error.name}."):
-            raise InvalidInput(f"module {dotted!r}: not found; wants FILE.py or an importable module") from error
-        raise InvalidInput(f"problem file {place}: needs the module {error.name!r}, which is not installed") from error
-    except InvalidInput:
+    except ParetoikError:
         raise
-    except Exception as error:
-        raise InvalidInput(f"problem file {place}: loading it failed: {type(error).__name__}: {error}") from error
+    except ModuleNotFoundError as error:
+        missing = str(error.name)
+        if dotted == missing or dotted.startswith(f"{missing}."):
+            raise InvalidInput(f"module {dotted!r}: wanted FILE.py or a module, got no module {missing!r}") from error
+        raise InvalidInput(f"problem file {place}: wanted to load it, got no module {missing!r} installed") from error
+    except (Exception, SystemExit) as error:  # a user's file may raise anything
+        file = str(path.resolve()) if path.suffix == ".py" else None
+        raise InvalidInput(f"problem file {place}: wanted to load it, got {_said(error, file)}") from error
 
 
 def _root_and_name(path: Path) -> tuple[Path, str]:
@@ -92,13 +86,71 @@ def _root_and_name(path: Path) -> tuple[Path, str]:
     return folder, ".".join(reversed(parts))
 
 
-def _refuse_clash(root: Path, dotted: str) -> None:
-    package = dotted.partition(".")[0]
-    loaded = sys.modules.get(package)
-    file = getattr(loaded, "__file__", None)
-    if loaded is not None and file is not None and not Path(file).resolve().is_relative_to(root):
-        raise InvalidInput(f"package {package!r} is already imported from {file}; wants the one in {root}")
+def _refuse_clash(root: Path, package: str) -> None:
+    if package not in sys.modules:
+        return
+    file = getattr(sys.modules[package], "__file__", None)
+    ours = (root / package / "__init__.py", root / f"{package}.py")
+    if file is None or Path(file).resolve() not in ours:
+        raise InvalidInput(
+            f"package {package!r}: wanted the one in {root}, but it is already imported from "
+            f"{file or 'elsewhere'}; rename yours"
+        )
+
+
+def _choices(module: ModuleType, name: str) -> str:
+    offered = list(_offered(module))
+    near = get_close_matches(name, offered, n=1)
+    meant = f"; did you mean {near[0]!r}?" if near else ""
+    return f"{', '.join(offered) or 'none'}, got {name!r}{meant}"
+
+
+def _offered(module: ModuleType) -> dict[str, Any]:
+    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    return {name: value for name, value in public.items() if _is_problem(value) or _makes_problem(value, module)}
+
+
+def _makes_problem(value: object, module: ModuleType) -> bool:
+    if not inspect.isfunction(value) or value.__module__ != module.__name__ or _required(value):
+        return False
+    try:
+        returned = inspect.signature(value, eval_str=True).return_annotation
+    except Exception:  # an annotation that means nothing outside a type checker
+        return False
+    return inspect.isclass(returned) and hasattr(returned, "evaluate")
+
+
+def _made(function: Any, module: ModuleType, reference: str) -> Any:
+    required = _required(function)
+    if required:
+        raise InvalidInput(
+            f"problem {reference!r}: wanted a function without arguments, got one that needs {', '.join(required)}"
+        )
+    try:
+        return function()
+    except ParetoikError:
+        raise
+    except Exception as error:  # a user's function may raise anything
+        said = _said(error, getattr(module, "__file__", None))
+        raise InvalidInput(f"problem {reference!r}: wanted to build it, got {said}") from error
+
+
+def _required(function: Any) -> list[str]:
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # compiled functions may not tell
+        return []
+    optional = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    return [p.name for p in parameters if p.default is p.empty and p.kind not in optional]
 
 
 def _is_problem(value: object) -> bool:
-    return all(hasattr(value, name) for name in ("n_var", "n_obj", "evaluate"))
+    wanted = ("n_var", "n_obj", "evaluate")
+    return not inspect.isclass(value) and all(hasattr(value, name) for name in wanted)
+
+
+def _said(error: BaseException, file: str | None) -> str:
+    """Return an error in one line, with the last line of ``file`` that it came through."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    where = f" in line {lines[-1]}" if lines else ""
+    return f"{type(error).__name__}{where}: {' '.join(str(error).split())}"

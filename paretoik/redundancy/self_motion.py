@@ -41,12 +41,18 @@ def _cold_start(
         if step >= ATTEMPTS:
             damping = gap  # the target may be out of reach: with less it would swing about the nearest point for ever
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
-        share = np.stack(eliminate(np.moveaxis(square, 0, -1), list(error))[0], axis=-1)
-        move = (np.swapaxes(jacobian, -1, -2) @ share[..., None])[..., 0]
+        move = (np.swapaxes(jacobian, -1, -2) @ _solved(square, error))[..., 0]
         q = q + move / np.maximum(1.0, np.abs(move).max(axis=1, keepdims=True) / 0.5)
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
     return q, task_errors(task.arm, task.tasks, q, targets)[0].T
+
+
+def _solved(
+    matrix: Float[np.ndarray, "count rows rows"], right: Float[np.ndarray, "rows count"]
+) -> Float[np.ndarray, "count rows 1"]:
+    rows = [list(row) for row in np.moveaxis(matrix, 0, -1)]
+    return np.stack(eliminate(rows, list(right))[0], axis=-1)[..., None]
 
 
 def _range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
@@ -93,8 +99,7 @@ def _roll_outs(
         jacobian = np.moveaxis(slopes, -1, 0)
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
-            share = eliminate(np.moveaxis(jacobian @ spread, 0, -1), list(error))[0]
-            move = (spread @ np.stack(share, axis=-1)[..., None])[..., 0]
+            move = (spread @ _solved(jacobian @ spread, error))[..., 0]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= JUMP
         if not alive.any():

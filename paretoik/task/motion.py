@@ -37,7 +37,7 @@ class Motion:
     """
 
     arm: Arm
-    time: Series
+    time: Float[np.ndarray, "*#batch time"]
     q: JointPaths
     tasks: tuple[Task, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()

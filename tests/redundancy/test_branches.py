@@ -28,8 +28,9 @@ def motion_of(arm, *postures):
 def test_joints_of_a_planar_arm_bend_with_the_sign_of_their_sine(q):
     angles = np.array(q)
     sines = np.sin(angles[1:])
+    clear = (np.abs(sines) < 1e-10) | (np.abs(sines) > 1e-8)
     wanted = np.where(np.abs(sines) < 1e-9, 0, np.sign(sines))
-    np.testing.assert_array_equal(bends(marcos_nr(4), angles), wanted)
+    np.testing.assert_array_equal(bends(marcos_nr(4), angles)[clear], wanted[clear])
 
 
 def test_the_sign_of_the_pandas_elbow_and_wrist_flips_where_their_sine_does():

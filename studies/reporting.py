@@ -1,0 +1,40 @@
+"""What all studies share: rows of a table, their printing, and their JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+REPORTED = Path(__file__).parent / "reported"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One number of a table: ours, the paper's or the goal beside it where there is one, and a note."""
+
+    table: str
+    row: str
+    column: str
+    unit: str
+    ours: float
+    paper: float | None = None
+    note: str = ""
+
+
+def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
+    """Print rows, a table for each ``table``, and write them as JSON where a file is named."""
+    console = Console()
+    for name in dict.fromkeys(row.table for row in rows):
+        table = Table("row", "column", "unit", "ours", "paper or goal", "note", title=name, title_justify="left")
+        for row in rows:
+            if row.table == name:
+                paper = "" if row.paper is None else f"{row.paper:.5g}"
+                table.add_row(row.row, row.column, row.unit, f"{row.ours:.5g}", paper, row.note)
+        console.print(table)
+    if json_file is not None:
+        json_file.write_text(json.dumps([asdict(row) for row in rows], indent=2, allow_nan=False) + "\n")
