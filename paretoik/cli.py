@@ -3,48 +3,69 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.text import Text
 
 from paretoik.errors import InvalidInput, ParetoikError
 
 if TYPE_CHECKING:
+    from paretoik.arrays import Values
     from paretoik.front.front import Choice, Front
+    from paretoik.review.generation import Generation
+    from paretoik.search.progress import Progress
     from paretoik.solving import Observer
+
+STOPPED_BY_LIMIT = 5
+EXIT_CODES = {"time limit": STOPPED_BY_LIMIT, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
+SECONDS_BETWEEN_LINES = 5.0  # of progress, where stderr is no terminal
 
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="The whole Pareto front of joint motions for a redundant arm.",
+    epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 all evaluations failed, 5 stopped by a limit and "
+    "130 or 143 interrupted, with the result kept.",
 )
-
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
-STOPPED_BY_LIMIT = 5
-EXIT_CODES = {
-    "time limit": STOPPED_BY_LIMIT,
-    "evaluations": STOPPED_BY_LIMIT,
-    "SIGINT": 130,
-    "interrupted": 130,
-    "SIGTERM": 143,
-}
 
 
 def main() -> None:
-    """Run the command line; every error that a user can cause is one line and an exit code."""
-    try:
-        app()
-    except ParetoikError as error:
-        Console(stderr=True).print(f"[bold red]error:[/] {_escaped(str(error))}", soft_wrap=True, highlight=False)
-        sys.exit(error.exit_code)
+    """Run the command line; every error that a user can cause is one line on stderr and an exit code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: _tell("warning:", "yellow", str(message))
+        try:
+            app()
+        except ParetoikError as error:
+            _tell("error:", "bold red", str(error))
+            sys.exit(error.exit_code)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from paretoik import __version__
+
+        print(f"paretoik {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
 
 
 @app.command("list")
@@ -52,58 +73,66 @@ def list_problems(
     files: Annotated[list[str] | None, typer.Argument(help="Problem files; problems/*.py if none.")] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """List the problems that files offer."""
+    """List the problems that files offer; a file that cannot be loaded does not hide the others."""
     from paretoik.loading import problems_in
 
     places = files or sorted(str(file) for file in Path("problems").glob("[!_]*.py"))
     if not places:
-        raise InvalidInput(f"list: no problems/*.py in {Path.cwd()}; name a file")
-    found = [(f"{place}:{name}", said) for place in places for name, said in problems_in(place).items()]
+        raise InvalidInput(f"list: wanted a file, got none, and there is no problems/*.py in {Path.cwd()}")
+    found: list[tuple[str, str]] = []
+    faults: list[ParetoikError] = []
+    for place in places:
+        try:
+            with redirect_stdout(sys.stderr):
+                found += [(f"{place}:{name}", about) for name, about in problems_in(place).items()]
+        except ParetoikError as error:
+            faults.append(error)
     if as_json:
-        print(json.dumps([{"problem": name, "about": said} for name, said in found], indent=2))
-        return
-    table = Table("problem", "about", box=None)
-    for name, said in found:
-        table.add_row(name, said)
-    Console().print(table)
+        _print_json([{"problem": name, "about": about} for name, about in found])
+    else:
+        _print_columns(found)
+    for fault in faults:
+        _tell("error:", "bold red", str(fault))
+    if faults:
+        raise typer.Exit(faults[0].exit_code)
 
 
 @app.command()
 def solve(
     problem: Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)],
-    population: Annotated[int, typer.Option(help="Size of the population.")] = 100,
-    generations: Annotated[int, typer.Option(help="Most generations.")] = 300,
+    population: Annotated[int, typer.Option(help="Size of the population.")] = 200,
+    generations: Annotated[int, typer.Option(help="Most generations.")] = 400,
     seed: Annotated[int, typer.Option(help="Seed of all chance.")] = 0,
     time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
     quiet: Annotated[bool, typer.Option(help="No progress.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Search for the front of a problem and keep the run."""
-    with _status("loading the problem", quiet):
-        from paretoik import solving
-        from paretoik.loading import load_problem
+    """Search for the front of a problem and keep the run; Ctrl-C ends it early with what was found."""
+    with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
+        with _status("loading the problem", quiet):
+            from paretoik import solving
+            from paretoik.loading import load_problem
 
-        opened = load_problem(problem)
-    with _progress(generations, quiet) as observe:
-        front = solving.solve(
-            opened,
-            population=population,
-            generations=generations,
-            seed=seed,
-            out=out,
-            time_limit=time_limit,
-            overwrite=overwrite,
-            reference=problem,
-            observe=observe,
-        )
-    status = str(front.provenance["status"])
+            opened = load_problem(problem)
+        with _progress(generations, time_limit, quiet) as observe:
+            front = solving.solve(
+                opened,
+                population=population,
+                generations=generations,
+                seed=seed,
+                out=out,
+                time_limit=time_limit,
+                overwrite=overwrite,
+                reference=problem,
+                observe=observe,
+            )
     if as_json:
-        print(json.dumps({"front": _front_entries(front), "out": str(out), **front.provenance}, indent=2))
+        _print_json({**front.provenance, "out": out, "front": _entries(front)})
     else:
         _print_front(front, out)
-    raise typer.Exit(EXIT_CODES.get(status, 0))
+    raise typer.Exit(EXIT_CODES.get(str(front.provenance["status"]), 0))
 
 
 @app.command()
@@ -114,24 +143,21 @@ def select(
     as_json: JsonFlag = False,
 ) -> None:
     """Choose one motion of a front by weights (Marcos et al. 2012, Eqs. 19 and 20)."""
-    from paretoik.front.preferences import Weights
-    from paretoik.solving import load_front
+    with redirect_stdout(sys.stderr):
+        from paretoik.front.preferences import Weights
+        from paretoik.solving import load_front
 
-    preference = Weights(_weights(weights))
-    front = load_front(run)
-    choice = front.select(preference)
-    if picture is not None:
-        from paretoik.review.plots import front_picture
+        preference = Weights(_weights(weights))
+        front = load_front(run)
+        choice = front.select(preference)
+        if picture is not None:
+            from paretoik.review.plots import front_picture
 
-        front_picture(front, picture, choice)
+            front_picture(front, picture, choice)
     if as_json:
-        print(json.dumps(_choice_entries(front, choice), indent=2))
-        return
-    console = Console()
-    console.print(f"[bold]point {choice.id}[/]", highlight=False)
-    for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True):
-        console.print(f"  {_escaped(name)} = {value:.6g} {_escaped(unit)}", highlight=False)
-    console.print(_escaped(choice.reason), soft_wrap=True, highlight=False)
+        _print_json({**_entry(front, choice.id, choice.objectives), "reason": choice.reason})
+    else:
+        _print_choice(front, choice)
 
 
 @app.command()
@@ -147,21 +173,20 @@ def check_robot(
     file: Annotated[Path, typer.Argument(help="A URDF file.", show_default=False)],
     base: Annotated[str | None, typer.Option(help="First link of the chain (the root).")] = None,
     tip: Annotated[str | None, typer.Option(help="Last link of the chain (the only leaf).")] = None,
+    as_json: JsonFlag = False,
 ) -> None:
     """List every fault of a URDF file, and what paretoik would make of it."""
     from paretoik.robot.urdf import check_robot as check
 
     report = check(file, base, tip)
-    console = Console()
-    for line in report.summary:
-        console.print(_escaped(line), soft_wrap=True, highlight=False)
-    for line in report.warnings:
-        console.print(f"[yellow]warning:[/] {_escaped(line)}", soft_wrap=True, highlight=False)
-    for line in report.faults:
-        console.print(f"[red]fault:[/] {_escaped(line)}", soft_wrap=True, highlight=False)
+    if as_json:
+        _print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
+    else:
+        lines = [*report.summary, *(f"warning: {line}" for line in report.warnings)]
+        lines += [f"fault: {line}" for line in report.faults] or ["no faults"]
+        print("\n".join(lines))
     if report.faults:
         raise typer.Exit(InvalidInput.exit_code)
-    console.print("no faults", highlight=False)
 
 
 def _weights(text: str) -> dict[str, float]:
@@ -170,13 +195,13 @@ def _weights(text: str) -> dict[str, float]:
         name, separator, value = part.partition("=")
         name = name.strip()
         if not separator or not name:
-            raise InvalidInput(f"weights: wants NAME=NUMBER,NAME=NUMBER, got {part!r}")
+            raise InvalidInput(f"weights: wanted NAME=NUMBER,NAME=NUMBER, got {part!r}")
         if name in found:
-            raise InvalidInput(f"weights: wants each objective once, got {name} twice")
+            raise InvalidInput(f"weights: wanted each objective once, got {name} twice")
         try:
             found[name] = float(value)
         except ValueError:
-            raise InvalidInput(f"weights: wants a number for {name}, got {value!r}") from None
+            raise InvalidInput(f"weights: wanted a number for {name}, got {value!r}") from None
     return found
 
 
@@ -191,73 +216,98 @@ def _status(text: str, quiet: bool) -> Iterator[None]:
 
 
 @contextmanager
-def _progress(generations: int, quiet: bool) -> Iterator[Observer | None]:
+def _progress(generations: int, time_limit: float | None, quiet: bool) -> Iterator[Observer | None]:
     """Yield an observer that draws a bar on stderr, or, where that is no terminal, prints a line now and then."""
+    console = Console(stderr=True)
     if quiet:
         yield None
-        return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    elif console.is_terminal:
+        from rich import progress as rich
 
-    console = Console(stderr=True)
-    if not console.is_terminal:
-
-        def tell(generation: Any, progress: Any) -> None:
-            if generation.number == 1 or generation.number % 25 == 0:
-                console.print(f"generation {generation.number}/{generations}, {_state(generation)}", soft_wrap=True)
-
-        yield tell
-        return
-    columns = (
-        TextColumn("generation {task.completed}/{task.total}"),
-        BarColumn(),
-        TextColumn("{task.description}"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as bar:
-        job = bar.add_task("", total=generations)
-        yield lambda generation, progress: bar.update(job, completed=generation.number, description=_state(generation))
+        bar = rich.Progress(rich.BarColumn(), rich.TextColumn("{task.description}"), console=console, transient=True)
+        with bar:
+            job = bar.add_task(f"generation 0/{generations}", total=generations)
+            yield lambda generation, progress: bar.update(
+                job, completed=generation.number, description=_state(generation, progress, generations, time_limit)
+            )
+    else:
+        yield _printer(lambda generation, progress: _state(generation, progress, generations, time_limit))
 
 
-def _state(generation: Any) -> str:
+def _printer(state: Callable[[Generation, Progress], str]) -> Observer:
+    due = 0.0
+
+    def observe(generation: Generation, progress: Progress) -> None:
+        nonlocal due
+        if progress.seconds >= due:
+            due = progress.seconds + SECONDS_BETWEEN_LINES
+            print(state(generation, progress), file=sys.stderr, flush=True)
+
+    return observe
+
+
+def _state(generation: Generation, progress: Progress, generations: int, time_limit: float | None) -> str:
+    left = progress.seconds / generation.number * (generations - generation.number)
+    if time_limit is not None:
+        left = min(left, max(time_limit - progress.seconds, 0.0))
+    minutes, seconds = divmod(round(left), 60)
     failed = f", {generation.failed} failed" if generation.failed else ""
-    return f"front {len(generation.front)}, hypervolume {generation.hypervolume:.4g}{failed}"
+    return (
+        f"generation {generation.number}/{generations}, front {len(generation.front)}, "
+        f"hypervolume {generation.hypervolume:.4g}{failed}, at most {minutes}:{seconds:02} left"
+    )
 
 
 def _print_front(front: Front, out: Path) -> None:
     counts = front.provenance["counts"]
-    table = Table("objective", "unit", "best", "worst on the front", box=None)
-    for name, unit, maximised, column in zip(
+    print(
+        f"{len(front)} points after {counts['generations']} generations, {counts['evaluations']} evaluations and "
+        f"{counts['seconds']:.1f} s (ended by {front.provenance['status']})"
+    )
+    rows = [("objective", "unit", "best", "worst on the front")]
+    for name, unit, maximised, values in zip(
         front.names, front.units, front.maximised, front.objectives.T, strict=True
     ):
-        best, worst = (column.max(), column.min()) if maximised else (column.min(), column.max())
-        table.add_row(_escaped(name), _escaped(unit), f"{best:.6g}", f"{worst:.6g}")
-    console = Console()
-    console.print(
-        f"{len(front)} points after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-        f"{counts['seconds']:.1f} s (ended by {front.provenance['status']})",
-        highlight=False,
-    )
-    console.print(table)
+        best, worst = (values.max(), values.min()) if maximised else (values.min(), values.max())
+        rows.append((name, unit, f"{best:.6g}", f"{worst:.6g}"))
+    _print_columns(rows)
     if counts["failed"]:
-        console.print(f"{counts['failed']} evaluations failed, the first with: {_escaped(counts['first_cause'])}")
+        print(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
-    console.print(f"choose:  paretoik select {out} --weights {weights}", soft_wrap=True, highlight=False)
-    console.print(f"replay:  paretoik show {out}", soft_wrap=True, highlight=False)
+    print(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
+    print(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
 
 
-def _front_entries(front: Front) -> list[dict[str, float | int]]:
-    return [
-        {"id": int(number), **{name: float(value) for name, value in zip(front.names, row, strict=True)}}
-        for number, row in zip(front.ids, front.objectives, strict=True)
-    ]
+def _print_choice(front: Front, choice: Choice) -> None:
+    print(f"point {choice.id}")
+    _print_columns(
+        [
+            (f"  {name}", f"{value:.6g} {unit}")
+            for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
+        ]
+    )
+    print(choice.reason)
 
 
-def _choice_entries(front: Front, choice: Choice) -> dict[str, Any]:
-    values = {name: float(value) for name, value in zip(front.names, choice.objectives, strict=True)}
-    return {"id": choice.id, "objectives": values, "reason": choice.reason}
+def _entries(front: Front) -> list[dict[str, Any]]:
+    return [_entry(front, number, values) for number, values in zip(front.ids, front.objectives, strict=True)]
 
 
-def _escaped(text: str) -> str:
-    from rich.markup import escape
+def _entry(front: Front, number: int, values: Values) -> dict[str, Any]:
+    return {"id": number, "objectives": dict(zip(front.names, values, strict=True))}
 
-    return escape(text)
+
+def _print_json(value: object) -> None:
+    from paretoik.execution.run_folder import plain
+
+    print(json.dumps(plain(value), indent=2, allow_nan=False))
+
+
+def _print_columns(rows: Sequence[tuple[str, ...]]) -> None:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+
+
+def _tell(what: str, style: str, text: str) -> None:
+    Console(stderr=True).print(Text.assemble((what, style), " ", " ".join(text.split())), soft_wrap=True)

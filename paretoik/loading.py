@@ -28,7 +28,9 @@ def load_problem(reference: str) -> Any:
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
-        raise InvalidInput(f"problem {reference!r}: wanted FILE.py:NAME or package.module:NAME, got {'no name' if place or name else 'nothing'}")
+        raise InvalidInput(
+            f"problem: wanted FILE.py:NAME or package.module:NAME, got {reference!r} ('paretoik list' shows names)"
+        )
     module = _module(place)
     found = getattr(module, name, None)
     if found is None:

@@ -27,6 +27,7 @@ from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
 from paretoik.search.progress import Progress
+from paretoik.search.seeding import check_size
 from paretoik.task.motion import Motion
 
 EXACT = 1e-6  # rad or m: a motion that the genes miss by more is not the motion that was given
@@ -37,8 +38,8 @@ Observer = Callable[[Generation, Progress], object]
 def solve(
     problem: Any,
     *,
-    population: int = 100,
-    generations: int = 300,
+    population: int = 200,
+    generations: int = 400,
     seed: int = 0,
     out: str | Path | None = None,
     initial: Genes | Motion | Front | None = None,
@@ -47,6 +48,7 @@ def solve(
     target: Sequence[float] | None = None,
     stagnation: bool = True,
     algorithm: Any = None,
+    points: int | None = 200,
     overwrite: bool = False,
     reference: str | None = None,
     observe: Observer | None = None,
@@ -69,6 +71,8 @@ def solve(
         own sign); whether to stop when the front has stood still for 20 generations.
     algorithm
         Any pymoo genetic algorithm in place of ``MaxiMinNSGA2``, with its own sizes.
+    points
+        Most points of the front: of more, those that MaxiMin spreads over it; None keeps all.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -86,6 +90,8 @@ def solve(
     EvaluationFailed
         Where every evaluation failed, with the first cause.
     """
+    if points is not None:
+        check_size("points", points, 1)
     search = Search(
         problem, population=population, seed=seed, algorithm=algorithm, initial=_initial_genes(problem, initial)
     )
@@ -106,12 +112,12 @@ def solve(
         interruption = stack.enter_context(interruptible())
         endings.append(_Interrupted(interruption))
         if folder is None:
-            return _searched(search, endings, provenance, _Watch(search, observe, None))
+            return _searched(search, endings, points, provenance, _Watch(search, observe, None))
         write_run(folder, {**provenance, "status": "running"})
         recorder = _recorder(folder, search, reference)
         stack.callback(recorder.close)
         try:
-            front = _searched(search, endings, provenance, _Watch(search, observe, recorder))
+            front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder))
         except ParetoikError as error:
             write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
             raise
@@ -201,7 +207,9 @@ class _Watch:
             self.observe(generation, progress)
 
 
-def _searched(search: Search, endings: list[Ending], provenance: dict[str, Any], watch: _Watch) -> Front:
+def _searched(
+    search: Search, endings: list[Ending], points: int | None, provenance: dict[str, Any], watch: _Watch
+) -> Front:
     started = time.monotonic()
     status = evolve(search, endings, observe=watch)
     if not len(search.archive):
@@ -213,7 +221,7 @@ def _searched(search: Search, endings: list[Ending], provenance: dict[str, Any],
         "first_cause": search.failed.first_cause,
         "seconds": round(time.monotonic() - started, 3),
     }
-    return replace(search.front, provenance={**provenance, "status": status, "counts": counts})
+    return replace(search.front_of(points), provenance={**provenance, "status": status, "counts": counts})
 
 
 def _infeasible(search: Search) -> Infeasible:

@@ -1,0 +1,1 @@
+"""One study a paper, its numbers beside ours; ``reporting`` is what they share, ``benchmarks`` our peers."""

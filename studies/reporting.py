@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,11 +12,12 @@ from rich.console import Console
 from rich.table import Table
 
 REPORTED = Path(__file__).parent / "reported"
+WIDTH = 160  # of what is printed into a file or a pipe
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One number of a table: ours, the paper's or the goal beside it where there is one, and a note."""
+    """One number of a table: ours, the paper's, the goal or a peer's beside it where there is one, and a note."""
 
     table: str
     row: str
@@ -27,14 +29,26 @@ class Row:
 
 
 def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
-    """Print rows, a table for each ``table``, and write them as JSON where a file is named."""
-    console = Console()
+    """Print rows, a table for each ``table``, and write them as JSON where a file is named.
+
+    Strict JSON has no infinities and no NaN: they are written as null.
+    """
+    console = Console(markup=False)  # "[nan, nan]" is no markup
+    if not console.is_terminal:
+        console.width = WIDTH
     for name in dict.fromkeys(row.table for row in rows):
-        table = Table("row", "column", "unit", "ours", "paper or goal", "note", title=name, title_justify="left")
+        table = Table("row", "column", "unit", "ours", "beside it", "note", title=name, title_justify="left")
         for row in rows:
             if row.table == name:
                 paper = "" if row.paper is None else f"{row.paper:.5g}"
                 table.add_row(row.row, row.column, row.unit, f"{row.ours:.5g}", paper, row.note)
         console.print(table)
     if json_file is not None:
-        json_file.write_text(json.dumps([asdict(row) for row in rows], indent=2, allow_nan=False) + "\n")
+        json_file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
+
+
+def _record(row: Row) -> dict[str, str | float | None]:
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in asdict(row).items()
+    }

@@ -109,16 +109,17 @@ def _roll_outs(
 
 def unreachable(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
     """Return the error that says why no motion gets past sample ``near``."""
-    every = np.arange(len(task.times))
-    _, error = _cold_start(task, np.repeat(every, 32), rng)
+    _, error = _cold_start(task, np.repeat(np.arange(len(task.times)), 32), rng)
     missed = np.abs(error).max(axis=1).reshape(-1, 32).min(axis=1) > ACCEPTED
-    for sample in every[missed]:  # few starts did not reach it: ask in earnest before it is called out of reach
+    for sample in np.flatnonzero(
+        missed
+    ).tolist():  # few starts did not reach it: ask in earnest before it is called out of reach
         _, error = _cold_start(task, np.full(256, sample), rng, attempts=5 * ATTEMPTS)
         if np.abs(error).max(axis=1).min() > ACCEPTED:
             nearest = error[int(np.argmin(np.sum(error**2, axis=1)))]
             return OutOfReach(
                 f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {_gap(task, sample, nearest)}",
-                sample=int(sample),
+                sample=sample,
             )
     if task.cyclic:
         return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")

@@ -15,7 +15,7 @@ from paretoik.arrays import Genes, Ids, Mask, Objectives
 from paretoik.errors import InvalidInput
 from paretoik.search.archive import Archive, Failures
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, column_tolerance, violations
-from paretoik.search.maximin import column
+from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, check_size, checked_genes
 
@@ -117,14 +117,20 @@ class Search:
     @property
     def front(self) -> Front:
         """The archive's front, in the user's own sign, with motions where the problem can decode genes."""
+        return self.front_of(None)
+
+    def front_of(self, points: int | None) -> Front:
+        """Return the front thinned by MaxiMin to at most so many points; None keeps all of them."""
         from paretoik.front import Front
 
         members = self.archive.members
+        if members is not None and points is not None and len(members) > points:
+            members = members[np.sort(survivors(members.F, np.zeros(len(members)), points).index)]
         X = np.empty((0, self.problem.n_var)) if members is None else members.X
         F = np.empty((0, self.problem.n_obj)) if members is None else members.F
         decode = getattr(self.problem, "decode", None)
         return Front(
-            ids=self.archive.ids,
+            ids=np.empty(0, dtype=np.int64) if members is None else members.ids,
             objectives=np.where(self.maximised, -F, F),
             names=self.names,
             units=self.units,

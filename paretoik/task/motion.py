@@ -20,6 +20,7 @@ from paretoik.task.retraction import retract, task_errors
 from paretoik.task.task import Task
 
 Differences = Literal["backward", "central"]
+SAME_POSTURE = 1e-9  # rad or m: the ends of a cycle that are nearer than this are one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,9 +64,11 @@ class Motion:
             raise InvalidInput(
                 f"differences must be one of {', '.join(get_args(Differences))}, got {self.differences!r}"
             )
-        if self.cyclic and np.any(q[..., 0, :] != q[..., -1, :]):
-            apart = np.abs(q[..., -1, :] - q[..., 0, :]).max()
-            raise InvalidInput(f"cyclic motion: must end where it starts, got ends {apart:.3g} rad or m apart")
+        if self.cyclic:
+            apart = np.abs(q[..., -1, :] - q[..., 0, :]).max(initial=0.0)
+            if apart > SAME_POSTURE:
+                raise InvalidInput(f"cyclic motion: must end where it starts, got ends {apart:.3g} rad or m apart")
+            q[..., -1, :] = q[..., 0, :]
         object.__setattr__(self, "q", _frozen(q))
         object.__setattr__(self, "time", np.broadcast_to(_frozen(time), q.shape[:-1]))
 

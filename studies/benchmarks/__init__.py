@@ -1,0 +1,10 @@
+"""Our numbers beside our peers' and our goals; each module is a command, ``--quick`` shortens it, ``--json`` keeps it.
+
+===================================================  =================================================================
+``python -m studies.benchmarks.kinematics``          robot kernels beside a Python loop over Pinocchio, and the time to
+                                                     evaluate 200 motions
+``python -m studies.benchmarks.maximin``             MaxiMin beside pymoo's selections on test problems, by statistics
+``python -m studies.benchmarks.reference_front``     the ``energy_torque`` front by ε-constraints with CasADi and IPOPT
+``python -m studies.benchmarks.energy_torque``       the search at its defaults against that front, seed by seed
+===================================================  =================================================================
+"""

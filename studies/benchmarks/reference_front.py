@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import argparse
 import csv
-import json
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -23,6 +22,8 @@ import casadi
 import moocore
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from studies.reporting import REPORTED, Row, report
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -36,20 +37,8 @@ POSITION, VELOCITY = np.deg2rad([90.0, 120.0, 120.0]), 3.8
 REFERENCE_POINT = np.array([0.065, 0.10])
 ENERGY, TORQUE = 0, 1
 NAMES, UNITS = ("kinetic energy", "torque norm"), ("J s", "N²m²s")
-REPORTED = Path(__file__).parents[1] / "reported" / "energy_torque_reference.csv"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One number of a table, as every study writes it."""
-
-    table: str
-    row: str
-    column: str
-    unit: str
-    ours: float
-    paper: float | None = None
-    note: str = ""
+TABLE = "energy_torque reference front"
+REFERENCE = REPORTED / "energy_torque_reference.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,12 +297,11 @@ def rows_of(table: str, row: str, one: Optimum, paper: Sequence[float | None] = 
 def front_rows(front: Sequence[Optimum], ends: Sequence[Optimum]) -> list[Row]:
     """Return the front's size, hypervolume and ends as rows."""
     volume = float(moocore.hypervolume(np.array([one.F for one in front]), ref=REFERENCE_POINT))
-    table = "energy_torque reference front"
     return [
-        Row(table=table, row="front", column="points", unit="1", ours=len(front)),
-        Row(table=table, row="front", column="hypervolume", unit="N²m²s J s", ours=volume, note="to (0.065, 0.10)"),
-        *rows_of(table, "least kinetic energy", ends[ENERGY]),
-        *rows_of(table, "least torque norm", ends[TORQUE]),
+        Row(table=TABLE, row="front", column="points", unit="", ours=len(front)),
+        Row(table=TABLE, row="front", column="hypervolume", unit="N²m²s J s", ours=volume, note="to (0.065, 0.10)"),
+        *rows_of(TABLE, "least kinetic energy", ends[ENERGY]),
+        *rows_of(TABLE, "least torque norm", ends[TORQUE]),
     ]
 
 
@@ -331,20 +319,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="fewer starts and levels, no simulations of the paper")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, help="file to write the rows to")
-    parser.add_argument("--write", action="store_true", help=f"write the front to {REPORTED.name}")
+    parser.add_argument("--write", action="store_true", help=f"write the front to {REFERENCE.name}")
     given = parser.parse_args(arguments)
     starts, levels = (12, 10) if given.quick else (48, 100)
     begin = time.perf_counter()
     front, ends = reference_front(build(101), starts, levels, given.seed)
-    rows = front_rows(front, ends) + ([] if given.quick else published(starts, given.seed))
-    for row in rows:
-        paper = "" if row.paper is None else f"   paper {row.paper:g}"
-        print(f"{row.row:<22} {row.column:<15} {row.ours:12.7g} {row.unit}{paper}")
-    print(f"{time.perf_counter() - begin:.0f} s")
-    if given.json:
-        given.json.write_text(json.dumps([asdict(row) for row in rows], indent=1) + "\n", encoding="utf-8")
+    taken = Row(table=TABLE, row="front", column="time", unit="s", ours=time.perf_counter() - begin)
+    rows = [*front_rows(front, ends), taken, *([] if given.quick else published(starts, given.seed))]
     if given.write:
-        write_front(front, REPORTED)
+        write_front(front, REFERENCE)
+    report(rows, json_file=given.json)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik import Arm, Motion, Pose, marcos_nr, tringali_3r
@@ -13,7 +13,6 @@ from tests.formulations.problems import panda, random_arm
 
 ARMS = {"3R": tringali_3r(), "4R": marcos_nr(4), "random": random_arm(3, 6)}
 every_arm = pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS.keys())
-turns = st.floats(-3, 3)
 
 
 def motion_of(arm, *postures):
@@ -24,13 +23,12 @@ def motion_of(arm, *postures):
     return Motion(arm=arm, time=t, q=q[None])
 
 
-@given(st.lists(turns, min_size=4, max_size=4))
-def test_joints_of_a_planar_arm_bend_with_the_sign_of_their_sine(q):
-    angles = np.array(q)
-    sines = np.sin(angles[1:])
-    clear = (np.abs(sines) < 1e-10) | (np.abs(sines) > 1e-8)
+def test_joints_of_a_planar_arm_bend_with_the_sign_of_their_sine():
+    places = np.array([-np.pi, -3.0, -np.pi / 2, -1e-6, 0.0, 1e-6, 1.0, np.pi, 4.0, 2 * np.pi, 7.0])
+    q = np.stack(np.meshgrid([0.3], places, places, places), axis=-1).reshape(-1, 4)
+    sines = np.sin(q[:, 1:])
     wanted = np.where(np.abs(sines) < 1e-9, 0, np.sign(sines))
-    np.testing.assert_array_equal(bends(marcos_nr(4), angles)[clear], wanted[clear])
+    np.testing.assert_array_equal(bends(marcos_nr(4), q), wanted)
 
 
 def test_the_sign_of_the_pandas_elbow_and_wrist_flips_where_their_sine_does():
@@ -45,14 +43,14 @@ def test_the_sign_of_the_pandas_elbow_and_wrist_flips_where_their_sine_does():
 @pytest.mark.parametrize("joint", [2, 3, 4])
 def test_a_spatial_joint_changes_its_sign_just_where_its_neighbours_align(joint):
     arm = ARMS["random"]
-    q = np.tile(np.random.default_rng(1).uniform(-2, 2, 6), (100_000, 1))
+    q = np.tile(np.random.default_rng(1).uniform(-2, 2, 6), (4001, 1))
     q[:, joint - 1] = np.linspace(-np.pi, np.pi, len(q))
     signs = bends(arm, q)
     changes = np.flatnonzero(np.diff(signs[:, joint - 2]))
     spread = np.array([triple_product(arm, q[i], joint - 1) for i in changes])
-    largest = max(abs(triple_product(arm, q[i], joint - 1)) for i in range(0, len(q), 1000))
+    largest = max(abs(triple_product(arm, q[i], joint - 1)) for i in range(0, len(q), 100))
     assert len(changes) == 2
-    assert np.abs(spread).max() < 1e-3 * largest
+    assert np.abs(spread).max() < 5e-3 * largest
     others = np.delete(signs, joint - 2, axis=1)
     assert (others == others[0]).all()
 
@@ -67,6 +65,7 @@ def triple_product(arm, q, joint):
 
 
 @every_arm
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000))
 def test_bends_do_not_depend_on_where_the_arm_stands(arm, seed):
     rng = np.random.default_rng(seed)

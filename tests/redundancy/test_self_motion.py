@@ -227,13 +227,12 @@ def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
     path = line(Pose.planar(3.5, 0, 0), Pose.planar(3.5, 0.1, 3.0), duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"there turned 0.1\d* rad away") as refused:
         candidates(task_of(marcos_nr(4), path), 60, chance())
-    angle = path.at(path.times)[1][:, 3]
-    wrist = np.linalg.norm(path.positions - np.stack([1 - 2 * angle**2, 2 * angle * np.sqrt(1 - angle**2)], axis=-1), axis=1)
-    assert refused.value.sample == int(np.argmax(wrist > 3.0))
+    w, z = path.quaternions[:, 0], path.quaternions[:, 3]
+    wrist = path.positions[:, :2] - np.stack([1 - 2 * z**2, 2 * w * z], axis=-1)
+    assert refused.value.sample == int(np.argmax(np.linalg.norm(wrist, axis=1) > 3.0))
 
 
 def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
-    arm = marcos_nr(4).fixed()
     arm = Arm.planar(lengths=[1.0] * 6)
     elbow = Task(line([1.0, 1.0], [2.0, 1.5], duration=1.0, samples=21), frame="joint4")
     tool = Task(line([3.0, 1.0], [5.6, 2.0], duration=1.0, samples=21))
