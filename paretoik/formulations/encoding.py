@@ -81,20 +81,33 @@ def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coeffi
 
 def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
     t = task.times / task.times[-1]
+    given = task.start is not None
     if task.cyclic:
-        knots = np.arange(-DEGREE, coefficients + DEGREE + 1) / coefficients
-        wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, DEGREE).toarray()
-        basis = wide[:, :coefficients].copy()
-        basis[:, : wide.shape[1] - coefficients] += wide[:, coefficients:]
-        basis[-1] = basis[0]
-        return basis
-    given = (task.start is not None) + task.stops
-    inner = np.linspace(0, 1, coefficients + given - DEGREE + 1)
+        basis = _periodic(t, coefficients + given)
+        return _vanishing_at_start(basis) if given else basis
+    inner = np.linspace(0, 1, coefficients + given + task.stops - DEGREE + 1)
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
     basis = BSpline.design_matrix(t, knots, DEGREE).toarray()
     if task.stops:
         basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    return basis[:, 1:] if task.start is not None else basis
+    return _vanishing_at_start(basis) if given else basis
+
+
+def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:
+    knots = np.arange(-DEGREE, coefficients + DEGREE + 1) / coefficients
+    wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, DEGREE).toarray()
+    basis: np.ndarray = wide[:, :coefficients].copy()
+    basis[:, : wide.shape[1] - coefficients] += wide[:, coefficients:]
+    basis[-1] = basis[0]
+    return basis
+
+
+def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
+    """Take one member out of a basis so that what is left is zero at the first sample, and as local as before."""
+    pivot = int(np.argmax(basis[0]))
+    left = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
+    left[0] = 0.0
+    return np.delete(left, pivot, axis=1)
 
 
 def _reach(task: MotionTask, around: Charts) -> np.ndarray:

@@ -7,7 +7,7 @@ weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), sprea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -233,24 +233,12 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         out["cause"] = causes
 
     def _scores(self, motions: Motion) -> tuple[Objectives, np.ndarray, np.ndarray]:
-        """Return (F minimised, limit violations, cause of failure); a batch that raises is tried one by one."""
-        try:
-            F = np.stack([o.sign * o(motions) for o in self.task.objectives], axis=-1)
-            limits = self.task.violations(motions)
-        except InvalidInput:
-            raise
-        except Exception as error:  # a user's function may raise anything
-            if len(motions) == 1:
-                nothing = np.full((1, len(self.names)), np.nan), np.full((1, len(self.task.limit_names)), np.nan)
-                return *nothing, np.array([f"{type(error).__name__}: {error}"], dtype=object)
-            parts = [self._scores(motions[i : i + 1]) for i in range(len(motions))]
-            return tuple(np.concatenate(column) for column in zip(*parts, strict=True))  # type: ignore[return-value]
-        causes = np.array([self._cause(row) for row in F], dtype=object)
-        return F, limits, causes
-
-    def _cause(self, row: np.ndarray) -> str:
-        wrong = ~np.isfinite(row)
-        return f"objective {self.names[int(np.argmax(wrong))]} is {row[wrong][0]}" if wrong.any() else ""
+        """Return (F minimised, limit violations, causes of failure); what fails is NaN and says why."""
+        task = self.task
+        causes = np.full(len(motions), "", dtype=object)
+        columns = [_isolated(f"objective {o.name}", o, motions, (), causes) * o.sign for o in task.objectives]
+        limits = _isolated("a limit", task.violations, motions, (len(task.limit_names),), causes)
+        return np.stack(columns, axis=-1), limits, causes
 
     def _by_merit(self, motions: Float[np.ndarray, "found time dof"]) -> Int[np.ndarray, " found"]:
         """Return the order of roll-outs: by violation of the limits, then by non-domination, best first."""
@@ -277,3 +265,27 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         wrapped = np.where(self.task.arm.periodic, (apart + np.pi) % (2 * np.pi) - np.pi, apart)
         least: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
         return least
+
+
+def _isolated(
+    what: str,
+    function: Callable[[Motion], np.ndarray],
+    motions: Motion,
+    shape: tuple[int, ...],
+    causes: np.ndarray,
+) -> np.ndarray:
+    """Return a user's function of motions, one by one where the batch raises; NaN, with its cause, where it fails."""
+    try:
+        values = function(motions)
+    except InvalidInput:
+        raise
+    except Exception as error:  # a user's function may raise anything
+        if len(motions) == 1:
+            causes[0] = causes[0] or f"{what} raised {type(error).__name__}: {error}"
+            return np.full((1, *shape), np.nan)
+        parts = [_isolated(what, function, motions[i : i + 1], shape, causes[i : i + 1]) for i in range(len(motions))]
+        return np.concatenate(parts)
+    for i, row in enumerate(values.reshape(len(values), -1)):
+        if not np.isfinite(row).all():
+            causes[i] = causes[i] or f"{what} is {row[~np.isfinite(row)][0]}"
+    return values

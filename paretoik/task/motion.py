@@ -231,34 +231,30 @@ class Motion:
         return rate
 
     def _central_first(self, values: np.ndarray) -> np.ndarray:
-        wrapped, times = self._wrapped(values)
-        before, after = np.diff(times)[..., :-1, None], np.diff(times)[..., 1:, None]
-        left, right = np.diff(wrapped, axis=-2)[..., :-1, :] / before, np.diff(wrapped, axis=-2)[..., 1:, :] / after
-        inner = (left * after + right * before) / (before + after)
+        change, step = self._changes(values)
+        slope = change / step
+        before, after = step[..., :-1, :], step[..., 1:, :]
+        inner = (slope[..., :-1, :] * after + slope[..., 1:, :] * before) / (before + after)
         if self.cyclic:
             return inner
-        first = 2 * left[..., :1, :] - inner[..., :1, :]
-        last = 2 * right[..., -1:, :] - inner[..., -1:, :]
+        first = 2 * slope[..., :1, :] - inner[..., :1, :]
+        last = 2 * slope[..., -1:, :] - inner[..., -1:, :]
         return np.concatenate([first, inner, last], axis=-2)
 
     def _central_second(self) -> np.ndarray:
-        wrapped, times = self._wrapped(self.q)
-        step = np.diff(times)[..., None]
-        slope = np.diff(wrapped, axis=-2) / step
-        inner = 2 * np.diff(slope, axis=-2) / (step[..., :-1, :] + step[..., 1:, :])
+        change, step = self._changes(self.q)
+        inner = 2 * np.diff(change / step, axis=-2) / (step[..., :-1, :] + step[..., 1:, :])
         if self.cyclic:
             return inner
         return np.concatenate([inner[..., :1, :], inner, inner[..., -1:, :]], axis=-2)
 
-    def _wrapped(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Continue a cyclic motion by one sample on either side."""
+    def _changes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return changes from sample to sample and their times, those of a cycle continued round its seam."""
+        change, step = np.diff(values, axis=-2), np.diff(self.time)[..., None]
         if not self.cyclic:
-            return values, self.time
-        step = np.diff(self.time)
-        times = np.concatenate(
-            [self.time[..., :1] - step[..., -1:], self.time, self.time[..., -1:] + step[..., :1]], axis=-1
-        )
-        return np.concatenate([values[..., -2:-1, :], values, values[..., 1:2, :]], axis=-2), times
+            return change, step
+        around = [np.concatenate([part[..., -1:, :], part, part[..., :1, :]], axis=-2) for part in (change, step)]
+        return around[0], around[1]
 
 
 def steepest(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:

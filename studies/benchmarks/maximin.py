@@ -17,14 +17,12 @@ A12 is the chance that a MaxiMin run is the better one.
 from __future__ import annotations
 
 import argparse
-import importlib
-import json
 import time
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -40,11 +38,12 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 from pymoo.util.ref_dirs import get_reference_directions
 from rich.console import Console
-from rich.table import Table
 from scipy.stats import mannwhitneyu
 
 from paretoik.arrays import Genes, Objectives, Values
 from paretoik.search import MaxiMinNSGA2, seeded_population
+from problems.tringali_2020 import energy_torque
+from studies.reporting import Row, report
 
 OURS = "MaxiMin"
 BOXED = "MaxiMin, ranges="
@@ -53,6 +52,8 @@ PARTITIONS = {2: 99, 3: 12, 5: 5}
 POPULATION = {2: 100, 3: 91, 5: 126}
 MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
 LEVEL = 0.05
+TABLE = f"{OURS} beside its peers, medians (hypervolume: more is better; IGD+, epsilon: less)"
+COST = "median CPU time of a run, at equal evaluations"
 
 
 class SteepTail(Problem):  # type: ignore[misc]  # pymoo has no types
@@ -86,7 +87,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Row:
+class Comparison:
     """One comparison; all medians over seeds, ``ratio`` with its 95 % bootstrap interval."""
 
     problem: str
@@ -109,12 +110,6 @@ def dtlz(number: int, n_obj: int) -> Any:
     """Return DTLZ 1, 2 or 7 with the usual number of variables."""
     distance = {1: 5, 2: 10, 7: 20}[number]
     return get_problem(f"dtlz{number}", n_var=n_obj - 1 + distance, n_obj=n_obj)
-
-
-def energy_torque() -> Any:
-    """Return the papers' arm, once its problem exists."""
-    found = importlib.import_module("problems.tringali_2020").energy_torque
-    return found if isinstance(found, Problem) else found()
 
 
 def cases() -> dict[str, Case]:
@@ -219,34 +214,23 @@ def scores(F: Objectives, union: Objectives) -> dict[str, float]:
     }
 
 
-def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Row:
+def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
     """Test one indicator of ours against a peer's, each (seeds,)."""
     better = 1.0 if indicator == "hypervolume" else -1.0
     test = mannwhitneyu(better * ours, better * theirs)
-    low, high = 1.0 - MARGIN[indicator], 1.0 + MARGIN[indicator]
-    equal = max(
-        mannwhitneyu(ours, theirs * low, alternative="greater").pvalue,
-        mannwhitneyu(ours, theirs * high, alternative="less").pvalue,
+    margin = MARGIN[indicator]
+    p_equal = max(
+        mannwhitneyu(ours, theirs * (1.0 - margin), alternative="greater").pvalue,
+        mannwhitneyu(ours, theirs * (1.0 + margin), alternative="less").pvalue,
     )
-    rng = np.random.default_rng(0)
-    draw = rng.integers(0, len(ours), size=(2, 2000, len(ours)))
+    draw = np.random.default_rng(0).integers(0, len(ours), size=(2, 2000, len(ours)))
+    middle, other = float(np.median(ours)), float(np.median(theirs))
     with np.errstate(invalid="ignore", divide="ignore"):
         ratios = np.median(ours[draw[0]], axis=1) / np.median(theirs[draw[1]], axis=1)
-        ratio = np.median(ours) / np.median(theirs)
-        interval = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
-    return Row(
-        problem,
-        indicator,
-        peer,
-        float(np.median(ours)),
-        float(np.median(theirs)),
-        float(ratio),
-        float(interval[0]),
-        float(interval[1]),
-        float(test.statistic) / len(ours) / len(theirs),
-        float(test.pvalue),
-        float(equal),
-    )
+        ratio = float(np.divide(middle, other))
+    low, high = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
+    a12 = test.statistic / len(ours) / len(theirs)
+    return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, test.pvalue, p_equal)
 
 
 def holm(p: Sequence[float]) -> Values:
@@ -259,7 +243,7 @@ def holm(p: Sequence[float]) -> Values:
     return corrected
 
 
-def judged(rows: Sequence[Row]) -> list[Row]:
+def judged(rows: Sequence[Comparison]) -> list[Comparison]:
     """Correct both tests and pronounce; losses first, then undecided, equal, wins."""
     found = []
     differing, equal = holm([row.p for row in rows]), holm([row.p_equal for row in rows])
@@ -274,7 +258,7 @@ def judged(rows: Sequence[Row]) -> list[Row]:
     return sorted(found, key=lambda row: (grades.index(row.verdict), row.indicator, row.a12))
 
 
-def compared(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], folder: Path | None) -> list[Row]:
+def compared(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], folder: Path | None) -> list[Comparison]:
     """Score all runs and compare ours with every peer."""
     rows = []
     for case in chosen:
@@ -288,47 +272,29 @@ def compared(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], fol
     return judged(rows)
 
 
-def show(rows: Sequence[Row], runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], console: Console) -> None:
-    """Print comparisons, losses first, then the cost of every method."""
-    table = Table(title=f"{OURS} beside its peers (hypervolume: more is better; IGD+, epsilon: less)")
-    for name in ("verdict", "problem", "indicator", "peer", OURS, "peer's", "ratio [95 %]", "A12", "p Holm", "p equal"):
-        table.add_column(name, no_wrap=True)
-    for row in rows:
-        interval = f"{row.ratio:.3f} [{row.ratio_low:.3f}, {row.ratio_high:.3f}]"
-        tests = (f"{row.a12:.2f}", f"{row.p_holm:.1e}", f"{row.p_equal_holm:.1e}")
-        table.add_row(
-            row.verdict,
-            row.problem,
-            row.indicator,
-            row.peer,
-            f"{row.ours:.5g}",
-            f"{row.theirs:.5g}",
-            interval,
-            *tests,
+def comparison_rows(comparisons: Sequence[Comparison]) -> list[Row]:
+    """Return each comparison as a row: our median, the peer's beside it, and the tests in the note."""
+    rows = []
+    for one in comparisons:
+        name, ratio = (
+            f"{one.indicator} beside {one.peer}",
+            f"{one.ratio:.3f} [{one.ratio_low:.3f}, {one.ratio_high:.3f}]",
         )
-    console.print(table)
-    cost = Table(title="median CPU seconds of a run, at equal evaluations")
-    names = sorted({name for _, name in runs}, key=lambda name: (name != OURS, name))
-    for heading in ("problem", "evaluations", *names):
-        cost.add_column(heading, no_wrap=True)
+        tests = f"A12 {one.a12:.2f}, p {one.p_holm:.1e}, p equal {one.p_equal_holm:.1e}"
+        note = f"{one.verdict}; ratio {ratio}, {tests}"
+        rows.append(Row(table=TABLE, row=one.problem, column=name, unit="", ours=one.ours, paper=one.theirs, note=note))
+    return rows
+
+
+def cost_rows(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case]) -> list[Row]:
+    """Return the cost of every method on every case."""
+    rows = []
     for case in chosen:
-        seconds = [
-            f"{np.median([one.seconds for one in runs[case.name, name]]):.2f}" if (case.name, name) in runs else "-"
-            for name in names
-        ]
-        cost.add_row(case.name, str(POPULATION[case.n_obj] * case.generations), *seconds)
-    console.print(cost)
-
-
-def records(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Rows for --json; numbers that are not finite become null."""
-    found = []
-    for row in rows:
-        numbers = {name: value for name, value in asdict(row).items() if isinstance(value, float)}
-        safe = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
-        shared = {"table": "maximin", "row": row.problem, "column": f"{row.indicator} beside {row.peer}", "unit": ""}
-        found.append({**shared, "paper": None, "note": row.verdict, **safe})
-    return found
+        note = f"{POPULATION[case.n_obj] * case.generations} evaluations"
+        for name in peers(case):
+            seconds = float(np.median([one.seconds for one in runs[case.name, name]]))
+            rows.append(Row(table=COST, row=case.name, column=name, unit="s", ours=seconds, note=note))
+    return rows
 
 
 def wanted(names: Sequence[str], *, quick: bool, console: Console) -> list[Case]:
@@ -339,17 +305,10 @@ def wanted(names: Sequence[str], *, quick: bool, console: Console) -> list[Case]
         raise SystemExit(f"--problems: some of {', '.join(known)} wanted, got {', '.join(unknown)}")
     chosen = [known[name] for name in names or (QUICK if quick else known)]
     if quick:
-        shorter = [(case, QUICK.get(case.name, 60)) for case in chosen]
-        chosen = [Case(case.name, case.make, case.n_obj, generations, case.box) for case, generations in shorter]
+        chosen = [replace(case, generations=QUICK.get(case.name, 60)) for case in chosen]
         console.print(f"quick: {', '.join(f'{case.name} {case.generations} generations' for case in chosen)} only")
     if any(case.n_obj == 5 for case in chosen):
         console.print("left out: SMS-EMOA with five objectives, where one generation takes seconds")
-    for case in list(chosen):
-        try:
-            case.make()
-        except ImportError as error:
-            console.print(f"left out: {case.name}: {error}")
-            chosen.remove(case)
     return chosen
 
 
@@ -365,15 +324,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seeds = given.seeds if given.seeds is not None else (11 if given.quick else 31)
     if seeds < 2:
         parser.error(f"--seeds: at least 2 wanted, got {seeds}")
-    console = Console(width=160)
+    console = Console()
     chosen = wanted(given.problems, quick=given.quick, console=console)
-    if not chosen:
-        raise SystemExit("no problem is left to run")
     runs = run_all(chosen, seeds, console)
-    rows = compared(runs, chosen, given.fronts)
-    show(rows, runs, chosen, console)
-    if given.json is not None:
-        given.json.write_text(json.dumps(records(rows), indent=1, allow_nan=False) + "\n")
+    comparisons = compared(runs, chosen, given.fronts)
+    report([*comparison_rows(comparisons), *cost_rows(runs, chosen)], json_file=given.json)
 
 
 if __name__ == "__main__":

@@ -59,9 +59,7 @@ def panda_position(**settings) -> Tracking:
 
 def panda_pose(**settings) -> Tracking:
     ends = (Pose.from_rpy((0.45, y, 0.3), DOWN) for y in (-0.15, 0.15))
-    return Tracking(
-        panda(), line(*ends, duration=1.5, samples=21), objectives=OBJECTIVES, **{**SMALL, **settings}
-    )
+    return Tracking(panda(), line(*ends, duration=1.5, samples=21), objectives=OBJECTIVES, **{**SMALL, **settings})
 
 
 def random_position(**settings) -> Tracking:
@@ -84,3 +82,9 @@ PROBLEMS = {
     "random 5R, position": random_position,
     "random 8R, pose": random_pose,
 }
+
+
+@cache
+def built(name: str) -> Tracking:
+    """Return a problem with its usual settings; built once."""
+    return PROBLEMS[name]()

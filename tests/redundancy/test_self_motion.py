@@ -41,6 +41,11 @@ def round_trip(**changed):
     return task_of(tringali_3r(), circle([0.4178, 0.0], 0.05, duration=1.0, samples=31), cyclic=True, **changed)
 
 
+def across(samples=21):
+    """Return a line of poses across the Panda's table."""
+    return line(*(Pose.from_rpy((0.45, y, 0.3), (3.1, 0, 0)) for y in (-0.15, 0.15)), duration=1.0, samples=samples)
+
+
 TASKS = {
     "3R": paper,
     "3R around a circle": round_trip,
@@ -48,16 +53,11 @@ TASKS = {
     "4R with its angle": lambda: task_of(
         marcos_nr(4), line(Pose.planar(2.0, 1.0, 0.5), Pose.planar(1.0, 2.0, 1.5), duration=1.0, samples=21)
     ),
-    "Panda, position": lambda: task_of(panda(), line([0.45, -0.15, 0.3], [0.45, 0.15, 0.3], duration=1, samples=21)),
-    "Panda, position and axis": lambda: task_of(
-        panda(), Task(line(*(Pose.from_rpy((0.45, y, 0.3), (3.1, 0, 0)) for y in (-0.15, 0.15)), duration=1, samples=21),
-                      axes="xyz+z-axis")
-    ),
-    "Panda, pose": lambda: task_of(
-        panda(), line(*(Pose.from_rpy((0.45, y, 0.3), (3.1, 0, 0)) for y in (-0.15, 0.15)), duration=1, samples=21)
-    ),
+    "Panda, position": lambda: task_of(panda(), Task(across(), axes="xyz")),
+    "Panda, position and axis": lambda: task_of(panda(), Task(across(), axes="xyz+z-axis")),
+    "Panda, pose": lambda: task_of(panda(), across()),
     "random 8R, pose": lambda: task_of(random_arm(2, 8), within_reach(random_arm(2, 8), 2, poses=True, samples=21)),
-}  # fmt: skip
+}
 every_task = pytest.mark.parametrize("make", TASKS.values(), ids=TASKS.keys())
 
 
@@ -112,7 +112,7 @@ def test_charts_are_orthonormal_and_span_everything(make):
     base = candidates(task, 20, chance())[:3]
     around = charts(task, base)
     both = np.concatenate([around.normal, around.steep], axis=-1)
-    np.testing.assert_allclose(np.swapaxes(both, -1, -2) @ both, np.broadcast_to(np.eye(task.arm.dof), both.shape), atol=1e-10)
+    np.testing.assert_allclose(np.swapaxes(both, -1, -2) @ both - np.eye(task.arm.dof), 0, atol=1e-10)
 
 
 @every_task
@@ -184,7 +184,9 @@ def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_po
         candidates(task_of(tringali_3r(), path), 60, chance())
     assert refused.value.sample == sample
     message = str(refused.value)
-    place, gap, nearest = re.search(r"(\[.*?\]) m is (\S+) m from the nearest point found, (\[.*\]) m", message).groups()
+    place, gap, nearest = re.search(
+        r"(\[.*?\]) m is (\S+) m from the nearest point found, (\[.*\]) m", message
+    ).groups()
     assert message.startswith(f"path leaves reach at sample {sample} (")
     assert float(gap) == pytest.approx(beyond, rel=0.01)
     np.testing.assert_allclose(eval(place), path.positions[sample], atol=1e-6)
@@ -242,15 +244,11 @@ def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
     assert refused.value.sample == int(np.argmax(apart > 3.0))
 
 
-@pytest.mark.parametrize("start", [[REACH, 0.0], [REACH - 1e-9, 0.0]])
-def test_leaving_a_stretched_posture_is_a_refusal_with_the_condition_number_or_a_bounded_motion(start):
-    task = task_of(tringali_3r(), line(start, WITHIN, duration=1.0, samples=21))
-    try:
-        q = candidates(task, 60, chance())
-    except Infeasible as refusal:
-        assert re.search(r"condition number of the Jacobian there: \d+", str(refusal))
-    else:
-        assert np.abs(np.diff(q, axis=1)).max() <= JUMP
+@pytest.mark.parametrize("short", [0.0, 1e-9])
+def test_leaving_a_stretched_posture_is_refused_with_the_condition_number(short):
+    task = task_of(tringali_3r(), line([REACH - short, 0.0], WITHIN, duration=1.0, samples=21))
+    with pytest.raises(Infeasible, match=r"condition number of the Jacobian there: \d+"):
+        candidates(task, 60, chance())
 
 
 def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
@@ -261,5 +259,5 @@ def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
 
 
 def test_samples_too_far_apart_are_refused_as_such():
-    with pytest.raises(Infeasible, match="every sample can be reached, .* samples too far apart"):
+    with pytest.raises(Infeasible, match=r"every sample can be reached, .* samples too far apart"):
         candidates(paper(samples=4), 60, chance())
