@@ -11,8 +11,8 @@ from paretoik import Arm, Path, Pose, Tracking, joint_travel, kinetic_energy, li
 from paretoik.robot.kinematics import tool_pose
 
 PANDA = File(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
-SMALL = {"bases": 4, "coefficients": 5}
 OBJECTIVES = [kinetic_energy, joint_travel]
+SMALL = {"bases": 4, "coefficients": 5, "objectives": OBJECTIVES}
 DOWN = (np.pi, 0.0, 0.0)
 
 
@@ -44,34 +44,34 @@ def within_reach(arm: Arm, seed: int, *, poses: bool, samples: int) -> Path:
 
 def paper_3r(**settings) -> Tracking:
     path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
-    return Tracking(tringali_3r(), path, objectives=OBJECTIVES, **{**SMALL, **settings})
+    return Tracking(tringali_3r(), path, **{**SMALL, **settings})
 
 
 def planar_4r(**settings) -> Tracking:
     path = line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=21)
-    return Tracking(marcos_nr(4), path, objectives=[joint_travel], **{**SMALL, **settings})
+    return Tracking(marcos_nr(4), path, **{**SMALL, "objectives": [joint_travel], **settings})
 
 
 def panda_position(**settings) -> Tracking:
     path = line([0.45, -0.15, 0.3], [0.45, 0.15, 0.3], duration=1.5, samples=21)
-    return Tracking(panda(), path, objectives=OBJECTIVES, **{**SMALL, **settings})
+    return Tracking(panda(), path, **{**SMALL, **settings})
 
 
 def panda_pose(**settings) -> Tracking:
     ends = (Pose.from_rpy((0.45, y, 0.3), DOWN) for y in (-0.15, 0.15))
-    return Tracking(panda(), line(*ends, duration=1.5, samples=21), objectives=OBJECTIVES, **{**SMALL, **settings})
+    return Tracking(panda(), line(*ends, duration=1.5, samples=21), **{**SMALL, **settings})
 
 
 def random_position(**settings) -> Tracking:
     arm = random_arm(1, 5)
     path = within_reach(arm, 1, poses=False, samples=21)
-    return Tracking(arm, path, objectives=[joint_travel], **{**SMALL, **settings})
+    return Tracking(arm, path, **{**SMALL, "objectives": [joint_travel], **settings})
 
 
 def random_pose(**settings) -> Tracking:
     arm = random_arm(2, 8)
     path = within_reach(arm, 2, poses=True, samples=21)
-    return Tracking(arm, path, objectives=[joint_travel], **{**SMALL, **settings})
+    return Tracking(arm, path, **{**SMALL, "objectives": [joint_travel], **settings})
 
 
 PROBLEMS = {

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from paretoik import Tracking, circle, line, tringali_3r
-from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
+from tests.formulations.problems import PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)
 
@@ -19,12 +19,12 @@ def genes_of(problem, count, seed=0):
 def around_a_circle(samples=41, timing="raised-cosine", **settings):
     path = circle([0.4178, 0.0], 0.05, duration=1.0, samples=samples, timing=timing)
     chosen = {**SMALL, "coefficients": 6, "differences": "central", **settings}
-    return Tracking(tringali_3r(), path, objectives=OBJECTIVES, cyclic=True, **chosen)
+    return Tracking(tringali_3r(), path, cyclic=True, **chosen)
 
 
 def along_a_line(samples=41, **settings):
     path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=samples)
-    return Tracking(tringali_3r(), path, objectives=OBJECTIVES, **{**SMALL, **settings})
+    return Tracking(tringali_3r(), path, **{**SMALL, **settings})
 
 
 @every_problem

@@ -1,0 +1,339 @@
+"""Tracking: what every gene must give, what the problem refuses, and how failures are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.optimize import minimize
+
+import paretoik as pk
+from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line, tringali_3r
+from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.redundancy.self_motion import JUMP
+from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
+
+every_problem = pytest.mark.parametrize("name", PROBLEMS)
+POSITION = np.deg2rad([90.0, 120.0, 120.0])
+
+
+def genes_of(problem, count, seed=0):
+    return np.random.default_rng(seed).uniform(problem.xl, problem.xu, (count, problem.n_var))
+
+
+def evaluate(problem, genes):
+    return problem.evaluate(genes, return_as_dictionary=True)
+
+
+def hold(name, count):
+    """Check the law of genes on random ones; return the shares on the path and within all limits."""
+    problem, on_path, feasible = built(name), 0, 0
+    for seed in range(count // 500):
+        genes = genes_of(problem, 500, seed)
+        out = evaluate(problem, genes)
+        motions = problem.decode(genes)
+        arrived = out["G"][:, 0] <= 0
+        fine = (out["G"] <= 0).all(axis=1)
+        told = [bool(reason) for reason in problem.explain(genes[:60])]
+        assert np.isfinite(out["F"]).all()
+        assert np.isfinite(out["G"]).all()
+        assert (motions.tracking_error[arrived] < 1e-9).all()
+        assert (np.abs(np.diff(motions.q[arrived], axis=1)) < 2.5).all()
+        assert told == (~fine[:60]).tolist()
+        on_path, feasible = on_path + arrived.sum(), feasible + fine.sum()
+    return on_path / count, feasible / count
+
+
+@every_problem
+def test_a_thousand_random_genes_are_on_the_path_or_infeasible_with_a_reason(name, unchecked):
+    on_path, feasible = hold(name, 1000)
+    print(f"{name}: {100 * on_path:.1f} % of random genes on the path, {100 * feasible:.1f} % within limits too")
+    assert on_path >= 0.5
+
+
+@pytest.mark.slow
+@every_problem
+def test_ten_thousand_random_genes_are_on_the_path_or_infeasible_with_a_reason(name, unchecked):
+    on_path, feasible = hold(name, 10_000)
+    print(f"{name}: {100 * on_path:.1f} % of random genes on the path, {100 * feasible:.1f} % within limits too")
+    assert on_path >= 0.5
+
+
+@every_problem
+def test_corners_of_the_bounds_obey_the_same_law(name):
+    problem = built(name)
+    rng = np.random.default_rng(7)
+    genes = np.where(rng.random((100, problem.n_var)) < 0.5, problem.xl, problem.xu)
+    out = evaluate(problem, genes)
+    arrived = out["G"][:, 0] <= 0
+    assert np.isfinite(out["F"]).all()
+    assert (problem.decode(genes).tracking_error[arrived] < 1e-9).all()
+    assert all(
+        bool(reason) != ok for reason, ok in zip(problem.explain(genes), (out["G"] <= 0).all(axis=1), strict=True)
+    )
+
+
+@every_problem
+def test_motions_on_the_path_stay_on_it_between_their_samples(name):
+    problem = built(name)
+    genes = genes_of(problem, 40)
+    genes[:, 1:] *= 0.3
+    motions = problem.decode(genes[evaluate(problem, genes)["G"][:, 0] <= 0])
+    instants = np.linspace(0, problem.task.times[-1], 77)
+    between = motions.at(instants)
+    dense = Motion(arm=problem.task.arm, time=instants, q=between, tasks=problem.task.tasks)
+    assert dense.tracking_error.max() < 1e-9
+    assert len(motions) > 20
+
+
+@every_problem
+def test_the_same_seed_gives_the_same_problem_to_the_bit(name):
+    first, second = built(name), PROBLEMS[name]()
+    genes = genes_of(first, 20)
+    np.testing.assert_array_equal(first.encoding.charts.base, second.encoding.charts.base)
+    np.testing.assert_array_equal(first.encoding.radius, second.encoding.radius)
+    np.testing.assert_array_equal(evaluate(first, genes)["F"], evaluate(second, genes)["F"])
+
+
+def test_another_seed_gives_other_bases():
+    assert np.abs(paper_3r(seed=1).encoding.charts.base - built("planar 3R").encoding.charts.base).max() > 0.1
+
+
+@every_problem
+def test_scores_of_a_batch_are_those_of_its_members(name):
+    problem = built(name)
+    genes = genes_of(problem, 12, seed=3)
+    together = evaluate(problem, genes)
+    for i in range(12):
+        alone = evaluate(problem, genes[i : i + 1])
+        np.testing.assert_allclose(alone["F"][0], together["F"][i], rtol=1e-12)
+        np.testing.assert_allclose(alone["G"][0], together["G"][i], rtol=1e-9, atol=1e-12)
+
+
+def test_objectives_are_those_of_the_decoded_motions():
+    problem = paper_3r(objectives=[pk.kinetic_energy, pk.manipulability])
+    genes = genes_of(problem, 30)
+    motions = problem.decode(genes)
+    found = evaluate(problem, genes)["F"]
+    assert problem.names == ("kinetic_energy", "manipulability")
+    assert problem.units == ("J s", "")
+    assert problem.maximised == (False, True)
+    np.testing.assert_allclose(found[:, 0], pk.kinetic_energy(motions), rtol=1e-12)
+    np.testing.assert_allclose(-found[:, 1], pk.manipulability(motions), rtol=1e-12)
+
+
+def test_constraint_columns_are_named_and_explained():
+    problem = paper_3r(limits=Limits(position=POSITION, velocity=3.8))
+    genes = genes_of(problem, 300)
+    G = evaluate(problem, genes)["G"]
+    motions, reasons = problem.decode(genes), problem.explain(genes)
+    names = problem.constraint_names
+    assert len(names) == G.shape[1]
+    assert names[:2] == ("tracking", "evaluation")
+    column = names.index("velocity of joint3")
+    np.testing.assert_allclose(G[:, column], (np.abs(motions.dq[..., 2]).max(axis=1) - 3.8) / 7.6, rtol=1e-9)
+    broken = np.flatnonzero((G > 0).any(axis=1))
+    assert 0 < len(broken) < 300
+    for i in broken:
+        worst = names[int(np.argmax(G[i]))]
+        assert reasons[i].startswith(f"{worst} is exceeded by {100 * G[i].max():.3g} % of its range at sample ")
+
+
+def test_pymoos_own_minimize_solves_it():
+    problem = paper_3r(limits=Limits(position=POSITION, velocity=3.8))
+    found = minimize(problem, NSGA2(pop_size=24), ("n_gen", 6), seed=1)
+    assert found.F.shape[1] == 2
+    assert np.isfinite(found.F).all()
+    assert (problem.decode(np.atleast_2d(found.X)).tracking_error < 1e-9).all()
+    assert (found.G <= 0).all()
+
+
+def test_an_objective_that_raises_for_some_fails_those_alone_and_is_named():
+    @pk.objective(unit="rad", form="terminal")
+    def picky(motion):
+        if np.any(motion.q[..., -1, 0] > 0.3):
+            raise ZeroDivisionError("over 0.3")
+        return motion.q[..., -1, 0]
+
+    problem = paper_3r(objectives=[kinetic_energy, picky])
+    genes = genes_of(problem, 60)
+    out = evaluate(problem, genes)
+    failing = problem.decode(genes).q[:, -1, 0] > 0.3
+    assert 3 < failing.sum() < 57
+    np.testing.assert_array_equal(out["G"][:, 1], failing)
+    assert np.isinf(out["F"][failing, 1]).all()
+    np.testing.assert_array_equal(out["F"][~failing, 1], problem.decode(genes).q[~failing, -1, 0])
+    named = ["picky" in cause and "ZeroDivisionError: over 0.3" in cause for cause in out["cause"]]
+    assert named == failing.tolist()
+    assert not any(cause for cause, bad in zip(out["cause"], failing, strict=True) if not bad)
+    assert not np.isnan(out["F"]).any()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_an_objective_without_a_finite_value_fails_the_point_and_is_named(bad):
+    @pk.objective(unit="", form="general")
+    def sometimes(motion):
+        return np.where(motion.q[..., -1, 0] > 0.3, bad, 1.0)
+
+    problem = paper_3r(objectives=[kinetic_energy, sometimes])
+    genes = genes_of(problem, 60)
+    out = evaluate(problem, genes)
+    failing = problem.decode(genes).q[:, -1, 0] > 0.3
+    assert 3 < failing.sum() < 57
+    np.testing.assert_array_equal(out["G"][:, 1] > 0, failing)
+    assert (out["F"][failing, 1] == np.inf).all()
+    assert [cause for cause in out["cause"] if cause] == [f"objective sometimes is {bad}"] * failing.sum()
+
+
+def test_a_constraint_that_is_nan_makes_the_point_infeasible_and_nothing_else():
+    @pk.constraint(unit="rad", form="terminal", upper=10.0)
+    def sometimes(motion):
+        return np.where(motion.q[..., -1, 0] > 0.3, np.nan, 1.0)
+
+    problem = paper_3r(constraints=[sometimes])
+    genes = genes_of(problem, 60)
+    out = evaluate(problem, genes)
+    failing = problem.decode(genes).q[:, -1, 0] > 0.3
+    np.testing.assert_array_equal((out["G"] > 0).any(axis=1), failing)
+    assert np.isfinite(out["G"]).all()
+    assert all(bool(cause) == bad for cause, bad in zip(out["cause"], failing, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("returns", "words"),
+    [
+        (lambda motion: None, r"objective odd must return an array of shape \(.*, 21\), got None"),
+        (lambda motion: motion.q, r"objective odd \(integral\) must return shape \(.*, 21\), got \(.*, 21, 3\)"),
+        (lambda motion: motion.dq[..., 0] * 1j, "objective odd must return real numbers, got complex128"),
+        (lambda motion: 3.0, r"objective odd \(integral\) must return shape"),
+    ],
+    ids=["None", "shape", "complex", "scalar"],
+)
+def test_an_objective_that_returns_something_else_is_refused_by_name(returns, words):
+    odd = pk.objective(unit="", form="integral", name="odd")(returns)
+    with pytest.raises(InvalidInput, match=words):
+        paper_3r(objectives=[odd])
+
+
+def test_an_objective_that_writes_into_its_input_cannot():
+    @pk.objective(unit="rad", form="terminal")
+    def vandal(motion):
+        if len(motion.q) == 13:
+            motion.q[...] = 0.0
+        return motion.q[..., -1, 0]
+
+    problem = paper_3r(objectives=[kinetic_energy, vandal])
+    genes = genes_of(problem, 13)
+    untouched = evaluate(built("planar 3R"), genes)["F"][:, 0]
+    np.testing.assert_array_equal(evaluate(problem, genes)["F"][:, 0], untouched)
+
+
+def test_obstacles_become_a_constraint_that_motions_really_keep():
+    post = pk.Circle([0.25, 0.22], 0.05)
+    problem = paper_3r(obstacles=[post], link_radius=0.02, limits=Limits(clearance=0.01), bases=8)
+    genes = genes_of(problem, 300)
+    out = evaluate(problem, genes)
+    clear = (out["G"] <= 0).all(axis=1)
+    assert problem.constraint_names[-1] == "clearance"
+    assert 10 < clear.sum() < 290
+    motions = problem.decode(genes)
+    gaps = np.full(300, np.inf)
+    for share in np.linspace(0, 1, 51):  # every link, densely, by hand
+        points = motions.links[..., :-1, :] + share * np.diff(motions.links, axis=-2)
+        apart = np.linalg.norm(points[..., :2] - [0.25, 0.22], axis=-1) - 0.05 - 0.02
+        gaps = np.minimum(gaps, apart.min(axis=(1, 2)))
+    assert (gaps[clear] >= 0.01).all()
+    assert (gaps[~clear] < 0.01 + 0.002).all()
+    assert all("clearance" in reason for reason, ok in zip(problem.explain(genes), clear, strict=True) if not ok)
+
+
+def test_candidates_offer_the_best_roll_outs_within_bounds():
+    problem = built("planar 3R")
+    genes = problem.candidates(50, np.random.default_rng(0))
+    assert genes.shape == (50, problem.n_var)
+    assert ((genes >= problem.xl) & (genes <= problem.xu)).all()
+    assert (evaluate(problem, genes)["G"][:, 0] <= 0).mean() > 0.8
+
+
+@every_problem
+def test_self_motion_samples_keep_to_the_bounds_and_mostly_to_the_path(name):
+    problem = built(name)
+    genes = problem.self_motion_samples(60, np.random.default_rng(0))
+    assert ((genes >= problem.xl) & (genes <= problem.xu)).all()
+    assert (evaluate(problem, genes)["G"][:, 0] <= 0).mean() > 0.8
+    np.testing.assert_array_equal(problem.decode(genes[: problem.n_species]).q, problem.encoding.charts.base)
+
+
+def test_a_cycle_is_solved_closed():
+    path = circle([0.4178, 0.0], 0.05, duration=1.0, samples=31)
+    problem = Tracking(tringali_3r(), path, cyclic=True, **SMALL)
+    motions = problem.decode(genes_of(problem, 40))
+    np.testing.assert_array_equal(motions.q[:, 0], motions.q[:, -1])
+    np.testing.assert_array_equal(motions.dq[:, 0], motions.dq[:, -1])
+
+
+LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"coefficients": 3}, "coefficients"),
+        ({"bases": 0}, "base"),
+        ({"objectives": []}, "objectives: wants at least one, got none"),
+        ({"objectives": [kinetic_energy, kinetic_energy]}, "names must differ, got kinetic_energy, kinetic_energy"),
+        ({"differences": "forward"}, "differences must be one of backward, central, got 'forward'"),
+        ({"cyclic": True}, "cyclic=True wants a closed path"),
+        ({"end_velocity": 1.0}, "end_velocity must be None .* got 1.0"),
+        ({"start": [np.nan, 0.0, 0.0]}, "start must be 'free' or 3 finite joint positions"),
+        ({"start": [0.1, 0.2, 0.3]}, r"start is 0\.\d+ m \(or rad\) off the path's first sample"),
+    ],
+    ids=["coefficients", "bases", "none", "twice", "differences", "open", "speed", "NaN", "off"],
+)
+def test_what_cannot_be_solved_is_refused_in_one_line(settings, words, unchecked):
+    with pytest.raises(InvalidInput, match=words) as refused:
+        Tracking(tringali_3r(), LINE, **{"objectives": OBJECTIVES, **settings})
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("beyond", [1e-9, 1e-3, 1.0])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_path_that_leaves_reach_is_refused_with_its_sample(beyond, backwards):
+    ends = [[0.4895 + beyond, 0.0], [0.3, 0.1]]
+    path = line(*(ends[::-1] if backwards else ends), duration=1.0, samples=21)
+    with pytest.raises(OutOfReach, match=r"m from the nearest point found, \[0\.\d+, ") as refused:
+        Tracking(tringali_3r(), path, objectives=OBJECTIVES)
+    first = int(np.argmax(np.linalg.norm(path.positions, axis=1) > 0.4895))
+    assert refused.value.sample == first
+
+
+def test_several_tasks_are_followed_at_once():
+    arm = pk.Arm.planar(lengths=[0.5] * 6)
+    elbow = Task(line([0.4, 0.8], [0.6, 0.9], duration=1.0, samples=21), frame="joint4")
+    tool = Task(line([1.2, 0.5], [1.5, 0.9], duration=1.0, samples=21))
+    problem = Tracking(arm, [elbow, tool], **{**SMALL, "objectives": [pk.joint_travel]})
+    motions = problem.decode(genes_of(problem, 40) * np.r_[1, np.full(problem.n_var - 1, 0.3)])
+    arrived = (motions.tracking_error < 1e-9).all(axis=1)
+    assert problem.task.redundancy == 2
+    assert arrived.mean() > 0.5
+    assert np.abs(motions.links[arrived, :, 4, :2] - elbow.path.positions).max() < 1e-9
+    assert np.abs(motions.tool[arrived] - tool.path.positions).max() < 1e-9
+
+
+def test_a_gap_between_branches_is_a_refusal_not_a_jump():
+    arm = pk.Arm.planar(lengths=[1.0, 0.3, 0.3])
+    path = line([0.4, 0.0], [0.9, 0.0], duration=1.0, samples=21)
+    with pytest.raises(Infeasible, match="condition number"):
+        Tracking(arm, path, objectives=[pk.joint_travel])
+
+
+def test_feasible_motions_never_jump_from_sample_to_sample():
+    problem = built("Panda, position")
+    genes = genes_of(problem, 1000, seed=11)
+    q, on_path = problem.encoding.decode(problem.task, genes)
+    start = problem.encoding.charts.base[problem.species(genes)]
+    way = np.abs(np.diff(q - start, axis=1)).max(axis=2)
+    whole = on_path.all(axis=1)
+    assert whole.sum() > 500
+    assert way[whole].max() < 2.0
+    assert np.abs(np.diff(problem.encoding.charts.base, axis=1)).max() <= JUMP
