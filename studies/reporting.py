@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 REPORTED = Path(__file__).parent / "reported"
-WIDTH = 160  # of what is printed into a file or a pipe
+WIDTH = 180  # of what is printed into a file or a pipe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
     if not console.is_terminal:
         console.width = WIDTH
     for name in dict.fromkeys(row.table for row in rows):
-        table = Table("row", "column", "unit", "ours", "paper, goal or peer", "note", title=name, title_justify="left")
+        table = Table("row", "column", "unit", "ours", "beside it", "note", title=name, title_justify="left")
         for row in rows:
             if row.table == name:
                 paper = "" if row.paper is None else f"{row.paper:.5g}"

@@ -86,7 +86,7 @@ class BranchwiseMating:
     def _couples(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
         pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
         rivals = self._fair(parents.species, pool[: 2 * matings].reshape(2, matings), rng)
-        first = self._winners(parents, *rivals, rng)
+        first = self._winners(parents, rivals[0], rivals[1], rng)
         others = _of_same_species(parents.species, np.concatenate((first, first)), rng)
         if self.crossover.n_parents == 3:
             return np.stack((first, others[:matings], others[matings:]))

@@ -44,8 +44,8 @@ class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
     def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
         count, rows = len(X), problem.n_var // self.row
         place = random_state.uniform(0, self.row - 1, (count, 1))
-        width = np.exp(random_state.uniform(*np.log(WIDTHS), (count, 1)))
-        size = np.exp(random_state.uniform(*np.log(SIZES), (count, 1))) * random_state.normal(size=(count, 1))
+        width = _log_uniform(WIDTHS, count, random_state)
+        size = _log_uniform(SIZES, count, random_state) * random_state.normal(size=(count, 1))
         bump = size * np.exp(-(((np.arange(self.row) - place) / width) ** 2))
         which = random_state.integers(rows, size=count)
         first = problem.n_var - rows * self.row
@@ -54,3 +54,8 @@ class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
         span = (problem.xu - problem.xl)[genes]
         np.put_along_axis(made, genes, np.take_along_axis(made, genes, axis=1) + bump * span / 2, axis=1)
         return np.clip(made, problem.xl, problem.xu)
+
+
+def _log_uniform(bounds: tuple[float, float], count: int, rng: np.random.Generator) -> Floats:
+    drawn: Floats = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size=(count, 1)))
+    return drawn

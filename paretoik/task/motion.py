@@ -163,7 +163,7 @@ class Motion:
 
     def integral(self, series: Series) -> np.ndarray:
         """Return the time integral (*batch,) of values at the samples (*batch, time)."""
-        return np.sum(series * self.weights, axis=-1)
+        return np.asarray(np.sum(series * self.weights, axis=-1))
 
     def at(self, t: Float[np.ndarray, " instants"]) -> Float[np.ndarray, "*batch instants dof"]:
         """Return joint positions (*batch, instants, dof) at times t [s]: the interpolant, projected onto the tasks.

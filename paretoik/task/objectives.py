@@ -43,7 +43,7 @@ class Objective:
         if self.form == "integral":
             return motion.integral(values)
         if self.form == "peak":
-            return values.min(axis=-1) if self.maximise else values.max(axis=-1)
+            return np.asarray(values.min(axis=-1) if self.maximise else values.max(axis=-1))
         return values
 
     def __repr__(self) -> str:
@@ -128,7 +128,7 @@ def joint_travel(motion: Motion) -> np.ndarray:
 @objective(unit="rad", form="terminal")
 def joint_drift(motion: Motion) -> np.ndarray:
     """‖q_N − q₀‖ / dof. Source: Marcos et al. 2012, Eq. 25."""
-    return np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof
+    return np.asarray(np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof)
 
 
 @objective(unit="", form="integral")

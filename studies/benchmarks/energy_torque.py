@@ -22,8 +22,9 @@ from problems.tringali_2020 import energy_torque
 from studies.reporting import REPORTED, Row, report
 
 REFERENCE_POINT = np.array([0.065, 0.10])
+POPULATION = 200  # the default of solve: ablated algorithms must not differ in size
 TABLE = "energy_torque against the IPOPT reference"
-SHARE, SHARE_GOAL, POINTS_GOAL = "median share of hypervolume", 0.95, 50
+SHARE, GOAL, SHARE_GOAL, POINTS_GOAL = "median share of hypervolume", "beside the goal", 0.95, 50
 
 
 def reference_front() -> np.ndarray:
@@ -36,11 +37,11 @@ def variants(problem: pk.Tracking, *, ablate: bool) -> dict[str, pk.MaxiMinNSGA2
     """Return the algorithms by name, None the problem's own; ``ablate`` adds those that lack an ingredient."""
     if not ablate:
         return {"defaults": None}
-    mating = problem.algorithm(100).mating
+    mating = problem.algorithm(POPULATION).mating
     return {
         "defaults": None,
-        "no infeasible parents": pk.MaxiMinNSGA2(crossover=mating.crossover, mutation=mating.mutation),
-        "SBX and polynomial mutation": pk.MaxiMinNSGA2(infeasible_share=0.3),
+        "no infeasible parents": pk.MaxiMinNSGA2(POPULATION, crossover=mating.crossover, mutation=mating.mutation),
+        "SBX and polynomial mutation": pk.MaxiMinNSGA2(POPULATION, infeasible_share=0.3),
     }
 
 
@@ -55,10 +56,10 @@ def measured(variant: str, solve: Callable[..., pk.Front], seeds: Sequence[int])
         shares.append(hypervolume(front.minimised, REFERENCE_POINT) / reference)
         points.append(len(front))
         print(f"{variant}, seed {seed}: {shares[-1]:.4f} of the reference, {points[-1]} points, {seconds[-1]:.1f} s")
-    share, spread = float(np.median(shares)), f"{len(shares)} seeds, {min(shares):.3f} to {max(shares):.3f}"
+    share, spread = float(np.median(shares)), f"{GOAL}; {len(shares)} seeds, {min(shares):.3f} to {max(shares):.3f}"
     return [
         Row(table=TABLE, row=variant, column=SHARE, unit="", ours=share, paper=SHARE_GOAL, note=spread),
-        Row(table=TABLE, row=variant, column="least points", unit="", ours=min(points), paper=POINTS_GOAL),
+        Row(table=TABLE, row=variant, column="least points", unit="", ours=min(points), paper=POINTS_GOAL, note=GOAL),
         Row(table=TABLE, row=variant, column="median time", unit="s", ours=float(np.median(seconds))),
     ]
 

@@ -1,0 +1,69 @@
+"""The search beside the stored reference."""
+
+from __future__ import annotations
+
+import inspect
+
+import numpy as np
+import pytest
+
+from paretoik.front.indicators import hypervolume
+from studies.benchmarks import energy_torque as study
+
+
+class Found:
+    """A front of which only the objectives matter."""
+
+    def __init__(self, minimised):
+        self.minimised = minimised
+
+    def __len__(self):
+        return len(self.minimised)
+
+
+def staircase(F, reference):
+    """Return the area between a front of two objectives and a reference beyond it, rectangle by rectangle."""
+    F = F[np.argsort(F[:, 0])]
+    right = np.append(F[1:, 0], reference[0])
+    return float(np.sum((right - F[:, 0]) * (reference[1] - F[:, 1])))
+
+
+def test_no_point_of_the_stored_reference_dominates_another():
+    F = study.reference_front()
+    no_worse = np.all(F[:, None] <= F[None], axis=-1)
+    assert np.array_equal(no_worse, np.eye(len(F), dtype=bool))
+
+
+def test_every_goal_of_the_search_can_be_counted_below_the_reference_point():
+    F = study.reference_front()
+    assert len(F) >= study.POINTS_GOAL
+    assert F[:, 1].min() < study.REFERENCE_POINT[1]
+    assert F[:, 0].min() < study.REFERENCE_POINT[0]
+
+
+def test_the_reference_is_what_its_staircase_covers():
+    F = study.reference_front()
+    below = F[np.less(F, study.REFERENCE_POINT).all(axis=1)]
+    assert hypervolume(F, study.REFERENCE_POINT) == pytest.approx(staircase(below, study.REFERENCE_POINT), rel=1e-12)
+
+
+def test_the_reference_itself_has_the_whole_hypervolume_and_half_of_it_less(capsys):
+    F = study.reference_front()
+    whole, points, _ = study.measured("all", lambda seed: Found(F), range(2))
+    less, fewer, _ = study.measured("half", lambda seed: Found(F[::2]), range(2))
+    assert whole.ours == 1.0
+    assert 0.9 < less.ours < 1.0
+    assert (points.ours, fewer.ours) == (len(F), len(F[::2]))
+    assert capsys.readouterr().out.count("seed") == 4
+
+
+def test_an_ablated_algorithm_lacks_an_ingredient_and_nothing_of_its_size():
+    problem = study.energy_torque()
+    assert study.variants(problem, ablate=False) == {"defaults": None}
+    ablated = study.variants(problem, ablate=True)
+    assert ablated.pop("defaults") is None
+    suited = problem.algorithm(study.POPULATION)
+    first, second = ablated.values()
+    assert first.pop_size == second.pop_size == inspect.signature(study.pk.solve).parameters["population"].default
+    assert type(first.mating.crossover) is type(suited.mating.crossover)
+    assert type(second.mating.crossover) is not type(suited.mating.crossover)

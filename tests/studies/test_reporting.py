@@ -1,0 +1,67 @@
+"""What all studies share."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from studies.reporting import Row, report
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+rows = st.builds(
+    Row,
+    table=st.sampled_from(["Table 5", "figure"]),
+    row=st.text(max_size=8),
+    column=st.text(max_size=8),
+    unit=st.sampled_from(["", "N²m²s"]),
+    ours=numbers,
+    paper=st.none() | numbers,
+    note=st.text(max_size=8),
+)
+
+
+def row(**fields):
+    return Row(**{"table": "Table 5", "row": "simulation 1", "column": "energy", "unit": "J s", "ours": 1.0, **fields})
+
+
+def refuse(constant):
+    pytest.fail(f"{constant} is no strict JSON")
+
+
+@settings(max_examples=30)
+@given(st.lists(rows, max_size=3))
+def test_json_is_strict_and_says_what_the_rows_say(tmp_path_factory, some):
+    file = tmp_path_factory.mktemp("study") / "rows.json"
+    report(some, json_file=file)
+    read = json.loads(file.read_text(), parse_constant=refuse)
+    assert len(read) == len(some)
+    for record, one in zip(read, some, strict=True):
+        for name in ("table", "row", "column", "unit", "note"):
+            assert record.pop(name) == getattr(one, name)
+        for name in ("ours", "paper"):
+            value = getattr(one, name)
+            assert record.pop(name) == (value if value is not None and math.isfinite(value) else None)
+        assert not record
+
+
+def test_rows_are_printed_in_one_table_a_name_and_in_their_order(capsys):
+    report([row(row="first"), row(table="Table 6", row="second"), row(row="third")])
+    printed = capsys.readouterr().out
+    assert printed.count("Table 5") == printed.count("Table 6") == 1
+    assert [word for word in printed.split() if word in ("first", "second", "third")] == ["first", "third", "second"]
+
+
+def test_a_row_is_printed_with_its_unit_the_number_beside_it_and_its_note(capsys):
+    report([row(unit="N²m²s", ours=0.123456789, paper=0.0912, note="[nan, nan] [bold]")])
+    printed = capsys.readouterr().out
+    for part in ("simulation 1", "energy", "N²m²s", "0.12346", "0.0912", "[nan, nan] [bold]"):
+        assert part in printed
+
+
+def test_where_nothing_stands_beside_a_number_nothing_is_printed_for_it(capsys):
+    report([row()])
+    assert "None" not in capsys.readouterr().out

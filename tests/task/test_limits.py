@@ -1,0 +1,178 @@
+"""Limits on joints and users' constraints: every way to give them, how violations are counted, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik import Arm, Limits, Motion
+from paretoik.errors import InvalidInput
+from paretoik.task.limits import KINDS, excess
+
+ARM = Arm.planar(
+    lengths=[0.3, 0.25, 0.2],
+    masses=[1.0, 0.8, 0.5],
+    centers=[0.15, 0.12, 0.1],
+    inertias=[0.01, 0.008, 0.004],
+    position_limits=([-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]),
+    velocity_limits=[4.0, np.inf, 6.0],
+    torque_limits=[9.0, 8.0, 7.0],
+)
+SAMPLES = 9
+MOTION = Motion(arm=ARM, time=np.linspace(0, 1, SAMPLES), q=np.random.default_rng(0).normal(size=(4, SAMPLES, 3)))
+VARYING = np.linspace(1, 2, SAMPLES)[:, None] * [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("given", "lower", "upper"),
+    [
+        (2.0, [[-2, -2, -2]], [[2, 2, 2]]),
+        (2, [[-2, -2, -2]], [[2, 2, 2]]),
+        ([1.0, 2.0, 3.0], [[-1, -2, -3]], [[1, 2, 3]]),
+        (np.array([1.0, 2.0, np.inf]), [[-1, -2, -np.inf]], [[1, 2, np.inf]]),
+        ((-1.0, 2.0), [[-1, -1, -1]], [[2, 2, 2]]),
+        ((-np.inf, [1.0, 2.0, 3.0]), [[-np.inf] * 3], [[1, 2, 3]]),
+        (([0.0, 0.5, 1.0], [0.0, 2.0, 3.0]), [[0, 0.5, 1]], [[0, 2, 3]]),
+        (VARYING, -VARYING, VARYING),
+        ((-1.0, VARYING), np.full((SAMPLES, 3), -1.0), VARYING),
+    ],
+    ids=["number", "int", "list", "array", "pair", "one-sided", "equal", "(time, dof)", "pair with (time, dof)"],
+)
+def test_limits_may_be_given_in_many_ways(kind, given, lower, upper):
+    bounds = Limits(**{kind: given}).settled(ARM, SAMPLES)[kind]
+    np.testing.assert_array_equal(bounds[..., 0], lower)
+    np.testing.assert_array_equal(bounds[..., 1], upper)
+
+
+def test_none_is_the_arms_own_limit_and_infinity_is_none():
+    own = Limits().settled(ARM, SAMPLES)
+    assert set(own) == {"position", "velocity", "torque"}
+    np.testing.assert_array_equal(own["position"][0], ARM.position_limits)
+    np.testing.assert_array_equal(own["velocity"][0], [[-4, 4], [-np.inf, np.inf], [-6, 6]])
+    np.testing.assert_array_equal(own["torque"][0, :, 1], [9, 8, 7])
+    assert Limits(position=np.inf, velocity=np.inf, torque=np.inf).settled(ARM, SAMPLES) == {}
+
+
+def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
+    bounds = Limits(velocity={"joint2": 5.0, "joint1": (-1.0, 2.0)}, position={"joint3": np.inf}).settled(ARM, SAMPLES)
+    np.testing.assert_array_equal(bounds["velocity"][0], [[-1, 2], [-5, 5], [-6, 6]])
+    np.testing.assert_array_equal(bounds["position"][0], [[-1, 1], [-2, 2], [-np.inf, np.inf]])
+    backwards = Limits(velocity={"joint1": (-1.0, 2.0), "joint2": 5.0}).settled(ARM, SAMPLES)
+    np.testing.assert_array_equal(bounds["velocity"], backwards["velocity"])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"velocity": np.nan}, "velocity limit of joint1: wants lower ≤ upper, got nan and nan"),
+        ({"torque": [1.0, np.nan, 1.0]}, "torque limit of joint2: wants lower ≤ upper"),
+        ({"position": (2.0, 1.0)}, r"position limit of joint1: wants lower ≤ upper, got 2\.0 and 1\.0"),
+        ({"position": ([-1.0, 3.0, -1.0], 2.0)}, "position limit of joint2"),
+        ({"velocity": -1.0}, r"velocity limit of joint1: wants lower ≤ upper, got 1\.0 and -1\.0"),
+        (
+            {"power": [1.0, 2.0]},
+            r"power limit wants one number, 3 \(one a joint\) or an array \(9, 3\), got shape \(2,\)",
+        ),
+        ({"acceleration": np.ones((4, 3))}, r"an array \(9, 3\), got shape \(4, 3\)"),
+        ({"velocity": "fast"}, "velocity limit wants numbers, got 'fast'"),
+        (
+            {"velocity": {"elbow": 1.0}},
+            "velocity limit: no joint 'elbow' on planar arm; its joints: joint1, joint2, joint3",
+        ),
+        ({"velocity": {"joint2": np.nan}}, "velocity limit of joint2: wants lower ≤ upper"),
+        ({"velocity": {"joint2": (3.0, 1.0)}}, "velocity limit of joint2: wants lower ≤ upper"),
+        ({"velocity": {"joint2": "fast"}}, r"velocity limit of joint2: wants a number or \(lower, upper\), got 'fast'"),
+        ({"velocity": {"joint2": (1.0, 2.0, 3.0)}}, r"velocity limit of joint2: wants a number or \(lower, upper\)"),
+        ({"clearance": np.nan}, "clearance limit wants a distance in m, got nan"),
+    ],
+)
+def test_what_is_no_limit_is_refused_with_its_kind_and_joint(given, words):
+    with pytest.raises(InvalidInput, match=words) as refused:
+        Limits(**given).settled(ARM, SAMPLES)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("given", [2.0, (-0.5, 3.0), VARYING], ids=["number", "pair", "varying"])
+def test_violations_are_shares_of_the_range_and_positive_only_beyond(kind, given):
+    bounds = Limits(**{kind: given}).settled(ARM, SAMPLES)[kind]
+    values = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}[kind]
+    found, beyond = excess(kind, bounds, MOTION), 0
+    for place in np.ndindex(MOTION.q.shape):
+        value = getattr(MOTION, values)[place]
+        lower, upper = bounds[place[1] if len(bounds) > 1 else 0, place[2]]
+        wanted = max(value - upper, lower - value) / (upper - lower)
+        assert found[place] == pytest.approx(wanted, rel=1e-12)
+        assert (found[place] > 0) == (not lower <= value <= upper)
+        beyond += found[place] > 0
+    assert 0 < beyond < found.size
+
+
+def test_one_sided_limits_are_scaled_by_their_size_and_zero_ones_by_one():
+    for upper, scale in ((4.0, 4.0), (0.0, 1.0), (-2.0, 2.0)):
+        bounds = Limits(position=(-np.inf, upper)).settled(ARM, SAMPLES)["position"]
+        np.testing.assert_allclose(excess("position", bounds, MOTION), (MOTION.q - upper) / scale, rtol=1e-12)
+    bounds = Limits(position=(2.0, np.inf)).settled(ARM, SAMPLES)["position"]
+    np.testing.assert_allclose(excess("position", bounds, MOTION), (2.0 - MOTION.q) / 2.0, rtol=1e-12)
+
+
+def test_equal_limits_hold_a_joint_at_one_place():
+    bounds = Limits(position=(0.5, 0.5)).settled(ARM, SAMPLES)["position"]
+    np.testing.assert_allclose(excess("position", bounds, MOTION), np.abs(MOTION.q - 0.5), rtol=1e-12)
+
+
+def test_a_joint_without_a_limit_is_never_in_violation():
+    bounds = Limits().settled(ARM, SAMPLES)["velocity"]
+    assert (excess("velocity", bounds, MOTION)[..., 1] == -np.inf).all()
+
+
+@pytest.mark.parametrize(
+    ("form", "lower", "upper", "scale", "wanted"),
+    [
+        ("peak", -np.inf, 1.0, 1.0, lambda v: (v - 1).max(axis=1)),
+        ("peak", 0.5, np.inf, 0.5, lambda v: (0.5 - v).max(axis=1)),
+        ("peak", -1.0, 3.0, 4.0, lambda v: np.maximum(v - 3, -1 - v).max(axis=1)),
+        ("peak", 0.0, np.inf, 1.0, lambda v: -v.min(axis=1)),
+        ("integral", -np.inf, 2.0, 2.0, lambda v: v[:, 1:].sum(axis=1) / 8 - 2),
+        ("terminal", -np.inf, -3.0, 3.0, lambda v: v[:, -1] + 3),
+        ("general", 1.0, 1.0, 1.0, lambda v: np.abs(v[:, -1] - 1)),
+    ],
+)
+def test_a_users_constraint_is_counted_like_a_limit(form, lower, upper, scale, wanted):
+    @pk.constraint(unit="rad", form=form, lower=lower, upper=upper)
+    def own(motion):
+        values = motion.q[..., 0]
+        return values if form in ("integral", "peak") else values[..., -1]
+
+    assert own.scale == scale
+    np.testing.assert_allclose(own.violation(MOTION), wanted(MOTION.q[..., 0]) / scale, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(own.violation(MOTION[2]), own.violation(MOTION)[2], rtol=1e-12)
+
+
+def test_a_constraint_may_name_itself_and_its_scale():
+    own = pk.constraint(unit="m", lower=0.1, scale=0.01, name="height")(lambda motion: motion.tool[..., 1])
+    assert (own.name, own.scale, own.unit, own.form) == ("height", 0.01, "m", "peak")
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({}, "at least one finite bound and lower ≤ upper, got -inf and inf"),
+        ({"lower": 1.0, "upper": 0.0}, r"lower ≤ upper, got 1\.0 and 0\.0"),
+        ({"upper": np.nan}, "lower ≤ upper, got -inf and nan"),
+        ({"upper": 1.0, "scale": 0.0}, r"scale wants a positive number, got 0\.0"),
+        ({"upper": 1.0, "scale": np.nan}, "scale wants a positive number, got nan"),
+        ({"upper": 1.0, "form": "sum"}, "form must be one of integral, peak, terminal, general, got 'sum'"),
+    ],
+)
+def test_what_bounds_nothing_is_refused(settings, words, unchecked):
+    with pytest.raises(InvalidInput, match=words):
+        pk.constraint(unit="", **settings)
+
+
+def test_a_constraint_that_returns_something_else_is_refused_by_name():
+    own = pk.constraint(unit="", upper=1.0, name="table")(lambda motion: motion.q)
+    with pytest.raises(InvalidInput, match=r"constraint table \(peak\) must return shape \(4, 9\), got \(4, 9, 3\)"):
+        own.violation(MOTION)

@@ -1,0 +1,410 @@
+"""Motions: both discretisations against closed forms, the interpolant, batches, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik import Arm, Motion, Path, Pose, Sphere, Task, circle, line, tringali_3r
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.robot import dynamics, kinematics
+
+ARM = tringali_3r()
+SPATIAL = Arm.from_dh(
+    a=[0.0, 0.4, 0.3, 0.1],
+    alpha=[1.5, 0.0, 0.7, 0.0],
+    d=[0.3, 0.0, 0.1, 0.2],
+    theta=[0.0] * 4,
+    convention="standard",
+    masses=[1.0, 2.0, 1.5, 0.5],
+    centers=np.full((4, 3), 0.05),
+    inertias=np.stack([0.01 * np.eye(3)] * 4),
+)
+RATES = ("dq", "ddq", "jerk")
+PLACES = ("tool", "tool_rotation", "links")
+SCORES = ("manipulability", "tracking_error", "clearance")
+both = pytest.mark.parametrize("differences", ["backward", "central"])
+
+
+def uneven(samples, seed=0):
+    """Return times from 0 to 1 whose steps vary smoothly by a factor of about three."""
+    t = np.linspace(0, 1, samples)
+    return t + 0.08 * np.sin(2 * np.pi * t)
+
+
+def wave(t, order=0):
+    """Return the derivative of this order of the motion sin(w t + p), with a w and p for every joint."""
+    w, p = np.array([2.0, 3.0, 5.0]), np.array([0.1, 1.0, -0.5])
+    return w**order * np.sin(np.multiply.outer(t, w) + p + order * np.pi / 2)
+
+
+def round_wave(t, order=0):
+    w, p = 2 * np.pi * np.array([1.0, 2.0, 3.0]), np.array([0.1, 1.0, -0.5])
+    return w**order * np.sin(np.multiply.outer(t, w) + p + order * np.pi / 2)
+
+
+def order_of(errors, factor=2):
+    return np.log(errors[0] / errors[1]) / np.log(factor)
+
+
+def error_at(samples, quantity, order, where=slice(None), grid=uneven, shape=wave, **settings):
+    t = grid(samples)
+    motion = Motion(arm=ARM, time=t, q=shape(t), **settings)
+    return np.abs(getattr(motion, quantity)[where] - shape(t, order)[where]).max()
+
+
+def even(samples):
+    return np.linspace(0, 1, samples)
+
+
+def test_backward_differences_are_the_papers_scheme():
+    t = np.array([0.0, 0.1, 0.3, 0.4, 0.8])
+    q = np.random.default_rng(0).normal(size=(5, 3))
+    motion = Motion(arm=ARM, time=t, q=q)
+    v, a = np.zeros((5, 3)), np.zeros((5, 3))
+    for i in range(1, 5):
+        v[i] = (q[i] - q[i - 1]) / (t[i] - t[i - 1])
+        a[i] = (v[i] - v[i - 1]) / (t[i] - t[i - 1])
+    np.testing.assert_array_equal(motion.dq, v)
+    np.testing.assert_array_equal(motion.ddq, a)
+    assert (motion.dq[0] == 0).all()
+    assert (motion.ddq[0] == 0).all()
+    values = np.arange(5.0) ** 2
+    assert motion.integral(values) == pytest.approx(1 * 0.1 + 4 * 0.2 + 9 * 0.1 + 16 * 0.4, rel=1e-15)
+
+
+def test_backward_differences_of_a_cycle_go_round_the_seam():
+    t = np.array([0.0, 0.1, 0.3, 0.4, 0.8])
+    q = np.random.default_rng(0).normal(size=(5, 3))
+    q[-1] = q[0]
+    motion = Motion(arm=ARM, time=t, q=q, cyclic=True)
+    step = np.diff(t)[:, None]
+    v = np.diff(q, axis=0) / step
+    np.testing.assert_array_equal(motion.dq, np.concatenate([v[-1:], v]))
+    a = np.diff(motion.dq, axis=0) / step
+    np.testing.assert_array_equal(motion.ddq, np.concatenate([a[-1:], a]))
+
+
+def test_central_differences_are_exact_for_parabolas_even_on_uneven_times():
+    t, c = uneven(12), np.random.default_rng(1).normal(size=(3, 3))
+    motion = Motion(
+        arm=ARM, time=t, q=c[0] + np.multiply.outer(t, c[1]) + np.multiply.outer(t**2, c[2]), differences="central"
+    )
+    np.testing.assert_allclose(motion.dq, c[1] + 2 * np.multiply.outer(t, c[2]), atol=1e-12)
+    np.testing.assert_allclose(motion.ddq, np.broadcast_to(2 * c[2], (12, 3)), atol=1e-10)
+    np.testing.assert_allclose(motion.jerk, 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "derivative", "differences", "grid", "where", "wanted"),
+    [
+        ("dq", 1, "backward", even, slice(1, None), 1),
+        ("dq", 1, "backward", uneven, slice(1, None), 1),
+        ("ddq", 2, "backward", even, slice(2, None), 1),
+        ("dq", 1, "central", even, slice(None), 2),
+        ("dq", 1, "central", uneven, slice(None), 2),
+        ("ddq", 2, "central", even, slice(1, -1), 2),
+        ("ddq", 2, "central", uneven, slice(1, -1), 2),
+        ("ddq", 2, "central", even, slice(None), 1),
+        ("jerk", 3, "central", even, slice(2, -2), 2),
+    ],
+)
+def test_differences_converge_at_their_order(quantity, derivative, differences, grid, where, wanted):
+    errors = [error_at(n, quantity, derivative, where, grid, differences=differences) for n in (201, 401)]
+    assert order_of(errors) == pytest.approx(wanted, abs=0.15)
+
+
+@pytest.mark.parametrize(("quantity", "derivative"), [("dq", 1), ("ddq", 2), ("jerk", 3)])
+@pytest.mark.parametrize(("differences", "wanted"), [("backward", 1), ("central", 2)])
+def test_differences_of_a_cycle_converge_at_their_order_at_every_sample(quantity, derivative, differences, wanted):
+    errors = [
+        error_at(n, quantity, derivative, grid=even, shape=round_wave, differences=differences, cyclic=True)
+        for n in (401, 801)
+    ]
+    assert order_of(errors) == pytest.approx(wanted, abs=0.15)
+
+
+@both
+def test_a_cycle_ends_with_the_velocity_and_acceleration_it_starts_with(differences):
+    t = uneven(30)
+    q = np.random.default_rng(3).normal(size=(4, 30, 3))
+    q[:, -1] = q[:, 0]
+    motion = Motion(arm=ARM, time=t, q=q, cyclic=True, differences=differences)
+    for values in (motion.q, motion.dq, motion.ddq, motion.jerk):
+        np.testing.assert_array_equal(values[:, 0], values[:, -1])
+
+
+@pytest.mark.parametrize(("differences", "wanted"), [("backward", 1), ("central", 2)])
+def test_integrals_converge_at_their_order(differences, wanted):
+    errors = []
+    for samples in (101, 201):
+        t = uneven(samples)
+        motion = Motion(arm=ARM, time=t, q=wave(t), differences=differences)
+        errors.append(abs(motion.integral(np.exp(t)) - (np.e - 1)))
+    assert order_of(errors) == pytest.approx(wanted, abs=0.1)
+
+
+@both
+def test_weights_add_up_to_the_duration(differences):
+    t = uneven(20)
+    motion = Motion(arm=ARM, time=t, q=wave(t), differences=differences)
+    assert motion.weights.sum() == pytest.approx(1.0, rel=1e-14)
+    assert motion.weights.shape == (20,)
+
+
+@both
+@pytest.mark.parametrize("cyclic", [False, True])
+def test_a_batch_is_its_motions_one_by_one(differences, cyclic):
+    rng = np.random.default_rng(4)
+    q = rng.normal(size=(3, 2, 12, 4))
+    q[..., -1, :] = q[..., 0, :]
+    time = np.cumsum(rng.uniform(0.1, 0.3, (3, 2, 12)), axis=-1)
+    time = time - time[..., :1]
+    ball = Sphere([0.2, 0.2, 0.3], 0.1)
+    common = {"arm": SPATIAL, "differences": differences, "cyclic": cyclic, "obstacles": (ball,)}
+    together = Motion(q=q, time=time, **common)
+    assert len(together) == 3
+    names = [*RATES, "torque", "power", "kinetic_energy", *PLACES, "clearance", "manipulability"]
+    for i in range(3):
+        for j in range(2):
+            alone = Motion(q=q[i, j], time=time[i, j], **common)
+            for name in names:
+                np.testing.assert_allclose(getattr(together, name)[i, j], getattr(alone, name), rtol=1e-12, atol=1e-12)
+            for name in names:
+                np.testing.assert_array_equal(getattr(together[i], name)[j], getattr(together, name)[i, j])
+
+
+def test_a_batch_is_picked_from_by_number_slice_list_and_mask():
+    motions = Motion(arm=ARM, time=even(5), q=np.random.default_rng(5).normal(size=(4, 5, 3)))
+    mask = np.array([True, False, False, True])
+    np.testing.assert_array_equal(motions[2].q, motions.q[2])
+    np.testing.assert_array_equal(motions[1:3].q, motions.q[1:3])
+    np.testing.assert_array_equal(motions[np.array([3, 0])].q, motions.q[[3, 0]])
+    np.testing.assert_array_equal(motions[mask].q, motions.q[mask])
+    assert [motion.q.shape for motion in motions] == [(5, 3)] * 4
+
+
+def test_a_single_motion_has_neither_length_nor_index():
+    motion = Motion(arm=ARM, time=even(5), q=np.zeros((5, 3)))
+    with pytest.raises(TypeError, match="no length"):
+        len(motion)
+    with pytest.raises(TypeError, match="indexed"):
+        motion[0]
+
+
+def test_times_may_differ_from_motion_to_motion():
+    q = np.random.default_rng(6).normal(size=(2, 6, 3))
+    time = np.stack([np.linspace(0, 1, 6), np.linspace(0, 2, 6)])
+    motions = Motion(arm=ARM, time=time, q=q)
+    np.testing.assert_allclose(motions.dq[1] * 2, np.diff(q[1], axis=0, prepend=q[1, :1]) / 0.2, atol=1e-12)
+    np.testing.assert_allclose(motions.integral(np.ones((2, 6))), [1.0, 2.0])
+
+
+def test_every_array_of_a_motion_is_read_only():
+    path = line([0.4, 0.0], [0.2, 0.2], duration=1.0, samples=9)
+    motions = Motion(
+        arm=ARM,
+        time=path.times,
+        q=np.full((2, 9, 3), 0.5),
+        tasks=(Task(path).settled(ARM),),
+        obstacles=(Sphere([1, 0, 0], 0.1),),
+    )
+    names = ["q", "time", *RATES, "torque", "power", "kinetic_energy", *PLACES, *SCORES]
+    for picked in (motions, motions[0], motions[np.array([1, 0])]):
+        for name in names:
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(picked, name)[...] = 0.0
+
+
+def test_a_motion_keeps_its_numbers_whatever_becomes_of_what_it_was_given():
+    q, t = np.zeros((5, 3)), np.linspace(0, 1, 5)
+    motion = Motion(arm=ARM, time=t, q=q)
+    q[:], t[:] = 7.0, 7.0
+    assert motion.q.max() == 0.0
+    np.testing.assert_array_equal(motion.time, np.linspace(0, 1, 5))
+
+
+def test_torque_power_and_energy_are_those_of_the_arm():
+    motion = Motion(arm=SPATIAL, time=even(20), q=np.random.default_rng(7).normal(size=(20, 4)))
+    torque = dynamics.inverse_dynamics(SPATIAL, motion.q, motion.dq, motion.ddq)
+    np.testing.assert_array_equal(motion.torque, torque)
+    np.testing.assert_array_equal(motion.power, torque * motion.dq)
+    mass = dynamics.inertia_matrix(SPATIAL, motion.q)
+    np.testing.assert_allclose(
+        motion.kinetic_energy, 0.5 * np.einsum("ti,tij,tj->t", motion.dq, mass, motion.dq), rtol=1e-12
+    )
+
+
+def test_the_tool_is_where_the_arm_puts_it():
+    motion = Motion(arm=ARM, time=even(7), q=np.random.default_rng(8).normal(size=(7, 3)))
+    angles = np.cumsum(motion.q, axis=1)
+    lengths = np.array([0.176, 0.176, 0.1375])
+    wanted = np.stack([np.cos(angles) @ lengths, np.sin(angles) @ lengths], axis=-1)
+    np.testing.assert_allclose(motion.tool, wanted, atol=1e-14)
+    np.testing.assert_allclose(motion.links[:, -1, :2], wanted, atol=1e-14)
+    np.testing.assert_allclose(motion.tool_rotation[:, 0, 0], np.cos(angles[:, -1]), atol=1e-14)
+    assert motion.links.shape == (7, 5, 3)
+    assert Motion(arm=SPATIAL, time=even(7), q=np.zeros((7, 4))).tool.shape == (7, 3)
+
+
+def test_manipulability_is_that_of_the_tasks_or_of_the_tool():
+    q = np.random.default_rng(9).normal(size=(7, 3))
+    path = line([0.4, 0.0], [0.2, 0.2], duration=1.0, samples=7)
+    by_hand = [np.sqrt(np.linalg.det(j[:2] @ j[:2].T)) for j in kinematics.jacobian(ARM, q)]
+    for tasks in ((), (Task(path).settled(ARM),)):
+        motion = Motion(arm=ARM, time=path.times, q=q, tasks=tasks)
+        np.testing.assert_allclose(motion.manipulability, by_hand, rtol=1e-9)
+
+
+def test_tracking_error_is_the_distance_to_the_path_in_its_worst_direction():
+    path = line([0.4, 0.0], [0.2, 0.2], duration=1.0, samples=7)
+    motion = Motion(
+        arm=ARM, time=path.times, q=np.random.default_rng(10).normal(size=(7, 3)), tasks=(Task(path).settled(ARM),)
+    )
+    np.testing.assert_allclose(motion.tracking_error, np.abs(motion.tool - path.positions).max(axis=1), atol=1e-14)
+    assert (Motion(arm=ARM, time=path.times, q=motion.q).tracking_error == 0).all()
+
+
+def on_circle(samples, cyclic=True, **settings):
+    """Return a motion of the paper's arm whose tool goes round a circle, the last link's direction prescribed."""
+    path = circle([0.3, 0.0], 0.05, duration=1.0, samples=samples)
+    turn = 0.3 * np.sin(2 * np.pi * path.times)
+    wrist = path.positions - 0.1375 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    reach = np.linalg.norm(wrist, axis=1)
+    elbow = np.arccos((reach**2 - 2 * 0.176**2) / (2 * 0.176**2))
+    shoulder = np.arctan2(wrist[:, 1], wrist[:, 0]) - elbow / 2
+    q = np.stack([shoulder, elbow, turn - shoulder - elbow], axis=-1)
+    q[-1] = q[0]
+    task = Task(path).settled(ARM)
+    return Motion(arm=ARM, time=path.times, q=q, tasks=(task,), cyclic=cyclic, **settings)
+
+
+@pytest.mark.parametrize("cyclic", [False, True])
+def test_the_interpolant_returns_the_samples_at_their_times(cyclic):
+    motion = on_circle(31, cyclic)
+    assert motion.tracking_error.max() < 1e-12
+    np.testing.assert_allclose(motion.at(motion.time), motion.q, atol=1e-11)
+    free = Motion(arm=ARM, time=motion.time, q=motion.q, cyclic=cyclic)
+    np.testing.assert_allclose(free.at(motion.time), motion.q, atol=1e-14)
+
+
+@pytest.mark.parametrize("cyclic", [False, True])
+def test_the_interpolant_is_on_the_path_between_the_samples(cyclic):
+    motion = on_circle(31, cyclic)
+    t = np.linspace(0, 1, 777)
+    dense = Motion(arm=ARM, time=t, q=motion.at(t), tasks=motion.tasks)
+    assert dense.tracking_error.max() < 1e-9
+
+
+@pytest.mark.parametrize("tasks", [True, False])
+@pytest.mark.parametrize("cyclic", [False, True])
+def test_the_interpolant_has_continuous_second_derivatives(tasks, cyclic):
+    motion = on_circle(21, cyclic)
+    motion = motion if tasks else Motion(arm=ARM, time=motion.time, q=motion.q, cyclic=cyclic)
+    h = 1e-4
+    around = np.arange(-2, 3) * h
+    for knot in motion.time[3:-3]:
+        left, right = (motion.at(knot + sign * h * 3 + around) for sign in (-1, 1))
+        second = [np.diff(side, n=2, axis=0).mean(axis=0) / h**2 for side in (left, right)]
+        third = np.abs(np.diff(motion.ddq, axis=0)).max() / (motion.time[1] - motion.time[0])
+        assert np.abs(second[0] - second[1]).max() < 12 * h * third + 1e-3
+    if cyclic:
+        ends = [motion.at(np.array(t)) for t in ([0.0, h, 2 * h], [1 - 2 * h, 1 - h, 1.0])]
+        slopes = [
+            (-1.5 * ends[0][0] + 2 * ends[0][1] - 0.5 * ends[0][2]) / h,
+            (1.5 * ends[1][2] - 2 * ends[1][1] + 0.5 * ends[1][0]) / h,
+        ]
+        np.testing.assert_allclose(slopes[0], slopes[1], atol=2e-4)
+
+
+def test_the_interpolant_converges_to_the_motion_behind_the_samples():
+    t = np.linspace(0, 1, 501)
+    errors = []
+    for samples in (21, 41):
+        motion = Motion(arm=ARM, time=even(samples), q=wave(even(samples)))
+        errors.append(np.abs(motion.at(t) - wave(t)).max())
+    assert order_of(errors) == pytest.approx(4, abs=0.5)
+
+
+def test_the_interpolant_of_a_batch_is_that_of_its_members():
+    rng = np.random.default_rng(11)
+    q = rng.normal(size=(3, 8, 3))
+    time = np.stack([np.linspace(0, 1, 8) ** p for p in (1.0, 1.2, 0.8)])
+    t = np.linspace(0, 1, 33)
+    for times in (time[0], time):
+        motions = Motion(arm=ARM, time=times, q=q)
+        for i in range(3):
+            np.testing.assert_allclose(motions.at(t)[i], motions[i].at(t), atol=1e-13)
+    assert motions.at(np.array([0.5])).shape == (3, 1, 3)
+
+
+@pytest.mark.parametrize("t", [-1e-6, 1.0 + 1e-6, np.nan, np.inf])
+def test_times_outside_the_motion_are_refused(t):
+    motion = Motion(arm=ARM, time=even(5), q=np.zeros((5, 3)))
+    with pytest.raises(InvalidInput, match=f"at: wants times from 0 s to 1 s, got {t:g} s"):
+        motion.at(np.array([0.5, t]))
+
+
+def test_a_motion_that_has_lost_its_path_is_not_led_somewhere_else():
+    far = line([5.0, 0.0], [6.0, 0.0], duration=1.0, samples=5)
+    motion = Motion(arm=ARM, time=far.times, q=np.full((5, 3), 0.3), tasks=(Task(far).settled(ARM),))
+    with pytest.raises(Infeasible, match=r"at: the motion must follow its path, but at 0\.25 s its tool is"):
+        motion.at(np.array([0.25]))
+
+
+@settings(max_examples=40)
+@given(scale=st.floats(0.1, 10), shift=st.floats(-3, 3))
+def test_stretching_time_scales_every_rate(scale, shift):
+    t = uneven(15)
+    slow = Motion(arm=ARM, time=scale * t + shift, q=wave(t), differences="central")
+    fast = Motion(arm=ARM, time=t, q=wave(t), differences="central")
+    np.testing.assert_allclose(slow.dq * scale, fast.dq, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(slow.ddq * scale**2, fast.ddq, rtol=1e-7, atol=1e-8)
+
+
+POSTURES = np.zeros((5, 3))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"q": np.zeros((5, 4))}, r"q wants shape \(\.\.\., time, 3\), got \(5, 4\)"),
+        ({"q": np.zeros(3)}, r"q wants shape \(\.\.\., time, 3\), got \(3,\)"),
+        ({"q": np.zeros((2, 3)), "time": np.arange(2.0)}, "at least 3"),
+        ({"time": np.arange(4.0)}, r"one time a sample and at least 3, got \(4,\) for \(5, 3\)"),
+        ({"q": np.zeros((3, 5, 3)), "time": np.zeros((2, 5))}, r"one time a sample .* got \(2, 5\) for \(3, 5, 3\)"),
+        ({"q": np.where(np.arange(5)[:, None] == 3, np.nan, POSTURES)}, "every position must be .* at sample 3"),
+        ({"q": np.where(np.arange(5)[:, None] == 2, np.inf, POSTURES)}, "every position must be .* at sample 2"),
+        ({"time": np.array([0, 1, np.nan, 3, 4])}, "every time must be finite, it is not at sample 2"),
+        ({"time": np.array([0.0, 1.0, 1.0, 3.0, 0.5])}, "times must increase, they don't at sample 2"),
+        ({"q": np.zeros((2, 5, 3)), "time": np.array([[0.0, 1, 2, 3, 4], [0.0, 1, 2, 1, 4]])}, "don't at sample 3"),
+        ({"differences": "forward"}, "differences must be one of backward, central, got 'forward'"),
+        ({"q": np.arange(15.0).reshape(5, 3), "cyclic": True}, "cyclic motion: must end where .* 12 rad or m"),
+    ],
+)
+def test_what_is_no_motion_is_refused_in_one_line(changed, words, unchecked):
+    with pytest.raises(InvalidInput, match=words) as refused:
+        Motion(**{"arm": ARM, "time": np.arange(5.0), "q": POSTURES, **changed})
+    assert "\n" not in str(refused.value)
+
+
+def test_picking_from_a_batch_does_not_lose_what_the_batch_was_made_with():
+    path: Path = line(Pose.planar(0.3, 0, 0), Pose.planar(0.2, 0.2, 1), duration=1.0, samples=5)
+    arm = Arm.planar(lengths=[0.2] * 4)
+    task = Task(path).settled(arm)
+    ball = Sphere([0.1, 0.1, 0.0], 0.05)
+    motions = Motion(
+        arm=arm,
+        time=path.times,
+        q=np.zeros((2, 5, 4)),
+        tasks=(task,),
+        obstacles=(ball,),
+        link_radius=0.1,
+        differences="central",
+        cyclic=True,
+    )
+    picked = motions[1]
+    for name in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic"):
+        assert getattr(picked, name) is getattr(motions, name)

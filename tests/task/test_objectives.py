@@ -1,0 +1,237 @@
+"""Objectives: each of the library's against plain loops, the users' own, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik import Arm, Motion, Sphere, Task, line, tringali_3r
+from paretoik.errors import InvalidInput
+from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
+from paretoik.robot.kinematics import jacobian
+from paretoik.task.objectives import LIBRARY
+
+LIMITED = Arm.planar(
+    lengths=[0.3, 0.25, 0.2, 0.1],
+    masses=[1.0, 0.8, 0.5, 0.2],
+    centers=[0.15, 0.12, 0.1, 0.05],
+    inertias=[0.01, 0.008, 0.004, 0.001],
+    position_limits=([-1.0, -2.0, -np.inf, 0.5], [2.0, 2.0, np.inf, 0.5]),
+    name="limited arm",
+)
+PATH = line([0.5, 0.1], [0.3, 0.4], duration=2.0, samples=17)
+TASK = Task(PATH).settled(LIMITED)
+BALL = Sphere([0.3, 0.3, 0.0], 0.05)
+MOTIONS = {
+    differences: Motion(
+        arm=LIMITED,
+        time=PATH.times + 0.02 * np.sin(np.pi * PATH.times),
+        q=np.random.default_rng(0).normal(size=(3, 17, 4)),
+        obstacles=(BALL,),
+        link_radius=0.01,
+        differences=differences,
+    )
+    for differences in ("backward", "central")
+}
+every_motion = pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
+
+
+def quadrature(motion, values):
+    """Integrate one motion's values in a plain loop: rectangles at the right end, or trapezoids."""
+    t, total = motion.time, 0.0
+    for i in range(1, len(t)):
+        height = values[i] if motion.differences == "backward" else (values[i] + values[i - 1]) / 2
+        total += height * (t[i] - t[i - 1])
+    return total
+
+
+def by_hand(name, motion):
+    """Return an objective of a single motion, computed from q, q̇ and q̈ sample by sample."""
+    arm, q, v, a = motion.arm, motion.q, motion.dq, motion.ddq
+    samples = range(len(q))
+    torques = [inverse_dynamics(arm, q[i], v[i], a[i]) for i in samples]
+    duration = motion.time[-1] - motion.time[0]
+    if name == "kinetic_energy":
+        return quadrature(motion, [0.5 * v[i] @ inertia_matrix(arm, q[i]) @ v[i] for i in samples])
+    if name == "torque_norm":
+        return quadrature(motion, [torque @ torque for torque in torques])
+    if name == "mechanical_energy":
+        return quadrature(motion, [sum(abs(torques[i][j] * v[i][j]) for j in range(4)) for i in samples])
+    if name == "joint_travel":
+        return quadrature(motion, [sum(abs(v[i][j]) for j in range(4)) for i in samples])
+    if name == "joint_drift":
+        return np.sqrt(sum((q[-1][j] - q[0][j]) ** 2 for j in range(4))) / 4
+    if name == "joint_limit_distance":
+        first, second = ((q[:, 0] - 0.5) / 3.0) ** 2, (q[:, 1] / 4.0) ** 2
+        return quadrature(motion, (first + second) / 8) / duration
+    if name == "manipulability":
+        planes = [jacobian(arm, q[i])[:2] for i in samples]
+        return quadrature(motion, [np.sqrt(np.linalg.det(plane @ plane.T)) for plane in planes]) / duration
+    if name == "peak_velocity":
+        return max(abs(v[i][j]) for i in samples for j in range(4))
+    if name == "peak_torque":
+        return max(abs(torques[i][j]) for i in samples for j in range(4))
+    if name == "jerk":
+        return quadrature(motion, [jerk @ jerk for jerk in motion.jerk])
+    least = np.inf
+    for nodes in motion.links:
+        for start, end in zip(nodes[:-1], nodes[1:], strict=True):
+            for share in np.linspace(0, 1, 2001):
+                least = min(least, np.linalg.norm(start + share * (end - start) - BALL.center))
+    return least - BALL.radius - motion.link_radius
+
+
+@every_motion
+@pytest.mark.parametrize("objective", LIBRARY, ids=lambda objective: objective.name)
+def test_the_librarys_objectives_are_what_plain_loops_make_them(objective, motion):
+    chosen = motion if objective.name != "obstacle_clearance" else motion[:1]
+    wanted = [by_hand(objective.name, single) for single in chosen]
+    np.testing.assert_allclose(objective(chosen), wanted, rtol=1e-9 if len(chosen) > 1 else 1e-5, atol=1e-12)
+
+
+@every_motion
+@pytest.mark.parametrize("objective", LIBRARY, ids=lambda objective: objective.name)
+def test_a_batch_is_scored_as_its_motions_are(objective, motion):
+    together = objective(motion)
+    assert together.shape == (3,)
+    for i in range(3):
+        alone = objective(motion[i])
+        assert alone.shape == ()
+        np.testing.assert_allclose(alone, together[i], rtol=1e-12)
+
+
+def test_the_library_has_the_promised_names_units_and_senses():
+    assert [(o.name, o.unit, o.form, o.maximise) for o in LIBRARY] == [
+        ("kinetic_energy", "J s", "integral", False),
+        ("torque_norm", "N²m²s", "integral", False),
+        ("mechanical_energy", "J", "integral", False),
+        ("joint_travel", "rad", "integral", False),
+        ("joint_drift", "rad", "terminal", False),
+        ("joint_limit_distance", "", "integral", False),
+        ("manipulability", "", "integral", True),
+        ("peak_velocity", "rad/s", "peak", False),
+        ("peak_torque", "N m", "peak", False),
+        ("jerk", "rad²/s⁵", "integral", False),
+        ("obstacle_clearance", "m", "peak", True),
+    ]
+    assert all(getattr(pk, o.name) is o for o in LIBRARY)
+
+
+def test_the_papers_energy_of_a_turning_rod():
+    arm = Arm.planar(lengths=[1.0, 1.0, 1.0], masses=[3.0, 0.0, 0.0], centers=[0.5, 0, 0], inertias=[0.25, 0, 0])
+    t = np.linspace(0, 2, 201)
+    q = np.stack([1.5 * t, 0 * t, 0 * t], axis=-1)
+    motion = Motion(arm=arm, time=t, q=q, differences="central")
+    assert pk.kinetic_energy(motion) == pytest.approx(0.5 * (0.25 + 3 * 0.25) * 1.5**2 * 2, rel=1e-12)
+    assert pk.joint_travel(motion) == pytest.approx(3.0, rel=1e-12)
+    assert pk.joint_drift(motion) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_the_limit_distance_is_zero_in_the_middle_and_an_eighth_per_joint_at_a_limit():
+    arm = Arm.planar(lengths=[1.0, 1.0], position_limits=([-1.0, 0.0], [1.0, 3.0]))
+    t = np.linspace(0, 1, 5)
+    for q, wanted in (([0.0, 1.5], 0.0), ([1.0, 3.0], 0.125), ([-1.0, 1.5], 0.0625)):
+        motion = Motion(arm=arm, time=t, q=np.tile(q, (5, 1)))
+        assert pk.joint_limit_distance(motion) == pytest.approx(wanted, abs=1e-15)
+
+
+def test_a_limit_distance_without_limits_is_refused():
+    motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
+    with pytest.raises(InvalidInput, match="joint_limit_distance wants position limits, but no joint of the arm has"):
+        pk.joint_limit_distance(motion)
+
+
+def test_a_clearance_without_obstacles_is_refused():
+    motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
+    with pytest.raises(InvalidInput, match="obstacle_clearance wants obstacles, but the problem has none"):
+        pk.obstacle_clearance(motion)
+
+
+@pytest.mark.parametrize(
+    ("form", "maximise", "wanted"),
+    [
+        ("integral", False, lambda motion, v: [quadrature(single, row) for single, row in zip(motion, v, strict=True)]),
+        ("peak", False, lambda motion, v: v.max(axis=1)),
+        ("peak", True, lambda motion, v: v.min(axis=1)),
+        ("terminal", False, lambda motion, v: v[:, -1]),
+        ("general", True, lambda motion, v: v[:, -1]),
+    ],
+)
+def test_a_users_objective_is_made_into_what_its_form_says(form, maximise, wanted):
+    @pk.objective(unit="rad", form=form, maximise=maximise)
+    def own(motion):
+        values = motion.q[..., 0]
+        return values if form in ("integral", "peak") else values[..., -1]
+
+    motion = MOTIONS["central"]
+    np.testing.assert_allclose(own(motion), wanted(motion, motion.q[..., 0]), rtol=1e-12)
+    assert own.sign == (-1 if maximise else 1)
+    assert (own.name, own.unit, own.form) == ("own", "rad", form)
+
+
+def test_an_objective_says_what_it_is():
+    named = pk.objective(unit="m", form="peak", maximise=True, name="height")(lambda motion: motion.tool[..., 1])
+    assert repr(named) == "Objective height [m], peak, maximised"
+    assert repr(pk.torque_norm) == "Objective torque_norm [N²m²s], integral"
+
+
+def test_whole_numbers_and_truth_values_are_real_numbers():
+    counted = pk.objective(unit="", form="integral", name="counted")(lambda motion: motion.q[..., 0] > 0)
+    motion = MOTIONS["backward"]
+    wanted = [quadrature(single, (single.q[:, 0] > 0).astype(float)) for single in motion]
+    np.testing.assert_allclose(counted(motion), wanted, rtol=1e-12)
+    assert counted(motion).dtype == float
+
+
+@pytest.mark.parametrize(
+    ("form", "returns", "words"),
+    [
+        (
+            "integral",
+            lambda motion: None,
+            r"must return an array of shape \(3, 17\), got None \(is a return missing\?\)",
+        ),
+        ("terminal", lambda motion: None, r"must return an array of shape \(3,\), got None"),
+        ("integral", lambda motion: motion.q, r"odd \(integral\) must return shape \(3, 17\), got \(3, 17, 4\)"),
+        ("peak", lambda motion: motion.q[:, -1, 0], r"odd \(peak\) must return shape \(3, 17\), got \(3,\)"),
+        ("general", lambda motion: motion.q[..., 0], r"odd \(general\) must return shape \(3,\), got \(3, 17\)"),
+        ("terminal", lambda motion: 1.0, r"odd \(terminal\) must return shape \(3,\), got \(\)"),
+        ("integral", lambda motion: motion.q[..., 0] * 1j, "odd must return real numbers, got complex128"),
+        ("integral", lambda motion: motion.q[..., 0].astype(str), "odd must return real numbers, got <U"),
+        ("integral", lambda motion: motion.q[..., 0].astype(object), "odd must return real numbers, got object"),
+        ("terminal", lambda motion: [[1.0], [2.0, 3.0], []], "odd must return an array of shape .*, got .*"),
+    ],
+)
+def test_a_function_that_returns_something_else_is_refused_by_name(form, returns, words):
+    odd = pk.objective(unit="", form=form, name="odd")(returns)
+    with pytest.raises(InvalidInput, match=words) as refused:
+        odd(MOTIONS["backward"])
+    assert str(refused.value).startswith("objective odd ")
+
+
+def test_what_an_objective_raises_is_not_hidden():
+    def broken(motion):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        pk.objective(unit="", form="peak")(broken)(MOTIONS["backward"])
+
+
+@pytest.mark.parametrize("array", ["q", "dq", "ddq", "torque", "tool", "time", "links", "clearance"])
+def test_a_function_that_writes_into_its_input_cannot(array):
+    motion = MOTIONS["backward"]
+    before = getattr(motion, array).copy()
+
+    def vandal(motion):
+        getattr(motion, array)[...] = 0.0
+        return motion.q[..., 0]
+
+    with pytest.raises(ValueError, match="read-only"):
+        pk.objective(unit="", form="peak")(vandal)(motion)
+    np.testing.assert_array_equal(getattr(motion, array), before)
+
+
+def test_an_unknown_form_is_refused_with_the_four(unchecked):
+    with pytest.raises(InvalidInput, match="form must be one of integral, peak, terminal, general, got 'sum'"):
+        pk.objective(unit="", form="sum")
