@@ -52,6 +52,10 @@ class Search:
     generation. ``algorithm`` is any pymoo genetic algorithm with its own sizes and settings; None takes the problem's
     own, or MaxiMinNSGA2. It is copied. ``archive`` holds every good point so far. All chance comes from ``seed``.
 
+    The first ``anchors`` generations look at the first objective alone, as many at each other one, and only then are
+    all searched together, from what was found: the end of a front may lie in a basin that is dominated until somebody
+    gets to its bottom.
+
     Raises
     ------
     InvalidInput
@@ -67,28 +71,33 @@ class Search:
         initial: ArrayLike | None = None,
         algorithm: Any = None,
         offspring: int | None = None,
+        anchors: int = 0,
     ) -> None:
         check_problem(problem)
         check_size("seed", seed, 0)
         check_size("population", population, SMALLEST_POPULATION)
         if offspring is not None:
             check_size("offspring", offspring, 1)
-        if algorithm is None:
-            if hasattr(problem, "algorithm"):
-                algorithm = problem.algorithm(population, offspring=offspring, initial=initial)
-            else:
-                algorithm = MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
-        elif initial is not None or offspring is not None:
-            raise InvalidInput("algorithm: its own sampling and offspring wanted, got initial= or offspring= beside it")
+        check_size("anchors", anchors, 0)
+        if algorithm is not None and (initial is not None or offspring is not None or anchors):
+            raise InvalidInput(
+                "algorithm: its own sampling and offspring wanted, got initial=, offspring= or anchors= beside it"
+            )
         self.problem = problem
+        self._given = algorithm
+        self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
+        self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives to be anchored
+        self._anchors, self._stage = anchors, 0
+        self._found: Genes = np.empty((0, problem.n_var))  # the best of each stage
         self.names, self.units, self.maximised = described_objectives(problem)
-        self._algorithm = copy.deepcopy(algorithm).setup(problem, seed=int(seed), termination=NoTermination())
+        self._algorithm = self._started(initial)
         survival = self._algorithm.survival
         self._tolerance = getattr(survival, "tolerance", TOLERANCE)
         self._equality_tolerance = getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE)
         self.archive = Archive(tolerance=self._archive_tolerance(), names=self.names)
         self._generation = 0
         self._evaluations = 0
+        self._population: Objectives = np.empty((0, problem.n_obj))
         self._suggested: Genes = np.empty((0, problem.n_var))
         self._asked: Asked | None = None
         self._infills: Any = None
@@ -112,7 +121,7 @@ class Search:
     @property
     def population(self) -> Objectives:
         """Minimised objectives (individuals, n_obj) of what evolves; failed rows are inf."""
-        return column(self._algorithm.pop, "F") if self._generation else np.empty((0, self.problem.n_obj))
+        return self._population
 
     @property
     def front(self) -> Front:
@@ -224,14 +233,51 @@ class Search:
         )
         usable = np.where(np.isfinite(answers.F).all(axis=1, keepdims=True), answers.F, np.inf)
         for row, individual in enumerate(self._infills):
-            individual.F, individual.G, individual.H = usable[row], answers.G[row], answers.H[row]
+            individual.data["objectives"] = usable[row]
+            individual.F, individual.G, individual.H = usable[row, self._axes], answers.G[row], answers.H[row]
             individual.CV = violation[row : row + 1]
             individual.evaluated = {"F", "G", "H"}
         self._algorithm.evaluator.n_eval += len(asked.ids)
         self._algorithm.tell(infills=self._infills)
+        self._population = np.array([individual.data["objectives"] for individual in self._algorithm.pop])
         self._generation += 1
         self._evaluations += len(asked.ids)
         self._asked = self._infills = self._answers = None
+        if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
+            self._next_stage()
+
+    @property
+    def _axes(self) -> slice:
+        """The objectives that the present stage looks at: one of them, or all."""
+        return slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
+
+    def _next_stage(self) -> None:
+        """Go on with the next objective from the same start, or with all of them from what each of them found."""
+        best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
+        self._found = np.concatenate((self._found, best))
+        self._stage += 1
+        if self._stage < self._stages:
+            self._algorithm = self._started(self._initial)
+            return
+        members = self.archive.members
+        room = self._size // 2
+        known = self._found[:0]
+        if members is not None and len(members):
+            known = members.X[survivors(members.F, np.zeros(len(members)), min(room, len(members))).index]
+        self._algorithm = self._started(np.unique(np.concatenate((known, self._found)), axis=0))
+
+    def _started(self, initial: ArrayLike | None) -> Any:
+        """Return a new algorithm that is ready to be asked; every stage has chance of its own."""
+        if self._given is not None:
+            algorithm = copy.deepcopy(self._given)
+        elif hasattr(self.problem, "algorithm"):
+            algorithm = self.problem.algorithm(self._size, offspring=self._offspring, initial=initial)
+        else:
+            algorithm = MaxiMinNSGA2(pop_size=self._size, n_offsprings=self._offspring, sampling=initial)
+        seed = (
+            int(np.random.SeedSequence([self._seed, self._stage]).generate_state(1)[0]) if self._stages else self._seed
+        )
+        return algorithm.setup(self.problem, seed=seed, termination=NoTermination())
 
     def _archive_tolerance(self) -> Floats:
         inequalities = column_tolerance("tolerance", self._tolerance, self.problem.n_ieq_constr)

@@ -97,7 +97,7 @@ class BranchwiseMating:
         labels, members = np.unique(species, return_index=True)
         if len(labels) == 1:
             return rivals
-        fair = rng.random(rivals.shape[1]) < FAIR_SHARE
+        fair = np.less(rng.random(rivals.shape[1]), FAIR_SHARE)
         drawn = members[rng.integers(0, len(labels), size=int(fair.sum()))]
         for rival in rivals:
             rival[fair] = _of_same_species(species, drawn, rng)

@@ -71,7 +71,7 @@ class Constraint:
         if self.form == "integral":
             values = motion.integral(values)
         excess = np.maximum(values - self.upper, self.lower - values) / self.scale
-        return np.asarray(excess.max(axis=-1)) if self.form == "peak" else excess
+        return np.asarray(excess.max(axis=-1) if self.form == "peak" else excess)
 
 
 def constraint(

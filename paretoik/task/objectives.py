@@ -93,7 +93,10 @@ def series(what: str, function: Function, motion: Motion, form: Form) -> np.ndar
     values = function(motion)
     if values is None:
         raise InvalidInput(f"{what} must return an array of shape {wanted}, got None (is a return missing?)")
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise InvalidInput(f"{what} must return an array of shape {wanted}, got rows of unequal length") from None
     if array.dtype.kind not in "fiub":
         raise InvalidInput(f"{what} must return real numbers, got {array.dtype}")
     if array.shape != wanted:
@@ -142,7 +145,8 @@ def joint_limit_distance(motion: Motion) -> np.ndarray:
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
         raise InvalidInput("joint_limit_distance wants position limits, but no joint of the arm has any")
-    ratio = (motion.q[..., limited] - ((lower + upper) / 2)[limited]) / (upper - lower)[limited]
+    lower, upper = lower[limited], upper[limited]
+    ratio = (motion.q[..., limited] - (lower + upper) / 2) / (upper - lower)
     return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / _duration(motion)
 
 

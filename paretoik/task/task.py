@@ -31,6 +31,7 @@ from paretoik.robot.pose import quaternion_to_matrix
 from paretoik.task.path import Path
 
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
+DUST = 1e-12  # sines this small have lost their direction
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
 
 
@@ -131,20 +132,34 @@ def _turn(axes: str, rotation: Rows, desired: Rows) -> tuple[Triple, tuple[int, 
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
-        sine = np.sqrt(np.asarray(plus(times(x, x), times(y, y))))
-        factor = _angle_over_sine(sine, np.asarray(z))
-        return (times(-1.0, times(y, factor)), times(x, factor), 0.0), (0, 1)
+        sine, cosine = np.sqrt(np.asarray(plus(times(x, x), times(y, y)))), np.asarray(z)
+        factor, opposite = _angle_over_sine(sine, cosine), _is_half_turn(sine, cosine)
+        return (np.where(opposite, np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0), (0, 1)
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
-    twice = (minus(zy, yz), minus(xz, zx), minus(yx, xy))
-    half_trace = times(0.5, minus(plus(plus(between[0][0], between[1][1]), between[2][2]), 1.0))
-    vector = scale(twice, 0.5)
-    sine = np.sqrt(np.asarray(dot(vector, vector)))
-    turn = scale(vector, _angle_over_sine(sine, np.asarray(half_trace)))
+    vector = scale((minus(zy, yz), minus(xz, zx), minus(yx, xy)), 0.5)
+    trace = plus(plus(between[0][0], between[1][1]), between[2][2])
+    sine, cosine = np.sqrt(np.asarray(dot(vector, vector))), np.asarray(times(0.5, minus(trace, 1.0)))
+    turn = scale(vector, _angle_over_sine(sine, cosine))
+    opposite = _is_half_turn(sine, cosine)
+    if np.any(opposite):
+        x, y, z = (np.where(opposite, half, part) for half, part in zip(_half_turn(between), turn, strict=True))
+        turn = x, y, z
     return turn, ((2,) if axes == "xy+angle" else (0, 1, 2))
 
 
 def _angle_over_sine(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    small = sine < 1e-12
-    return np.where(
-        small, np.where(cosine < 0, np.pi / 1e-12, 1.0), np.arctan2(sine, cosine) / np.where(small, 1, sine)
-    )
+    small = sine < DUST
+    return np.where(small, 1.0, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))
+
+
+def _is_half_turn(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    return (sine < DUST) & (cosine < 0)
+
+
+def _half_turn(between: Rows) -> tuple[np.ndarray, ...]:
+    """Return the rotation vectors of half turns: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
+    entries = np.broadcast_arrays(*(plus(between[i][j], float(i == j)) for i in range(3) for j in range(3)))
+    columns = np.stack(entries).reshape(3, 3, *entries[0].shape).swapaxes(0, 1)
+    longest = np.argmax(np.stack([columns[i, i] for i in range(3)]), axis=0)
+    axis = np.take_along_axis(columns, longest[None, None], axis=0)[0]
+    return tuple(np.pi * axis / np.linalg.norm(axis, axis=0))

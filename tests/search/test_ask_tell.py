@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
 from paretoik.search import MaxiMinNSGA2, Search
@@ -216,3 +217,35 @@ def test_constant_objectives_leave_one_point(n_obj):
 def test_a_negative_seed_is_refused():
     with pytest.raises(InvalidInput, match="seed: an integer of at least 0 wanted, got -1"):
         Search(Parabolas(), seed=-1)
+
+
+def test_anchors_look_at_one_objective_at_a_time_and_then_at_all():
+    search = Search(get_problem("zdt1", n_var=6), population=20, seed=1, anchors=15)
+    told(search, 14)
+    alone, ignored = np.median(search.population, axis=0)
+    told(search, 16)
+    assert alone < 0.05
+    assert np.median(search.population[:, 0]) > 10 * alone  # the second stage has let go of the first objective
+    assert np.median(search.population[:, 1]) < ignored / 2
+    told(search, 20)
+    assert search.population.shape == (20, 2)
+    assert np.ptp(search.population[:, 0]) > 0.5
+    assert search.evaluations == 50 * 20
+    assert search.ask().ids[0] == search.evaluations
+
+
+def test_anchored_searches_repeat_bit_for_bit():
+    first, second = (told(Search(get_problem("zdt1", n_var=6), population=20, seed=1, anchors=5), 20) for _ in range(2))
+    assert np.array_equal(first.archive.F, second.archive.F)
+    assert np.array_equal(first.archive.ids, second.archive.ids)
+
+
+def test_one_objective_needs_no_anchors():
+    problem = get_problem("sphere", n_var=3)
+    plain, anchored = (told(Search(problem, population=8, seed=1, anchors=n), 6) for n in (0, 3))
+    assert np.array_equal(plain.archive.F, anchored.archive.F)
+
+
+def test_anchors_beside_an_algorithm_are_refused():
+    with pytest.raises(InvalidInput, match="algorithm: its own sampling"):
+        Search(get_problem("zdt1"), algorithm=MaxiMinNSGA2(), anchors=3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -76,7 +78,7 @@ def by_hand(name, motion):
         return quadrature(motion, [jerk @ jerk for jerk in motion.jerk])
     least = np.inf
     for nodes in motion.links:
-        for start, end in zip(nodes[:-1], nodes[1:], strict=True):
+        for start, end in pairwise(nodes):
             for share in np.linspace(0, 1, 2001):
                 least = min(least, np.linalg.norm(start + share * (end - start) - BALL.center))
     return least - BALL.radius - motion.link_radius
@@ -200,7 +202,11 @@ def test_whole_numbers_and_truth_values_are_real_numbers():
         ("integral", lambda motion: motion.q[..., 0] * 1j, "odd must return real numbers, got complex128"),
         ("integral", lambda motion: motion.q[..., 0].astype(str), "odd must return real numbers, got <U"),
         ("integral", lambda motion: motion.q[..., 0].astype(object), "odd must return real numbers, got object"),
-        ("terminal", lambda motion: [[1.0], [2.0, 3.0], []], "odd must return an array of shape .*, got .*"),
+        (
+            "terminal",
+            lambda motion: [[1.0], [2.0, 3.0], []],
+            "odd must return an array of shape .*, got rows of unequal length",
+        ),
     ],
 )
 def test_a_function_that_returns_something_else_is_refused_by_name(form, returns, words):

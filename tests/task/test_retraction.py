@@ -1,0 +1,218 @@
+"""Retraction: Newton's way back to the path, sample by sample, and where it must say that it did not arrive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from paretoik import Arm, Pose, Task, line, marcos_nr, tringali_3r
+from paretoik.robot.kinematics import tool_pose
+from paretoik.task.motion import steepest
+from paretoik.task.retraction import ACCEPTED, eliminate, retract, sum_of, task_errors
+from tests.formulations.problems import panda, random_arm
+from tests.task.test_task import FLAT_POSES, KINDS, POINTS_2D, POSES, SPATIAL, targets_at, through
+
+every_kind = pytest.mark.parametrize(("arm", "axes", "path"), KINDS, ids=[f"{a.name}-{x}-{p}" for a, x, p in KINDS])
+
+
+def disturbed(arm, axes, path, size, count=300, seed=0):
+    """Return task, postures a little off the path, targets, and the steepest directions at the postures."""
+    rng = np.random.default_rng(seed)
+    there = rng.uniform(-1, 1, (count, arm.dof))
+    task = Task(path, axes=axes).settled(arm)
+    targets = targets_at(task, through(arm, there, path))
+    start = there + rng.uniform(-size, size, there.shape)
+    return task, start, targets, steepest(task_errors(arm, [task], start, targets)[1])
+
+
+@every_kind
+def test_postures_near_the_path_are_led_onto_it(arm, axes, path):
+    task, start, targets, directions = disturbed(arm, axes, path, 0.02)
+    found = retract(arm, [task], start, targets, directions)
+    assert found.on_path.mean() > 0.97  # the others stand next to a singularity
+    error = np.abs(task_errors(arm, [task], found.q, targets)[0]).max(axis=0)
+    assert (error[found.on_path] <= ACCEPTED).all()
+    np.testing.assert_allclose(found.error[found.on_path], error[found.on_path], atol=ACCEPTED)
+
+
+@every_kind
+def test_the_way_taken_lies_in_the_given_directions(arm, axes, path):
+    task, start, targets, directions = disturbed(arm, axes, path, 0.05)
+    found = retract(arm, [task], start, targets, directions)
+    way = found.q - start
+    along = np.einsum("ndr,nr->nd", directions, np.einsum("ndr,nd->nr", directions, way))
+    np.testing.assert_allclose(way, along, atol=1e-11)
+
+
+@every_kind
+def test_a_sample_does_not_depend_on_its_batch(arm, axes, path):
+    task, start, targets, directions = disturbed(arm, axes, path, 0.6, count=200)
+    together = retract(arm, [task], start, targets, directions)
+    assert together.on_path.mean() > 0.3
+    for part in (slice(0, 1), slice(7, 8), slice(5, 50), slice(199, 200), slice(None, None, 3)):
+        alone = retract(arm, [task], start[part], targets[part], directions[part])
+        np.testing.assert_array_equal(alone.q, together.q[part])
+        np.testing.assert_array_equal(alone.error, together.error[part])
+        np.testing.assert_array_equal(alone.on_path, together.on_path[part])
+
+
+def test_a_sample_does_not_depend_on_the_block_it_falls_in():
+    task, start, targets, directions = disturbed(marcos_nr(4), "xy", POINTS_2D, 0.8, count=7000)
+    together = retract(marcos_nr(4), [task], start, targets, directions)
+    for i in (0, 6143, 6144, 6999):
+        part = slice(i, i + 1)
+        alone = retract(marcos_nr(4), [task], start[part], targets[part], directions[part])
+        np.testing.assert_array_equal(alone.q, together.q[part])
+        np.testing.assert_array_equal(alone.on_path, together.on_path[part])
+
+
+def test_a_posture_on_the_path_is_left_where_it_is():
+    arm = panda()
+    q = np.random.default_rng(1).uniform(-1, 1, (50, 7))
+    task = Task(POSES).settled(arm)
+    targets = targets_at(task, through(arm, q, POSES))
+    found = retract(arm, [task], q, targets, steepest(task_errors(arm, [task], q, targets)[1]))
+    np.testing.assert_array_equal(found.q, q)
+    assert found.on_path.all()
+
+
+def test_what_is_given_is_not_written_into():
+    task, start, targets, directions = disturbed(marcos_nr(4), "xy", POINTS_2D, 0.1)
+    copies = [array.copy() for array in (start, targets, directions)]
+    for array in (start, targets, directions):
+        array.setflags(write=False)
+    retract(marcos_nr(4), [task], start, targets, directions)
+    for array, copy in zip((start, targets, directions), copies, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_newtons_method_squares_the_error():
+    arm = random_arm(4, 7)
+    sizes = np.array([1e-2, 1e-3])
+    left = []
+    for size in sizes:
+        task, start, targets, directions = disturbed(arm, "pose", POSES, size)
+        error, slopes = task_errors(arm, [task], start, targets)
+        matrix = np.einsum("rdn,ndk->nrk", slopes, directions)
+        step = np.einsum("ndr,nr->nd", directions, np.linalg.solve(matrix, error.T[..., None])[..., 0])
+        left.append(np.median(np.abs(task_errors(arm, [task], start + step, targets)[0]).max(axis=0)))
+    assert np.log10(left[0] / left[1]) == pytest.approx(2, abs=0.3)
+
+
+def test_a_target_out_of_reach_is_not_arrived_at():
+    arm = tringali_3r()
+    task = Task(line([0.3, 0.0], [0.4, 0.0], duration=1.0, samples=5)).settled(arm)
+    start = np.random.default_rng(2).uniform(-2, 2, (200, 3))
+    for beyond in (1e-9, 1e-3, 1.0):
+        targets = np.tile([0.4895 + beyond, 0.0], (200, 1))
+        found = retract(arm, [task], start, targets, steepest(task_errors(arm, [task], start, targets)[1]))
+        assert not found.on_path.any()
+        assert np.isfinite(found.q).all()
+        assert (found.error > ACCEPTED).all()
+
+
+def test_a_fold_of_the_manifold_is_not_crossed():
+    arm = marcos_nr(3)
+    task = Task(line([2.0, 0.0], [2.5, 0.0], duration=1.0, samples=5)).settled(arm)
+    bend = 0.6
+    q = np.array([[0.0, bend, bend]])
+    place = tool_pose(arm, q)[1][:, :2]
+    directions = steepest(task_errors(arm, [task], q, place)[1])
+    found = retract(arm, [task], q * [[1, -1, -1]], place, directions)
+    mirrored = np.linalg.det(task_errors(arm, [task], found.q, place)[1][:, :, 0] @ directions[0]) < 0
+    assert found.error[0] > ACCEPTED or mirrored
+    assert not found.on_path[0]
+
+
+def test_a_singular_start_is_told_not_raised():
+    arm = marcos_nr(4)
+    task = Task(FLAT_POSES).settled(arm)
+    q = np.zeros((3, 4))
+    targets = targets_at(task, through(arm, np.full((3, 4), 0.1), FLAT_POSES))
+    found = retract(arm, [task], q, targets, steepest(task_errors(arm, [task], q, targets)[1]))
+    assert np.isfinite(found.q).all()
+    arrived = task_errors(arm, [task], found.q, targets)[0][:, found.on_path]
+    assert np.abs(arrived).max(initial=0.0) <= ACCEPTED
+
+
+def test_several_tasks_are_met_at_once():
+    arm = Arm.planar(lengths=[0.5] * 6)
+    rng = np.random.default_rng(3)
+    there = rng.uniform(-1, 1, (200, 6))
+    tasks = [Task(POINTS_2D, frame="joint4").settled(arm), Task(POINTS_2D).settled(arm)]
+    targets = np.concatenate([tool_pose(arm, there, frame)[1][:, :2] for frame in ("joint4", "tool")], axis=1)
+    start = there + rng.uniform(-0.05, 0.05, there.shape)
+    found = retract(arm, tasks, start, targets, steepest(task_errors(arm, tasks, start, targets)[1]))
+    assert found.on_path.mean() > 0.95
+    for frame, columns in (("joint4", slice(0, 2)), ("tool", slice(2, 4))):
+        off = tool_pose(arm, found.q[found.on_path], frame)[1][:, :2] - targets[found.on_path, columns]
+        assert np.abs(off).max() < 1e-9
+
+
+def test_no_samples_are_no_trouble():
+    task = Task(POINTS_2D).settled(marcos_nr(4))
+    found = retract(marcos_nr(4), [task], np.zeros((0, 4)), np.zeros((0, 2)), np.zeros((0, 4, 2)))
+    assert found.q.shape == (0, 4)
+    assert found.on_path.shape == (0,)
+
+
+@every_kind
+def test_steepest_directions_are_an_orthonormal_basis_of_the_rows(arm, axes, path):
+    q = np.random.default_rng(4).uniform(-1, 1, (30, arm.dof))
+    task = Task(path, axes=axes).settled(arm)
+    _, slopes = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
+    basis = steepest(slopes)
+    np.testing.assert_allclose(np.swapaxes(basis, -1, -2) @ basis - np.eye(task.rows), 0, atol=1e-12)
+    jacobian = np.moveaxis(slopes, -1, 0)
+    np.testing.assert_allclose(jacobian @ basis @ np.swapaxes(basis, -1, -2), jacobian, atol=1e-12)
+    triangle = jacobian @ basis
+    np.testing.assert_allclose(np.triu(triangle, 1), 0, atol=1e-12)
+    assert (np.diagonal(triangle, axis1=1, axis2=2) > 0).all()
+
+
+@given(st.integers(1, 6), st.integers(0, 10_000))
+def test_elimination_solves_what_linear_algebra_solves(size, seed):
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(5, size, size)) + 4 * np.eye(size)
+    right = rng.normal(size=(5, size))
+    columns = [[matrix[:, i, j] for j in range(size)] for i in range(size)]
+    found, determinant = eliminate(columns, list(right.T))
+    wanted = np.linalg.solve(matrix, right[..., None])[..., 0]
+    np.testing.assert_allclose(np.stack(found, axis=-1), wanted, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(determinant, np.linalg.det(matrix), rtol=1e-9)
+
+
+def test_elimination_of_a_singular_system_is_silent_and_says_so():
+    zero, one = np.zeros(2), np.ones(2)
+    found, determinant = eliminate([[zero, one], [one, zero]], [one, one])
+    assert not (determinant > 0).any()
+    assert not np.isnan(np.stack(found)).any()
+
+
+def test_elimination_takes_plain_numbers_among_arrays():
+    x = np.array([1.0, 2.0])
+    found, determinant = eliminate([[2.0, 0.0], [x, 1.0]], [x, 3.0])
+    np.testing.assert_allclose(found, [x / 2, 3 - x**2 / 2])
+    np.testing.assert_allclose(determinant, 2.0)
+
+
+def test_sums_of_products_leave_their_terms_alone():
+    x, y = np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    np.testing.assert_array_equal(sum_of([1.0, 0.0, x, 2.0], [x, y, y, x]), x + x * y + 2 * x)
+    np.testing.assert_array_equal(x, [1.0, 2.0])
+    assert sum_of([2.0, 0.0, 3.0], [4.0, 1.0, 5.0]) == 23.0
+    assert sum_of([0.0], [x]) == 0.0
+
+
+def test_a_retraction_is_the_same_with_the_base_elsewhere():
+    arm = SPATIAL
+    task, start, targets, _ = disturbed(arm, "xyz", line([0, 0, 0], [1, 0, 0], duration=1.0, samples=5), 0.05)
+    turn = Pose.from_rpy((0.3, -0.2, 0.5), (0.4, 0.5, -0.6))
+    moved = arm.mounted(base=turn)
+    shifted = targets @ turn.rotation.T + turn.position
+    results = []
+    for a, wanted in ((arm, targets), (moved, shifted)):
+        results.append(retract(a, [task], start, wanted, steepest(task_errors(a, [task], start, wanted)[1])))
+    np.testing.assert_allclose(results[0].q, results[1].q, atol=1e-8)

@@ -1,0 +1,256 @@
+"""Tasks: which axes a path asks for, errors and their Jacobian on planar and spatial arms, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik import Arm, Path, Pose, Task, line, marcos_nr
+from paretoik.errors import InvalidInput
+from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
+from paretoik.task.retraction import task_errors
+from tests.formulations.problems import panda, random_arm
+
+SLIDING = Arm.from_dh(
+    a=[0.1, 0.2, 0.3, 0.2, 0.1, 0.1, 0.05],
+    alpha=[0.3, -1.2, 0.7, 1.5, -0.4, 1.0, 0.2],
+    d=[0.3, 0.0, 0.1, 0.2, 0.1, 0.0, 0.1],
+    theta=[0.0] * 7,
+    types=["revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute"],
+    convention="modified",
+    name="arm with slides",
+)
+PLANAR, SPATIAL = marcos_nr(4), random_arm(4, 7)
+POINTS_2D = line([0.3, 0.2], [0.1, 0.4], duration=1.0, samples=5)
+POINTS_3D = line([0.3, 0.2, 0.4], [0.1, 0.4, 0.2], duration=1.0, samples=5)
+ENDS = Pose.from_rpy((0.3, 0.2, 0.4), (0.1, 0.2, 0.3)), Pose.from_rpy((0.1, 0.4, 0.2), (1, -1, 2))
+POSES = line(*ENDS, duration=1.0, samples=5)
+FLAT_POSES = line(Pose.planar(0.3, 0.2, 0.1), Pose.planar(0.1, 0.4, 2.0), duration=1.0, samples=5)
+KINDS = [
+    (PLANAR, "xy", POINTS_2D),
+    (PLANAR, "xy", FLAT_POSES),
+    (PLANAR, "xy+angle", FLAT_POSES),
+    (SPATIAL, "xy", POINTS_2D),
+    (SPATIAL, "xy", POINTS_3D),
+    (SPATIAL, "xyz", POINTS_3D),
+    (SPATIAL, "xyz", POSES),
+    (SPATIAL, "xyz+z-axis", POSES),
+    (SPATIAL, "pose", POSES),
+    (SLIDING, "xyz+z-axis", POSES),
+    (SLIDING, "pose", POSES),
+    (panda(), "xyz", POINTS_3D),
+    (panda(), "pose", POSES),
+]
+every_kind = pytest.mark.parametrize(("arm", "axes", "path"), KINDS, ids=[f"{a.name}-{x}-{p}" for a, x, p in KINDS])
+
+
+def through(arm, q, path, frame="tool", axes="pose"):
+    """Return a path of the given kind whose samples are where the frame is at postures q."""
+    rotations, places = tool_pose(arm, q, frame)
+    poses = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
+    quaternions = np.stack([pose.quaternion for pose in poses])
+    points = places[:, : path.positions.shape[1]]
+    return Path(np.arange(float(len(q))), points, None if path.quaternions is None else quaternions, path.curve)
+
+
+def targets_at(task, path):
+    """Return targets of the samples of a path whose curve means nothing."""
+    size = 2 if task.axes in ("xy", "xy+angle") else 3
+    wanted = [path.positions[:, :size]]
+    if task.axes in ("xy+angle", "xyz+z-axis", "pose"):
+        wanted.append(quaternion_to_matrix(path.quaternions).reshape(-1, 9))
+    return np.concatenate(wanted, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("arm", "path", "axes"),
+    [
+        (PLANAR, POINTS_2D, "xy"),
+        (PLANAR, FLAT_POSES, "xy+angle"),
+        (SPATIAL, POINTS_2D, "xy"),
+        (SPATIAL, POINTS_3D, "xyz"),
+        (SPATIAL, POSES, "pose"),
+    ],
+)
+def test_a_task_without_axes_takes_what_the_path_gives(arm, path, axes):
+    settled = Task(path).settled(arm)
+    assert settled.axes == axes
+    assert settled.rows == {"xy": 2, "xy+angle": 3, "xyz": 3, "pose": 6}[axes]
+    assert settled.targets(path.times).shape == (5, settled.numbers)
+
+
+@every_kind
+def test_targets_are_the_path_with_its_rotations_by_rows(arm, axes, path):
+    task = Task(path, axes=axes).settled(arm)
+    t = np.array([0.1, 0.5, 0.77])
+    targets = task.targets(t)
+    positions, quaternions = path.at(t)
+    size = 2 if axes.startswith("xy") and not axes.startswith("xyz") else 3
+    np.testing.assert_array_equal(targets[:, :size], positions[:, :size])
+    if targets.shape[1] > size:
+        for row, quaternion in zip(targets[:, size:], quaternions, strict=True):
+            np.testing.assert_allclose(row.reshape(3, 3), Pose(np.zeros(3), quaternion).rotation, atol=1e-15)
+
+
+@every_kind
+def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
+    q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
+    task = Task(path, axes=axes).settled(arm)
+    error, _ = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
+    assert error.shape == (task.rows, 6)
+    assert np.abs(error).max() < 1e-14
+
+
+@every_kind
+def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
+    q = np.random.default_rng(1).uniform(-1, 1, (40, arm.dof))
+    elsewhere = np.random.default_rng(2).uniform(-1, 1, (40, arm.dof))
+    task = Task(path, axes=axes).settled(arm)
+    targets = targets_at(task, through(arm, elsewhere, path))
+    error, _ = task_errors(arm, [task], q, targets)
+    rotation, place = tool_pose(arm, q)
+    size = min(task.rows, 2 if axes in ("xy", "xy+angle") else 3)
+    np.testing.assert_allclose(error[:size].T, targets[:, :size] - place[:, :size], atol=1e-14)
+    if task.rows > size:
+        between = np.swapaxes(rotation, -1, -2) @ targets[:, size:].reshape(-1, 3, 3)
+        if axes == "xyz+z-axis":
+            axis = between[:, :, 2]
+            turn = np.cross([0.0, 0.0, 1.0], axis)
+            turn *= (np.arctan2(np.linalg.norm(turn, axis=1), axis[:, 2]) / np.linalg.norm(turn, axis=1))[:, None]
+            wanted = turn[:, :2]
+        else:
+            wanted = rotation_vector(between)[:, [2] if axes == "xy+angle" else [0, 1, 2]]
+        np.testing.assert_allclose(error[size:].T, wanted, atol=1e-9)
+
+
+@every_kind
+@pytest.mark.parametrize("frame", ["tool", "joint3"])
+def test_the_jacobian_is_the_slope_of_the_error(arm, axes, path, frame):
+    frame = frame if frame in ("tool", *arm.joint_names) else arm.joint_names[2]
+    q = np.random.default_rng(3).uniform(-1, 1, (8, arm.dof))
+    task = Task(path, frame=frame, axes=axes).settled(arm)
+    targets = targets_at(task, through(arm, q, path, frame))
+    _, slopes = task_errors(arm, [task], q, targets)
+    assert slopes.shape == (task.rows, arm.dof, 8)
+    h = 1e-6
+    for joint in range(arm.dof):
+        step = np.zeros(arm.dof)
+        step[joint] = h
+        forth, _ = task_errors(arm, [task], q + step, targets)
+        back, _ = task_errors(arm, [task], q - step, targets)
+        np.testing.assert_allclose(slopes[:, joint], (back - forth) / (2 * h), atol=1e-8)
+    if frame != "tool":
+        assert (slopes[:, 3:] == 0).all()
+
+
+@settings(max_examples=60)
+@given(angle=st.floats(-3.1, 3.1), seed=st.integers(0, 100))
+def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
+    rng = np.random.default_rng(seed)
+    arm = SPATIAL
+    q = rng.uniform(-1, 1, (1, arm.dof))
+    rotation, place = tool_pose(arm, q)
+    task = Task(POSES, axes="pose").settled(arm)
+    for axis in range(3):
+        turn = Pose.from_rpy((0, 0, 0), tuple(angle * np.eye(3)[axis])).rotation
+        targets = np.concatenate([place[0], (rotation[0] @ turn).ravel()])[None]
+        error, _ = task_errors(arm, [task], q, targets)
+        np.testing.assert_allclose(error[:, 0], np.r_[0, 0, 0, angle * np.eye(3)[axis]], atol=1e-9)
+
+
+def test_a_turn_about_its_own_axis_is_nothing_to_a_task_of_position_and_axis():
+    arm, q = SPATIAL, np.random.default_rng(5).uniform(-1, 1, (1, 7))
+    rotation, place = tool_pose(arm, q)
+    task = Task(POSES, axes="xyz+z-axis").settled(arm)
+    for angle in np.linspace(-np.pi, np.pi, 9):
+        turned = rotation[0] @ Pose.from_rpy((0, 0, 0), (0, 0, angle)).rotation
+        error, _ = task_errors(arm, [task], q, np.concatenate([place[0], turned.ravel()])[None])
+        np.testing.assert_allclose(error, 0, atol=1e-14)
+
+
+@pytest.mark.parametrize("axes", ["xy+angle", "xyz+z-axis", "pose"])
+def test_half_a_turn_is_as_far_as_it_gets_and_never_taken_for_none(axes):
+    arm = PLANAR if axes == "xy+angle" else SPATIAL
+    path = FLAT_POSES if axes == "xy+angle" else POSES
+    q = np.random.default_rng(6).uniform(-1, 1, (1, arm.dof))
+    rotation, place = tool_pose(arm, q)
+    task = Task(path, axes=axes).settled(arm)
+    about = (0, 0, np.pi) if axes == "xy+angle" else (np.pi, 0, 0)
+    size = 2 if axes == "xy+angle" else 3
+    for off in (0.0, 1e-13, -1e-13, 1e-9, 1e-6):
+        turned = rotation[0] @ Pose.from_rpy((0, 0, 0), tuple(np.array(about) * (1 - off))).rotation
+        error, _ = task_errors(arm, [task], q, np.concatenate([place[0, :size], turned.ravel()])[None])
+        assert np.linalg.norm(error[size:]) == pytest.approx(np.pi, abs=1e-5)
+
+
+def test_errors_of_several_tasks_stand_one_below_the_other():
+    arm, q = random_arm(4, 7), np.random.default_rng(7).uniform(-1, 1, (5, 7))
+    first = Task(POINTS_3D).settled(arm)
+    second = Task(POSES, frame="joint5", axes="xyz+z-axis").settled(arm)
+    targets = [task.targets(np.linspace(0, 1, 5)) for task in (first, second)]
+    error, slopes = task_errors(arm, [first, second], q, np.concatenate(targets, axis=1))
+    for task, wanted, rows in ((first, targets[0], slice(0, 3)), (second, targets[1], slice(3, 8))):
+        alone, slope = task_errors(arm, [task], q, wanted)
+        np.testing.assert_array_equal(error[rows], alone)
+        np.testing.assert_array_equal(slopes[rows], slope)
+
+
+def test_a_batch_of_many_blocks_gives_what_its_postures_give():
+    arm, task = panda(), Task(POSES).settled(panda())
+    q = np.random.default_rng(8).uniform(-1, 1, (13_000, 7))
+    targets = np.tile(task.targets(np.array([0.4])), (13_000, 1))
+    error, slopes = task_errors(arm, [task], q, targets)
+    for i in (0, 6143, 6144, 12_999):
+        alone, slope = task_errors(arm, [task], q[i : i + 1], targets[i : i + 1])
+        np.testing.assert_array_equal(error[:, i], alone[:, 0])
+        np.testing.assert_array_equal(slopes[..., i], slope[..., 0])
+
+
+@pytest.mark.parametrize(
+    ("path", "axes", "words"),
+    [
+        (POSES, "xz", r"axes must be one of xy, xy\+angle, xyz, xyz\+z-axis, pose, got 'xz'"),
+        (POINTS_3D, "pose", "axes 'pose' wants a path of poses, got a path of points"),
+        (POINTS_2D, "xy+angle", r"axes 'xy\+angle' wants a path of poses"),
+        (POINTS_3D, "xyz+z-axis", r"axes 'xyz\+z-axis' wants a path of poses"),
+        (POINTS_2D, "xyz", "axes 'xyz' wants a path of 3-D points, got a path of 2-D points"),
+    ],
+)
+def test_axes_that_the_path_says_nothing_about_are_refused(path, axes, words, unchecked):
+    with pytest.raises(InvalidInput, match=words):
+        Task(path, axes=axes)
+
+
+@pytest.mark.parametrize("axes", ["xyz", "xyz+z-axis", "pose"])
+def test_a_planar_arm_is_not_asked_to_leave_its_plane(axes):
+    with pytest.raises(InvalidInput, match=r"Marcos 4R moves in a plane: axes must be 'xy' or 'xy\+angle', got"):
+        Task(POSES, axes=axes).settled(PLANAR)
+
+
+def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
+    with pytest.raises(InvalidInput, match="frame 'elbow' is not on Marcos 4R; its frames: tool, base, joint1"):
+        Task(POINTS_2D, frame="elbow").settled(PLANAR)
+
+
+def test_the_frame_of_one_arm_is_not_taken_for_that_of_another():
+    near, far = marcos_nr(4), marcos_nr(4).with_tool(Pose(np.array([1.0, 0, 0])))
+    q, task = np.zeros((1, 4)), Task(POINTS_2D).settled(near)
+    targets = task.targets(np.array([0.0]))
+    apart = task_errors(near, [task], q, targets)[0] - task_errors(far, [task], q, targets)[0]
+    np.testing.assert_allclose(apart[:, 0], [1.0, 0.0], atol=1e-15)
+
+
+def test_half_a_turn_of_exact_right_angles_about_any_axis_is_seen_as_half_a_turn():
+    arm = Arm.from_dh(a=[0.0] * 7, alpha=[0.0] * 7, d=[0.1] * 7, theta=[0.0] * 7, convention="standard")
+    task, place = Task(POSES, axes="pose").settled(arm), np.array([0.0, 0.0, 0.7])
+    rng = np.random.default_rng(9)
+    axes = [*np.eye(3), np.array([1.0, 1.0, 0.0]) / np.sqrt(2), *rng.normal(size=(5, 3))]
+    for axis in axes:
+        unit = axis / np.linalg.norm(axis)
+        targets = np.concatenate([place, (2 * np.outer(unit, unit) - np.eye(3)).ravel()])[None]
+        error, _ = task_errors(arm, [task], np.zeros((1, 7)), targets)
+        turn = error[3:, 0]
+        np.testing.assert_allclose(turn * np.sign(turn @ unit), np.pi * unit, atol=1e-9)
