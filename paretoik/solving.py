@@ -47,6 +47,7 @@ def solve(
     evaluations: int | None = None,
     target: Sequence[float] | None = None,
     stagnation: bool = True,
+    anchors: int | None = None,
     algorithm: Any = None,
     points: int | None = 200,
     overwrite: bool = False,
@@ -69,6 +70,9 @@ def solve(
     time_limit, evaluations, target, stagnation
         Further endings: seconds; a number of evaluations; values to be reached by one point (one an objective, in its
         own sign); whether to stop when the front has stood still for 20 generations.
+    anchors
+        Generations spent on each objective alone before all are searched together; None takes a quarter of all, shared
+        by the objectives, on problems with branches, where the ends of a front can lie in basins of their own.
     algorithm
         Any pymoo genetic algorithm in place of ``MaxiMinNSGA2``, with its own sizes.
     points
@@ -92,10 +96,24 @@ def solve(
     """
     if points is not None:
         check_size("points", points, 1)
+    if anchors is None:
+        branches = algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")
+        anchors = generations // (4 * problem.n_obj) if branches else 0
     search = Search(
-        problem, population=population, seed=seed, algorithm=algorithm, initial=_initial_genes(problem, initial)
+        problem,
+        population=population,
+        seed=seed,
+        algorithm=algorithm,
+        initial=_initial_genes(problem, initial),
+        anchors=anchors,
     )
-    settings = {"population": population, "generations": generations, "seed": seed, "time_limit": time_limit}
+    settings = {
+        "population": population,
+        "generations": generations,
+        "seed": seed,
+        "anchors": anchors,
+        "time_limit": time_limit,
+    }
     provenance = {
         "problem": reference,
         "fingerprint": fingerprint(problem),
@@ -106,7 +124,7 @@ def solve(
     endings += [TimeLimit(time_limit)] if time_limit is not None else []
     endings += [Evaluations(evaluations)] if evaluations is not None else []
     endings += [Target(_signed_target(search, target))] if target is not None else []
-    endings += [Stagnation()] if stagnation else []
+    endings += [Stagnation(since=anchors * problem.n_obj)] if stagnation else []
     with ExitStack() as stack:
         folder = None if out is None else stack.enter_context(claimed(out, overwrite=overwrite))
         interruption = stack.enter_context(interruptible())

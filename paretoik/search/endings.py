@@ -84,11 +84,12 @@ class Stagnation:
     """Ends when over the last ``over`` generations the front hardly changed.
 
     That is: the archive's relative gain in hypervolume is below ``gain``, and neither ideal nor nadir moved by more
-    than that share of the range; both fronts are measured over today's ranges.
+    than that share of the range; both fronts are measured over today's ranges. It looks back at most to ``since``.
     """
 
     gain: float = 1e-4
     over: int = 20
+    since: int = 0
 
     def __post_init__(self) -> None:
         check_size("stagnation over", self.over, 1)
@@ -102,7 +103,11 @@ class Stagnation:
 
     def reached(self, progress: Progress) -> str | None:
         """Return "stagnation" once nothing moves."""
-        if len(progress.past) < self.over or not len(progress.past[-self.over]):
+        if (
+            progress.generation < self.since + self.over
+            or len(progress.past) < self.over
+            or not len(progress.past[-self.over])
+        ):
             return None
         then = progress.past[-self.over]
         ideal, width = spans(progress.front)

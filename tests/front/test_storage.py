@@ -5,7 +5,10 @@ import io
 import json
 import os
 import pickle
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -16,6 +19,16 @@ from paretoik.front.front import Front
 from paretoik.front.storage import MOTIONS, RUN, TABLE
 
 FILES = (RUN, TABLE, MOTIONS)
+THREADS = """
+import sys
+from pathlib import Path
+import pyarrow.parquet
+from paretoik.front.front import Front
+
+before = len(list(Path("/proc/self/task").iterdir()))
+Front.load(sys.argv[1])
+print(len(list(Path("/proc/self/task").iterdir())) - before)
+"""
 
 
 def same(a: Front, b: Front) -> bool:
@@ -299,3 +312,10 @@ def test_a_folder_that_is_a_file_is_refused(front, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InvalidInput, match="wanted to write it"):
         front.save(tmp_path / "file")
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="counts threads as Linux shows them")
+def test_reading_a_front_leaves_no_thread_that_could_abort_the_interpreter_as_it_ends(front, tmp_path):
+    front.save(tmp_path)
+    ended = subprocess.run([sys.executable, "-c", THREADS, tmp_path], capture_output=True, text=True, check=True)
+    assert ended.stdout == "0\n"
