@@ -169,7 +169,7 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
     import pyarrow.parquet as pq
 
     try:
-        # Without a thread: read_table's outlive it and now and then abort the interpreter as it ends (apache/arrow#34314).
+        # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
         table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
         columns = {"id": table.column("id").cast(pa.int64()).to_numpy()}
         columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in names}
