@@ -52,7 +52,9 @@ def claimed(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
     with lock:
         _hold(lock, place)
         if (place / RUN).exists() and not overwrite:
-            raise InvalidInput(f"{place}: wanted a new folder or permission to overwrite, got one that holds a run")
+            raise InvalidInput(
+                f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
+            )
         _remove_run(place)
         yield place
 
