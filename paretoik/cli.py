@@ -51,12 +51,13 @@ def main() -> None:
             sys.exit(error.exit_code)
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         from paretoik import __version__
 
         print(f"paretoik {__version__}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()
@@ -290,7 +291,7 @@ def _print_choice(front: Front, choice: Choice) -> None:
 
 
 def _entries(front: Front) -> list[dict[str, Any]]:
-    return [_entry(front, number, values) for number, values in zip(front.ids, front.objectives, strict=True)]
+    return [_entry(front, int(number), values) for number, values in zip(front.ids, front.objectives, strict=True)]
 
 
 def _entry(front: Front, number: int, values: Values) -> dict[str, Any]:

@@ -275,8 +275,7 @@ def _initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Gene
     if not hasattr(problem, "encode"):
         raise InvalidInput("initial: wants genes, as this problem cannot encode motions")
     genes, missed = problem.encode(initial)
-    inside = np.clip(genes, problem.xl, problem.xu)
-    inexact = (missed > EXACT) | (np.abs(genes - inside).max(axis=1) > 0)
+    inexact = missed > EXACT
     if inexact.any():
         warnings.warn(
             f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "
@@ -284,8 +283,8 @@ def _initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Gene
             RuntimeWarning,
             stacklevel=3,
         )
-    clipped: Genes = inside
-    return clipped
+    said: Genes = genes
+    return said
 
 
 def _signed_target(search: Search, target: Sequence[float]) -> tuple[float, ...]:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
 
 import paretoik
+from paretoik import errors
 
 ROOT = Path(__file__).parents[1]
 
@@ -37,6 +41,55 @@ def test_the_public_names_are_those_of_the_snapshot():
 def test_each_public_name_loads_and_says_what_it_is(name):
     found = getattr(paretoik, name)
     assert (found.__doc__ or getattr(found, "function", found).__doc__ or "").strip()
+
+
+def raised(function: ast.FunctionDef) -> set[str]:
+    """Return the names of our own errors that a function raises with its own hands."""
+    thrown = [node.exc for node in ast.walk(function) if isinstance(node, ast.Raise)]
+    called = {node.func.id for node in thrown if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    return {name for name in called if inspect.isclass(getattr(errors, name, None))}
+
+
+@pytest.mark.parametrize("name", sorted(paretoik.__all__))
+def test_what_a_public_name_raises_stands_in_its_documentation(name):
+    found = getattr(paretoik, name)
+    found = getattr(found, "function", found)
+    if not (inspect.isclass(found) or inspect.isfunction(found)):
+        pytest.skip("neither a class nor a function")
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(found)))).body
+    whole = ast.get_docstring(tree) or ""
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)] if inspect.isclass(found) else [tree]
+    public = [node for node in functions if not node.name.startswith("_") or node.name in ("__init__", "__post_init__")]
+    unsaid = {
+        node.name: missing
+        for node in public
+        if (missing := {error for error in raised(node) if error not in whole + (ast.get_docstring(node) or "")})
+    }
+    assert unsaid == {}
+
+
+def test_no_room_reaches_through_the_face():
+    """The public names are for users; inside, a room is imported by its own name, or the contracts would not see it."""
+    reached = [
+        f"{file.relative_to(ROOT)} imports {alias.name}"
+        for file in sorted((ROOT / "paretoik").rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module == "paretoik"
+        for alias in node.names
+        if alias.name in paretoik.__all__
+    ]
+    assert reached == []
+
+
+def test_the_modules_doctests_are_run():
+    collected = subprocess.run(
+        [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", "paretoik/robot"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "paretoik/robot/library.py::paretoik.robot.library.tringali_3r" in collected.stdout
 
 
 def test_no_file_names_a_machine_or_a_registry():

@@ -114,6 +114,9 @@ def _reach(task: MotionTask, around: Charts) -> np.ndarray:
     """Return how far each chart reaches: the largest radius that stays on the path all round, smoothed in time."""
     bases, times, _, redundancy = around.normal.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
+    if redundancy > 1:  # the corners of the box of genes lie farther out than its axes
+        corners = np.random.default_rng(0).choice([-1.0, 1.0], size=(2 * redundancy, redundancy))
+        rays = np.concatenate([rays, corners])
     fine = np.ones((bases, times), dtype=bool)
     reach = np.full((bases, times), RADII[0])
     which = np.repeat(np.arange(bases), len(rays))

@@ -101,6 +101,11 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             cyclic=cyclic,
             differences=differences,
         )
+        if coefficients > len(self.task.times) - 2:
+            raise InvalidInput(
+                f"coefficients: at most {len(self.task.times) - 2} wanted on a path of {len(self.task.times)} samples, "
+                f"got {coefficients}"
+            )
         self._seeds = candidates(self.task, ROLL_OUTS, np.random.default_rng(seed))
         self._ranked = self._by_merit(self._seeds)
         chosen = self._chosen(self._seeds[self._ranked], bases)
@@ -153,22 +158,20 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
 
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
-        """Return genes of motions on the path, and the largest coordinate [rad, m] that the spline misses.
+        """Return genes within bounds of motions on the path, and by how much [rad, m] they miss each.
 
-        Each motion is written around the base that leaves least unsaid; where the genes leave their bounds, or the
-        residual is not small, the genes do not stand for the motion: keep the motion itself.
+        Each motion is written around the base whose decoded genes come nearest to it in every joint at every sample;
+        where what they miss is not small, the genes do not stand for the motion: keep the motion itself.
         """
-        best: tuple[np.ndarray, np.ndarray] | None = None
+        genes, missed = np.zeros((len(motions), self.n_var)), np.full(len(motions), np.inf)
         for base in range(self.encoding.bases):
-            genes, missed = self.encoding.encode(np.full(len(motions), base), motions.q)
-            missed = missed + np.maximum(np.abs(genes[:, 1:]).max(axis=1) - 1, 0)
-            if best is None:
-                best = genes, missed
-            else:
-                better = missed < best[1]
-                best = np.where(better[:, None], genes, best[0]), np.where(better, missed, best[1])
-        assert best is not None
-        return best
+            said, _ = self.encoding.encode(np.full(len(motions), base), motions.q)
+            said = np.clip(said, self.xl, self.xu)
+            q, _ = self.encoding.decode(self.task, said)
+            apart = np.abs(q - motions.q).max(axis=(1, 2))
+            better = apart < missed
+            genes[better], missed[better] = said[better], apart[better]
+        return genes, missed
 
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
         """Return the same motions as far as they can be said around other bases; what leaves the bounds is clipped."""
@@ -189,9 +192,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def candidates(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""
-        genes, _ = self.encode(self.task.motion(self._seeds[self._ranked[:count]]))
-        genes[:, 1:] = np.clip(genes[:, 1:], -1, 1)
-        return genes
+        return self.encode(self.task.motion(self._seeds[self._ranked[:count]]))[0]
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""

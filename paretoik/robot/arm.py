@@ -34,7 +34,8 @@ class Arm:
 
     Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the one before
     (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where there is
-    none. ``notices`` say what a file had that the arm has not, such as frozen joints.
+    none. ``notices`` say what a file had that the arm has not, such as frozen joints. Every way to make or change
+    an arm raises InvalidInput for what no arm can be.
     """
 
     name: str

@@ -17,7 +17,7 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
 
     With the masses as printed the kinematics of both papers reproduce, but energies come out 27 % low. ``"fitted"``
     masses are an inference, not in the papers: they reproduce eleven published energies within 0.85 %. No limits:
-    those of 2020, Table 2, differ from simulation to simulation.
+    those of 2020, Table 2, differ from simulation to simulation. Raises InvalidInput for other words.
 
     >>> tringali_3r("fitted").bodies[2].mass
     0.503
@@ -36,7 +36,8 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
 def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
     """Return the planar arm with 3 or 4 unit links of Marcos et al. 2012, section 5.1; kinematics only, no limits.
 
-    The paper asks for identical links; their length of 1 m is a reading that its figures agree with.
+    The paper asks for identical links; their length of 1 m is a reading that its figures agree with. Raises
+    InvalidInput for another number of links.
 
     >>> marcos_nr(4).dof
     4

@@ -139,7 +139,8 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     then does not drag it away. ``infeasible_share`` of the survivors may be infeasible ones near the boundary.
     ``tolerance`` and ``equality_tolerance`` say what still counts as feasible, one number or one a constraint. A
     problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (the insertion
-    distance) and CV, which is inf where an objective is not finite or a constraint is NaN.
+    distance) and CV, which is inf where an objective is not finite or a constraint is NaN. Raises InvalidInput for a
+    setting that makes no sense.
     """
 
     def __init__(

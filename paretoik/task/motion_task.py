@@ -148,6 +148,8 @@ def motion_task(
         raise InvalidInput("cyclic=True wants a closed path, but the path does not end where it starts")
     if end_velocity is not None and (end_velocity != 0 or cyclic):
         raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {end_velocity!r}")
+    if end_velocity is not None:
+        _check_rest(settled)
     bounds = (limits or Limits()).settled(arm, path.samples)
     allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
     widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
@@ -198,6 +200,16 @@ def _check_decorated(kind: str, given: Sequence[Objective] | Sequence[Constraint
     names = [member.name for member in given]
     if len(set(names)) != len(names):
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
+
+
+def _check_rest(tasks: tuple[Task, ...]) -> None:
+    for task in tasks:
+        path = task.path
+        instants = np.array([0.9999, 1.0]) * path.duration
+        last = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
+        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
+        if last > 0.01 * mean:
+            raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, but it ends at {last:.3g} m/s")
 
 
 def _given_start(arm: Arm, start: object) -> np.ndarray:

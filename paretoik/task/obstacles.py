@@ -61,7 +61,7 @@ class Box:
     """A box about ``center``, a point or, if it is turned, a pose; ``half_sizes`` [m] along its own axes.
 
     Three half sizes make a box in space. Two make a rectangle in its own xy-plane, in space an endless beam along its
-    own z; its center is then a 2-D point or a pose (``Pose.planar``).
+    own z; its center is then a 2-D point or a pose (``Pose.planar``). Raises InvalidInput for other sizes and centers.
     """
 
     pose: Pose

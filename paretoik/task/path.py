@@ -98,7 +98,10 @@ class Path:
         return _sampled(self.curve, _even_times(self.duration, samples))
 
     def subsampled(self, samples: int) -> Path:
-        """Return the same path with so many of its samples: both ends, and others spread as evenly as they allow."""
+        """Return the same path with so many of its samples: both ends, and others spread as evenly as they allow.
+
+        Raises InvalidInput for more samples than the path has, or fewer than three.
+        """
         if _count(samples) > self.samples:
             raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
         kept = np.rint(np.linspace(0, self.samples - 1, samples)).astype(int)

@@ -10,6 +10,7 @@ from paretoik import Tracking, circle, line, tringali_3r
 from tests.formulations.problems import PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)
+some_problems = pytest.mark.parametrize("name", ["planar 4R", "Panda, position", "Panda, pose"])
 
 
 def genes_of(problem, count, seed=0):
@@ -30,16 +31,16 @@ def along_a_line(samples=41, **settings):
 @every_problem
 def test_encoding_a_decoded_motion_gives_its_genes_back(name):
     problem = built(name)
-    genes = genes_of(problem, 60)
+    genes = genes_of(problem, 30)
     on_path = problem.encoding.decode(problem.task, genes)[1].all(axis=1)
     found, residual = problem.encode(problem.decode(genes[on_path]))
-    assert on_path.sum() > 30
+    assert on_path.sum() > 15
     np.testing.assert_allclose(found[:, 1:], genes[on_path, 1:], atol=1e-9)
     np.testing.assert_array_equal(problem.species(found), problem.species(genes[on_path]))
     assert residual.max() < 1e-9
 
 
-@every_problem
+@some_problems
 def test_decoding_an_encoded_motion_gives_the_motion_back(name):
     problem = built(name)
     genes = genes_of(problem, 30, seed=1)
@@ -51,7 +52,7 @@ def test_decoding_an_encoded_motion_gives_the_motion_back(name):
 @every_problem
 def test_a_batch_is_decoded_as_its_members_are_bit_for_bit(name):
     problem = built(name)
-    genes = genes_of(problem, 24, seed=2)
+    genes = genes_of(problem, 12, seed=2)
     together, on_path = problem.encoding.decode(problem.task, genes)
     for i in range(len(genes)):
         alone, arrived = problem.encoding.decode(problem.task, genes[i : i + 1])

@@ -51,6 +51,9 @@ TASKS = {
     "3R": paper,
     "3R around a circle": round_trip,
     "4R": lambda: task_of(marcos_nr(4), line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=21)),
+    "4R around a circle": lambda: task_of(
+        marcos_nr(4), circle([2.0, 1.0], 0.4, duration=1.0, samples=31, timing="uniform"), cyclic=True
+    ),
     "4R with its angle": lambda: task_of(
         marcos_nr(4), line(Pose.planar(2.0, 1.0, 0.5), Pose.planar(1.0, 2.0, 1.5), duration=1.0, samples=21)
     ),
@@ -257,6 +260,12 @@ def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
     q = candidates(task, 60, chance())
     assert task.motion(q).tracking_error.max() < 1e-9
     assert np.abs(np.diff(q, axis=1)).max() <= JUMP
+
+
+def test_a_cycle_that_only_closes_after_a_whole_turn_is_refused():
+    path = circle([0.0, 0.0], 0.3, duration=1.0, samples=61, timing="uniform")
+    with pytest.raises(Infeasible, match="no cyclic motion was found"):
+        candidates(task_of(tringali_3r(), path, cyclic=True), 60, chance())
 
 
 def test_samples_too_far_apart_are_refused_as_such():

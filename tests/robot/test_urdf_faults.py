@@ -68,6 +68,7 @@ UNREADABLE = {
 }
 
 
+@pytest.mark.usefixtures("unchecked")  # which cost time and memory of their own
 @pytest.mark.parametrize("name", UNREADABLE)
 def test_a_file_that_is_no_robots_xml_is_one_error_with_its_line(tmp_path, name):
     content, words = UNREADABLE[name]
@@ -84,6 +85,7 @@ def test_a_file_that_is_no_robots_xml_is_one_error_with_its_line(tmp_path, name)
     assert check_robot(file).faults == caught.value.faults
 
 
+@pytest.mark.usefixtures("unchecked")  # which cost time and memory of their own
 @pytest.mark.parametrize("name", ["deep", "many elements", "huge"])
 def test_a_hostile_file_costs_bounded_memory(tmp_path, name):
     file = tmp_path / "robot.urdf"

@@ -48,11 +48,14 @@ def quadrature(motion, values):
     return total
 
 
+LOADS = ("torque_norm", "mechanical_energy", "peak_torque")
+
+
 def by_hand(name, motion):
     """Return an objective of a single motion, computed from q, q̇ and q̈ sample by sample."""
     arm, q, v, a = motion.arm, motion.q, motion.dq, motion.ddq
     samples = range(len(q))
-    torques = [inverse_dynamics(arm, q[i], v[i], a[i]) for i in samples]
+    torques = [inverse_dynamics(arm, q[i], v[i], a[i]) for i in samples] if name in LOADS else []
     duration = motion.time[-1] - motion.time[0]
     if name == "kinetic_energy":
         return quadrature(motion, [0.5 * v[i] @ inertia_matrix(arm, q[i]) @ v[i] for i in samples])
@@ -79,8 +82,8 @@ def by_hand(name, motion):
     least = np.inf
     for nodes in motion.links:
         for start, end in pairwise(nodes):
-            for share in np.linspace(0, 1, 2001):
-                least = min(least, np.linalg.norm(start + share * (end - start) - BALL.center))
+            points = start + np.linspace(0, 1, 2001)[:, None] * (end - start)
+            least = min(least, np.linalg.norm(points - BALL.center, axis=1).min())
     return least - BALL.radius - motion.link_radius
 
 

@@ -1,0 +1,94 @@
+"""Objectives and constraints that fail: alone, by name, and without taking anything else along."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik import kinetic_energy
+from paretoik.errors import InvalidInput
+from tests.formulations.problems import paper_3r
+from tests.formulations.test_tracking import evaluate, genes_of
+
+
+def test_an_objective_that_raises_for_some_fails_those_alone_and_is_named():
+    @pk.objective(unit="rad", form="terminal")
+    def picky(motion):
+        if np.any(motion.q[..., -1, 0] > 0.3):
+            raise ZeroDivisionError("over 0.3")
+        return motion.q[..., -1, 0]
+
+    problem = paper_3r(objectives=[kinetic_energy, picky])
+    genes = genes_of(problem, 60)
+    out = evaluate(problem, genes)
+    failing = problem.decode(genes).q[:, -1, 0] > 0.3
+    assert 3 < failing.sum() < 57
+    np.testing.assert_array_equal(out["G"][:, 1], failing)
+    assert np.isinf(out["F"][failing, 1]).all()
+    np.testing.assert_array_equal(out["F"][~failing, 1], problem.decode(genes).q[~failing, -1, 0])
+    named = ["picky" in cause and "ZeroDivisionError: over 0.3" in cause for cause in out["cause"]]
+    assert named == failing.tolist()
+    assert not any(cause for cause, bad in zip(out["cause"], failing, strict=True) if not bad)
+    assert not np.isnan(out["F"]).any()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_an_objective_without_a_finite_value_fails_the_point_and_is_named(bad):
+    @pk.objective(unit="", form="general")
+    def sometimes(motion):
+        return np.where(motion.q[..., -1, 0] > 0.3, bad, 1.0)
+
+    problem = paper_3r(objectives=[kinetic_energy, sometimes])
+    genes = genes_of(problem, 60)
+    out = evaluate(problem, genes)
+    failing = problem.decode(genes).q[:, -1, 0] > 0.3
+    assert 3 < failing.sum() < 57
+    np.testing.assert_array_equal(out["G"][:, 1] > 0, failing)
+    assert (out["F"][failing, 1] == np.inf).all()
+    assert [cause for cause in out["cause"] if cause] == [f"objective sometimes is {bad}"] * failing.sum()
+
+
+def test_a_constraint_that_is_nan_makes_the_point_infeasible_and_nothing_else():
+    @pk.constraint(unit="rad", form="terminal", upper=10.0)
+    def sometimes(motion):
+        return np.where(motion.q[..., -1, 0] > 0.3, np.nan, 1.0)
+
+    problem = paper_3r(constraints=[sometimes])
+    genes = genes_of(problem, 60)
+    out = evaluate(problem, genes)
+    failing = problem.decode(genes).q[:, -1, 0] > 0.3
+    np.testing.assert_array_equal((out["G"] > 0).any(axis=1), failing)
+    assert np.isfinite(out["G"]).all()
+    assert all(bool(cause) == bad for cause, bad in zip(out["cause"], failing, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("returns", "words"),
+    [
+        (lambda motion: None, r"objective odd must return an array of shape \(.*, 21\), got None"),
+        (lambda motion: motion.q, r"objective odd \(integral\) must return shape \(.*, 21\), got \(.*, 21, 3\)"),
+        (lambda motion: motion.dq[..., 0] * 1j, "objective odd must return real numbers, got complex128"),
+        (lambda motion: 3.0, r"objective odd \(integral\) must return shape"),
+    ],
+    ids=["None", "shape", "complex", "scalar"],
+)
+def test_an_objective_that_returns_something_else_is_refused_by_name(returns, words):
+    odd = pk.objective(unit="", form="integral", name="odd")(returns)
+    with pytest.raises(InvalidInput, match=words):
+        paper_3r(objectives=[odd])
+
+
+def test_an_objective_that_writes_into_its_input_cannot():
+    @pk.objective(unit="rad", form="terminal")
+    def vandal(motion):
+        if len(motion.q) == 13:
+            motion.q[...] = 0.0
+        return motion.q[..., -1, 0]
+
+    problem = paper_3r(objectives=[kinetic_energy, vandal])
+    genes = genes_of(problem, 13)
+    motions = problem.decode(genes)
+    found = evaluate(problem, genes)["F"]
+    np.testing.assert_allclose(found[:, 0], kinetic_energy(motions), rtol=1e-12)
+    np.testing.assert_array_equal(found[:, 1], motions.q[:, -1, 0])

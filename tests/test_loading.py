@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.loading import load_problem, problems_in
+
+ROOT = Path(__file__).parents[1]
+SIMPLE = '''
+from pymoo.problems.multi.zdt import ZDT1
+
+def small() -> ZDT1:
+    """Three genes.
+
+    More than one line.
+    """
+    return ZDT1(n_var=3)
+
+def sized(genes: int = 4) -> ZDT1:
+    return ZDT1(n_var=genes)
+
+def needy(genes: int) -> ZDT1:
+    return ZDT1(n_var=genes)
+
+def unsaid():
+    return ZDT1(n_var=5)
+
+def text() -> str:
+    return "no problem"
+
+def broken() -> ZDT1:
+    return 1 / 0
+
+ready = ZDT1(n_var=6)
+_hidden = ZDT1(n_var=7)
+'''
+
+
+@pytest.fixture(autouse=True)
+def as_before(monkeypatch):
+    """Forget what a test puts on sys.path and into sys.modules."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    known = set(sys.modules)
+    yield
+    for name in set(sys.modules) - known:
+        if not name.startswith(("pymoo", "paretoik", "problems", "scipy", "numpy")):
+            del sys.modules[name]
+
+
+@pytest.fixture
+def file(tmp_path):
+    def make(name: str, content: str) -> str:
+        place = tmp_path / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(textwrap.dedent(content))
+        return str(place)
+
+    return make
+
+
+def test_a_file_offers_its_own_problems_with_the_first_line_of_their_documentation(file):
+    found = problems_in(file("simple.py", SIMPLE))
+    assert found.keys() == {"small", "sized", "broken", "ready"}
+    assert found["small"] == "Three genes."
+    assert found["sized"] == ""
+
+
+@pytest.mark.parametrize(("name", "genes"), [("small", 3), ("sized", 4), ("unsaid", 5), ("ready", 6), ("ZDT1", 30)])
+def test_objects_functions_and_classes_without_required_arguments_are_problems(file, name, genes):
+    assert load_problem(f"{file('simple.py', SIMPLE)}:{name}").n_var == genes
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("smal", r"wanted one that .*simple\.py has, small, sized, broken, ready, got 'smal'; did you mean 'small'\?"),
+        ("x", "got 'x'$"),
+        ("needy", "wanted a function without arguments, got one that needs genes"),
+        ("text", "wanted a pymoo problem or a function that returns one, got 'no problem'"),
+        ("broken", r"wanted to build it, got ZeroDivisionError in line 24: division by zero"),
+    ],
+)
+def test_a_name_that_is_no_problem_is_refused_with_the_reason(file, name, words):
+    with pytest.raises(InvalidInput, match=words):
+        load_problem(f"{file('simple.py', SIMPLE)}:{name}")
+
+
+@pytest.mark.parametrize("reference", ["", "mine.py", ":name", "mine.py:", "name"])
+def test_a_reference_without_file_or_name_is_refused(reference):
+    with pytest.raises(InvalidInput, match=r"wanted FILE\.py:NAME or package\.module:NAME, got "):
+        load_problem(reference)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("import nothing_of_the_kind", "got no module 'nothing_of_the_kind' installed"),
+        ("def f(:", r"SyntaxError: invalid syntax \(faulty\.py, line 1\)"),
+        ("\n\nraise KeyError('wrist\\nelbow')", r"KeyError in line 3: 'wrist\\nelbow'"),
+        ("raise SystemExit(0)", "SystemExit in line 1: 0"),
+    ],
+)
+def test_a_file_that_cannot_be_loaded_is_one_line_with_its_place(file, content, words):
+    with pytest.raises(InvalidInput, match=words) as refused:
+        load_problem(f"{file('faulty.py', content)}:problem")
+    assert "\n" not in str(refused.value)
+
+
+def test_what_paretoik_raises_passes_through(file):
+    place = file("hopeless.py", "from paretoik import Infeasible\ndef problem():\n    raise Infeasible('no motion')\n")
+    with pytest.raises(Infeasible, match="no motion"):
+        load_problem(f"{place}:problem")
+
+
+@pytest.mark.parametrize("place", ["missing.py", "missing.folder.module"])
+def test_what_does_not_exist_is_refused_by_name(place):
+    with pytest.raises(InvalidInput, match=r"missing.*got no"):
+        load_problem(f"{place}:problem")
+
+
+def test_a_file_in_a_package_is_that_packages_module_and_its_root_goes_first(file, tmp_path):
+    file("wood/__init__.py", "")
+    file("wood/oak.py", "n_var = 2")
+    place = file(
+        "wood/arms.py", "from wood import oak\nfrom pymoo.problems.multi.zdt import ZDT1\np = ZDT1(oak.n_var)\n"
+    )
+    sys.path.append(str(tmp_path))  # as an editable install may have it, behind others
+    assert load_problem(f"{place}:p").n_var == 2
+    assert sys.path[0] == str(tmp_path)
+    assert sys.path.count(str(tmp_path)) == 1
+    assert sys.modules["wood.arms"].__file__ == place
+
+
+def test_a_dotted_module_is_found_from_the_current_folder(file, tmp_path, monkeypatch):
+    file("stone.py", SIMPLE)
+    monkeypatch.chdir(tmp_path)
+    assert load_problem("stone:small").n_var == 3
+    assert "small" in problems_in("stone")
+
+
+@pytest.mark.parametrize("name", ["problems/__init__.py", "json.py"])
+def test_a_package_of_the_same_name_that_is_loaded_already_is_named(file, name):
+    load_problem(f"{ROOT / 'problems' / 'tringali_2020.py'}:energy_torque")
+    package = name.partition("/")[0].removesuffix(".py")
+    loaded = sys.modules[package].__file__
+    place = file(name, SIMPLE)
+    with pytest.raises(InvalidInput, match=f"package '{package}': .*already imported from {loaded}"):
+        load_problem(f"{place}:small")
