@@ -103,7 +103,7 @@ def solve(
     problem: Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)],
     population: Annotated[int, typer.Option(help="Size of the population.")] = 200,
-    generations: Annotated[int, typer.Option(help="Most generations.")] = 400,
+    generations: Annotated[int, typer.Option(help="Most generations.")] = 500,
     seed: Annotated[int, typer.Option(help="Seed of all chance.")] = 0,
     time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,

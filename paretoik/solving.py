@@ -39,7 +39,7 @@ def solve(
     problem: Any,
     *,
     population: int = 200,
-    generations: int = 400,
+    generations: int = 500,
     seed: int = 0,
     out: str | Path | None = None,
     initial: Genes | Motion | Front | None = None,
@@ -71,7 +71,7 @@ def solve(
         Further endings: seconds; a number of evaluations; values to be reached by one point (one an objective, in its
         own sign); whether to stop when the front has stood still for 20 generations.
     anchors
-        Generations spent on each objective alone before all are searched together; None takes a quarter of all, shared
+        Generations spent on each objective alone before all are searched together; None takes half of all, shared
         by the objectives, on problems with branches, where the ends of a front can lie in basins of their own.
     algorithm
         Any pymoo genetic algorithm in place of ``MaxiMinNSGA2``, with its own sizes.
@@ -98,7 +98,7 @@ def solve(
         check_size("points", points, 1)
     if anchors is None:
         branches = algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")
-        anchors = generations // (4 * problem.n_obj) if branches else 0
+        anchors = generations // (2 * problem.n_obj) if branches else 0
     search = Search(
         problem,
         population=population,
