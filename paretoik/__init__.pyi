@@ -9,6 +9,10 @@ from .formulations.tracking import Tracking as Tracking
 from .front.front import Choice as Choice
 from .front.front import Front as Front
 from .front.preferences import Weights as Weights
+from .planning import epsilon_front as epsilon_front
+from .planning import plan as plan
+from .planning import refine as refine
+from .refinement.multistart import Plan as Plan
 from .robot.arm import Arm as Arm
 from .robot.library import marcos_nr as marcos_nr
 from .robot.library import tringali_3r as tringali_3r

@@ -173,7 +173,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
         motion: Motion = problem.task.motion(q[..., order])
         return motion
 
-    return Front.load(folder, motions=rebuilt)
+    return replace(Front.load(folder, motions=rebuilt), problem=problem)
 
 
 def fingerprint(problem: Any) -> str:
@@ -239,7 +239,11 @@ def _searched(
         "first_cause": search.failed.first_cause,
         "seconds": round(time.monotonic() - started, 3),
     }
-    return replace(search.front_of(points), provenance={**provenance, "status": status, "counts": counts})
+    return replace(
+        search.front_of(points),
+        problem=search.problem,
+        provenance={**provenance, "status": status, "counts": counts},
+    )
 
 
 def _infeasible(search: Search) -> Infeasible:

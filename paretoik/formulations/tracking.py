@@ -21,8 +21,9 @@ from paretoik.redundancy.self_motion import candidates
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
+from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
-from paretoik.task.motion import Differences, Motion
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle

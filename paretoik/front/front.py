@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, Ids, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.front.certificates import Certificates
 from paretoik.front.indicators import non_dominated
 from paretoik.front.joint_motions import JointMotions
 
@@ -50,9 +51,10 @@ class Front:
 
     ``ids`` (points,) are unique and never reused; ``objectives`` (points, n_obj) stand in the user's own sign, with
     ``names``, ``units`` and ``maximised`` one an objective; ``genes`` (points, genes) and ``motions`` (a batch of
-    points) may be missing; ``violation`` (points,) is the largest as a share of its limit's range; ``ranges``
-    (n_obj, 2) are the lower and upper value that preferences measure against, by default those of the front itself;
-    ``provenance`` is what the run says of itself (problem, settings, seed, status), kept in ``run.json``.
+    points) may be missing; ``violation`` (points,) is the largest as a share of its limit's range; ``certificates``
+    say of polished points what is known of them; ``ranges`` (n_obj, 2) are the lower and upper value that preferences
+    measure against, by default those of the front itself; ``provenance`` is what the run says of itself (problem,
+    settings, seed, status), kept in ``run.json``; ``problem`` is the problem itself where it is at hand, not kept.
 
     Raises
     ------
@@ -69,8 +71,10 @@ class Front:
     genes: Genes | None = None
     motions: JointMotions | None = None
     violation: Values | None = None
+    certificates: Certificates | None = None
     ranges: Ranges = field(default_factory=lambda: np.empty((0, 2)))
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    problem: Any = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         objectives = np.asarray(self.objectives, dtype=float)
@@ -86,6 +90,7 @@ class Front:
         settle(self, "genes", _rows_in_order("genes", self.genes, order, dimensions=2))
         settle(self, "violation", _rows_in_order("violation", self.violation, order, dimensions=1))
         settle(self, "motions", _motions_in_order(self.motions, order))
+        settle(self, "certificates", _certificates_in_order(self.certificates, order))
         settle(self, "ranges", _checked_ranges(self.ranges, objectives))
         settle(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_non_dominated(self)
@@ -210,6 +215,14 @@ def _motions_in_order(motions: JointMotions | None, order: np.ndarray) -> Any:
     if np.ndim(motions.q) != 3 or len(motions) != len(order):
         raise InvalidInput(f"front motions: wanted a batch of {len(order)}, got joint positions {np.shape(motions.q)}")
     return motions if (order == np.arange(len(order))).all() else motions[order]
+
+
+def _certificates_in_order(certificates: Certificates | None, order: np.ndarray) -> Certificates | None:
+    if certificates is None:
+        return None
+    if len(certificates) != len(order):
+        raise InvalidInput(f"front certificates: wanted one for each of {len(order)} points, got {len(certificates)}")
+    return certificates[order]
 
 
 def _checked_ranges(given: np.ndarray, objectives: Objectives) -> Ranges:

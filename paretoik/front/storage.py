@@ -3,7 +3,8 @@
 `run.json` is strict JSON: what the run says of itself, the objectives, and the SHA-256 digests of the other files and
 of itself, so that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a
 point: id, one column an objective, violation, violation_between, kkt_residual, status (null where not computed).
-`motions.npz` has id, genes, and joint_names (dof,), time (points, time), q (points, time, dof).
+`motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points
+weights (points, n_obj) and exchange_rates (points, n_obj, n_obj).
 """
 
 from __future__ import annotations
@@ -19,12 +20,15 @@ import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.files import replace_file
+from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front, MotionBuilder
 from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
 
 FORMAT = 1
 RUN, TABLE, MOTIONS = "run.json", "front.parquet", "motions.npz"
 OWN_ENTRIES = ("format", "objectives", "points", "files", "digest")
+CERTIFIED = ("violation_between", "kkt_residual")
+TRADED = ("weights", "exchange_rates")
 
 
 def save(front: Front, folder: Path) -> None:
@@ -39,7 +43,7 @@ def save(front: Front, folder: Path) -> None:
     if taken:
         raise InvalidInput(f"front provenance: wanted none of {', '.join(OWN_ENTRIES)}, got {taken[0]!r}")
     files = {TABLE: _table_bytes(front)}
-    if front.motions is not None or front.genes is not None:
+    if front.motions is not None or front.genes is not None or front.certificates is not None:
         files[MOTIONS] = _motions_bytes(front)
     run: dict[str, Any] = {
         "format": FORMAT,
@@ -92,11 +96,20 @@ def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
             genes=arrays.get("genes"),
             motions=motions,
             violation=table["violation"],
+            certificates=_certificates(table, arrays),
             ranges=np.array([entry["range"] for entry in run["objectives"]], dtype=float),
             provenance={key: value for key, value in run.items() if key not in OWN_ENTRIES},
         )
     except (InvalidInput, TypeError, ValueError) as fault:
         raise InvalidRun(f"{folder}: wanted a front, got one that is none: {fault}") from fault
+
+
+def _certificates(table: dict[str, Any], arrays: dict[str, np.ndarray]) -> Certificates | None:
+    if "kkt_residual" not in table or not all(name in arrays for name in TRADED):
+        return None
+    return Certificates(
+        **{name: table[name] for name in ("violation", *CERTIFIED, "status")}, **{name: arrays[name] for name in TRADED}
+    )
 
 
 def _table_bytes(front: Front) -> bytes:
@@ -107,7 +120,9 @@ def _table_bytes(front: Front) -> bytes:
     columns = {"id": pa.array(front.ids)}
     columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
     columns["violation"] = missing if front.violation is None else pa.array(front.violation)
-    columns |= {"violation_between": missing, "kkt_residual": missing, "status": pa.nulls(len(front), pa.string())}
+    known = front.certificates
+    columns |= {name: missing if known is None else pa.array(getattr(known, name)) for name in CERTIFIED}
+    columns["status"] = pa.nulls(len(front), pa.string()) if known is None else pa.array(known.status.tolist())
     units = dict(zip(front.names, front.units, strict=True))
     schema = pa.schema(
         [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
@@ -125,6 +140,8 @@ def _motions_bytes(front: Front) -> bytes:
         q = np.asarray(front.motions.q, dtype=float)
         time = np.broadcast_to(np.asarray(front.motions.time, dtype=float), q.shape[:-1])
         arrays |= {"joint_names": np.array(front.motions.arm.joint_names, dtype=np.str_), "time": time, "q": q}
+    if front.certificates is not None:
+        arrays |= {name: getattr(front.certificates, name) for name in TRADED}
     sink = io.BytesIO()
     np.savez(sink, allow_pickle=False, **arrays)
     return sink.getvalue()
@@ -175,6 +192,9 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
         columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in names}
         violation = table.column("violation")
         columns["violation"] = None if violation.null_count else violation.cast(pa.float64()).to_numpy()
+        if not any(table.column(name).null_count for name in (*CERTIFIED, "status")):
+            columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in CERTIFIED}
+            columns["status"] = np.array(table.column("status").to_pylist(), dtype=np.str_)
     except Exception as fault:  # whatever the parser trips over is the file's fault
         raise InvalidRun(f"{file}: wanted columns id, {', '.join(names)} and violation, got {_line(fault)}") from fault
     return columns

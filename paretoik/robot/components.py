@@ -1,6 +1,7 @@
 """Vector algebra on components: the form in which the robot kernels compute.
 
-A component is an array over samples, or a plain number where it is the same for all of them. Numbers that are zero or
+A component is an array over samples, a plain number where it is the same for all of them, or an expression where
+derivatives are wanted. Numbers that are zero or
 one cost nothing: products and sums with them are folded away. That is how one set of three-dimensional kernels runs a
 planar arm at planar cost, and a Panda, whose frames are turned by right angles, without multiplying by its zeros.
 Nothing here takes an absolute value, a maximum or a branch on an array, so everything runs on complex input too.
@@ -8,11 +9,16 @@ Nothing here takes an absolute value, a maximum or a branch on an array, so ever
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-Component: TypeAlias = "float | np.ndarray"
+from paretoik.calculus.expressions import Expression
+
+if TYPE_CHECKING:
+    Component: TypeAlias = "float | np.ndarray"  # as far as types go, an expression passes for an array
+else:
+    Component = float | np.ndarray | Expression
 Triple: TypeAlias = tuple[Component, Component, Component]
 Rows: TypeAlias = tuple[Triple, Triple, Triple]
 
@@ -21,9 +27,9 @@ ZERO: Triple = (0.0, 0.0, 0.0)
 
 def times(a: Component, b: Component) -> Component:
     """Return a·b, folded where one of them is the number 0, 1 or −1."""
-    if not isinstance(a, np.ndarray):
+    if isinstance(a, float):
         a, b = b, a
-    if not isinstance(b, np.ndarray):
+    if isinstance(b, float):
         if b == 0.0:
             return 0.0
         if b == 1.0:
@@ -35,18 +41,18 @@ def times(a: Component, b: Component) -> Component:
 
 def plus(a: Component, b: Component) -> Component:
     """Return a + b, folded where one of them is the number 0."""
-    if not isinstance(a, np.ndarray) and a == 0.0:
+    if isinstance(a, float) and a == 0.0:
         return b
-    if not isinstance(b, np.ndarray) and b == 0.0:
+    if isinstance(b, float) and b == 0.0:
         return a
     return a + b
 
 
 def minus(a: Component, b: Component) -> Component:
     """Return a − b, folded where one of them is the number 0."""
-    if not isinstance(b, np.ndarray) and b == 0.0:
+    if isinstance(b, float) and b == 0.0:
         return a
-    if not isinstance(a, np.ndarray) and a == 0.0:
+    if isinstance(a, float) and a == 0.0:
         return -b
     return a - b
 

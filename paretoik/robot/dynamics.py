@@ -7,6 +7,7 @@ chapter 5; Luh, Walker & Paul 1980.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -39,13 +40,16 @@ def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
 
     Raises InvalidInput where the arrays don't fit the arm.
     """
+    return in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
-    def kernel(q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]) -> list[Component]:
-        known = constants(arm)
-        pull = scale(known.gravity, -1.0)
-        return _newton_euler(known, q, _turns(known, q, pull), dq, ddq, pull)
 
-    return in_blocks(kernel, arm, (arm.dof,), q, dq, ddq)
+def torque_components(
+    arm: Arm, q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]
+) -> list[Component]:
+    """Return the joint torques as components."""
+    known = constants(arm)
+    pull = scale(known.gravity, -1.0)
+    return _newton_euler(known, q, _turns(known, q, pull), dq, ddq, pull)
 
 
 def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
@@ -71,24 +75,25 @@ def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
 
     Raises InvalidInput where the arrays don't fit the arm.
     """
+    return in_blocks(partial(energy_components, arm), arm, (1,), q, dq)[..., 0]
 
-    def kernel(q: Sequence[Component], dq: Sequence[Component]) -> list[Component]:
-        known = constants(arm)
-        spin, speed = ZERO, ZERO
-        twice: Component = 0.0
-        for link, x, (cosine, sine), rate in zip(known.links, q, _turns(known, q, ZERO), dq, strict=True):
-            offset = _offset(link, x)
-            speed = turn_back(apply_transposed(link.rotation, add(speed, cross(spin, offset))), cosine, sine)
-            spin = turn_back(apply_transposed(link.rotation, spin), cosine, sine)
-            if link.prismatic:
-                speed = (speed[0], speed[1], plus(speed[2], rate))
-            else:
-                spin = (spin[0], spin[1], plus(spin[2], rate))
-            turning = plus(dot(spin, apply(link.inertia, spin)), times(2.0, dot(speed, cross(spin, link.moment))))
-            twice = plus(twice, plus(times(link.mass, dot(speed, speed)), turning))
-        return [times(0.5, twice)]
 
-    return in_blocks(kernel, arm, (1,), q, dq)[..., 0]
+def energy_components(arm: Arm, q: Sequence[Component], dq: Sequence[Component]) -> list[Component]:
+    """Return the kinetic energy, alone in a list, as a component."""
+    known = constants(arm)
+    spin, speed = ZERO, ZERO
+    twice: Component = 0.0
+    for link, x, (cosine, sine), rate in zip(known.links, q, _turns(known, q, ZERO), dq, strict=True):
+        offset = _offset(link, x)
+        speed = turn_back(apply_transposed(link.rotation, add(speed, cross(spin, offset))), cosine, sine)
+        spin = turn_back(apply_transposed(link.rotation, spin), cosine, sine)
+        if link.prismatic:
+            speed = (speed[0], speed[1], plus(speed[2], rate))
+        else:
+            spin = (spin[0], spin[1], plus(spin[2], rate))
+        turning = plus(dot(spin, apply(link.inertia, spin)), times(2.0, dot(speed, cross(spin, link.moment))))
+        twice = plus(twice, plus(times(link.mass, dot(speed, speed)), turning))
+    return [times(0.5, twice)]
 
 
 def potential_energy(arm: Arm, q: Joints) -> Values:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Inexact
@@ -165,14 +166,14 @@ def jacobian_rate(arm: Arm, q: Joints, dq: Joints, frame: str = "tool") -> Twist
 
 def link_nodes(arm: Arm, q: Joints) -> Inexact[np.ndarray, "*batch nodes 3"]:
     """Return the arm as a polyline (*batch, dof + 2, 3) [m]: base, every joint, tool."""
-    tool = arm.frame("tool")
+    return in_blocks(partial(node_components, arm), arm, (arm.dof + 2, 3), q)
 
-    def kernel(q: Sequence[Component]) -> list[Component]:
-        links = chain(arm, q)
-        nodes = [constants(arm).base_translation, *links.origins, located(arm, links, tool)[1]]
-        return [value for node in nodes for value in node]
 
-    return in_blocks(kernel, arm, (arm.dof + 2, 3), q)
+def node_components(arm: Arm, q: Sequence[Component]) -> list[Component]:
+    """Return the nodes of ``link_nodes`` as components, x, y, z of each in turn."""
+    links = chain(arm, q)
+    nodes = [constants(arm).base_translation, *links.origins, located(arm, links, arm.frame("tool"))[1]]
+    return [value for node in nodes for value in node]
 
 
 def _turned(x: Triple, y: Triple, cosine: Component, sine: Component) -> Triple:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -15,11 +15,11 @@ from paretoik.arrays import JointPaths, Rotations, Series
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+from paretoik.task.differences import Differences, quadrature, rate, second_rate
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.retraction import retract, task_errors
 from paretoik.task.task import Task
 
-Differences = Literal["backward", "central"]
 SAME_POSTURE = 1e-9  # rad or m: the ends of a cycle that are nearer than this are one
 
 
@@ -89,19 +89,17 @@ class Motion:
     @cached_property
     def dq(self) -> JointPaths:
         """Joint velocities (*batch, time, dof) [rad/s, m/s]."""
-        return _frozen(self._rate(self.q))
+        return _frozen(rate(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def ddq(self) -> JointPaths:
         """Joint accelerations (*batch, time, dof) [rad/s², m/s²]."""
-        if self.differences == "backward":
-            return _frozen(self._rate(self.dq))
-        return _frozen(self._central_second())
+        return _frozen(second_rate(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def jerk(self) -> JointPaths:
         """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of the accelerations."""
-        return _frozen(self._rate(self.ddq))
+        return _frozen(rate(self.ddq, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def torque(self) -> JointPaths:
@@ -156,10 +154,7 @@ class Motion:
     @property
     def weights(self) -> Series:
         """Quadrature weights (*batch, time) [s] of integrals over the samples."""
-        step = np.diff(self.time)
-        nothing = np.zeros((*step.shape[:-1], 1))
-        after, before = np.concatenate([nothing, step], axis=-1), np.concatenate([step, nothing], axis=-1)
-        return after if self.differences == "backward" else (after + before) / 2
+        return quadrature(self.time, self.differences)
 
     def integral(self, series: Series) -> np.ndarray:
         """Return the time integral (*batch,) of values at the samples (*batch, time)."""
@@ -221,40 +216,6 @@ class Motion:
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
         rotation, position = kinematics.tool_pose(self.arm, self.q)
         return _frozen(rotation), _frozen(position)
-
-    def _rate(self, values: np.ndarray) -> np.ndarray:
-        if self.differences == "central":
-            return self._central_first(values)
-        rate = np.empty_like(values)
-        rate[..., 1:, :] = np.diff(values, axis=-2) / np.diff(self.time)[..., None]
-        rate[..., 0, :] = rate[..., -1, :] if self.cyclic else 0.0
-        return rate
-
-    def _central_first(self, values: np.ndarray) -> np.ndarray:
-        change, step = self._changes(values)
-        slope = change / step
-        before, after = step[..., :-1, :], step[..., 1:, :]
-        inner = (slope[..., :-1, :] * after + slope[..., 1:, :] * before) / (before + after)
-        if self.cyclic:
-            return inner
-        first = 2 * slope[..., :1, :] - inner[..., :1, :]
-        last = 2 * slope[..., -1:, :] - inner[..., -1:, :]
-        return np.concatenate([first, inner, last], axis=-2)
-
-    def _central_second(self) -> np.ndarray:
-        change, step = self._changes(self.q)
-        inner = 2 * np.diff(change / step, axis=-2) / (step[..., :-1, :] + step[..., 1:, :])
-        if self.cyclic:
-            return inner
-        return np.concatenate([inner[..., :1, :], inner, inner[..., -1:, :]], axis=-2)
-
-    def _changes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return changes from sample to sample and their times, those of a cycle continued round its seam."""
-        change, step = np.diff(values, axis=-2), np.diff(self.time)[..., None]
-        if not self.cyclic:
-            return change, step
-        around = [np.concatenate([part[..., -1:, :], part, part[..., :1, :]], axis=-2) for part in (change, step)]
-        return around[0], around[1]
 
 
 def steepest(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:

@@ -12,8 +12,9 @@ from jaxtyping import Float
 from paretoik.arrays import JointPaths, Times
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
+from paretoik.task.differences import Differences, quadrature
 from paretoik.task.limits import Bounds, Constraint, Limits, excess
-from paretoik.task.motion import Differences, Motion
+from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -50,6 +51,11 @@ class MotionTask:
         return self.tasks[0].path.times
 
     @property
+    def weights(self) -> Times:
+        """Weights (time,) [s] of integrals over the samples."""
+        return quadrature(self.times, self.differences)
+
+    @property
     def rows(self) -> int:
         """Number of task equations a sample."""
         return sum(task.rows for task in self.tasks)
@@ -76,6 +82,24 @@ class MotionTask:
             differences=self.differences,
             cyclic=self.cyclic,
         )
+
+    def subsampled(self, samples: int) -> MotionTask:
+        """Return the same task at so many of its samples, both ends among them; raises InvalidInput for too many."""
+        tasks = tuple(replace(task, path=task.path.subsampled(samples)) for task in self.tasks)
+        kept = np.searchsorted(self.times, tasks[0].path.times)
+        bounds = {kind: limits if len(limits) == 1 else limits[kept] for kind, limits in self.bounds.items()}
+        return replace(self, tasks=tasks, bounds=bounds)
+
+    def resampled(self, samples: int) -> MotionTask:
+        """Return the same task at so many samples, evenly spaced; limits that vary are interpolated linearly."""
+        tasks = tuple(replace(task, path=task.path.resampled(samples)) for task in self.tasks)
+        times = tasks[0].path.times
+        bounds = {}
+        for kind, limits in self.bounds.items():
+            flat = limits.reshape(len(limits), -1)
+            columns = [np.interp(times, self.times, column) for column in flat.T] if len(flat) > 1 else None
+            bounds[kind] = limits if columns is None else np.stack(columns, axis=1).reshape(samples, *limits.shape[1:])
+        return replace(self, tasks=tasks, bounds=bounds)
 
     @cached_property
     def limit_names(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -22,6 +22,11 @@ from paretoik.task.motion import Motion
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
+if TYPE_CHECKING:
+    Moving: TypeAlias = Motion
+    Found: TypeAlias = np.ndarray
+else:
+    Moving = Found = Any  # where derivatives are taken, a motion of expressions comes in, and expressions go out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,37 +110,37 @@ def series(what: str, function: Function, motion: Motion, form: Form) -> np.ndar
 
 
 @objective(unit="J s", form="integral")
-def kinetic_energy(motion: Motion) -> np.ndarray:
+def kinetic_energy(motion: Moving) -> Found:
     """∫ ½ q̇ᵀ M q̇ dt. Source: Tringali & Cocuzza 2020, Eq. 3."""
     return motion.kinetic_energy
 
 
 @objective(unit="N²m²s", form="integral")
-def torque_norm(motion: Motion) -> np.ndarray:
+def torque_norm(motion: Moving) -> Found:
     """∫ τᵀτ dt. Source: Tringali & Cocuzza 2020, Eq. 5."""
     return np.sum(motion.torque**2, axis=-1)
 
 
 @objective(unit="J", form="integral")
-def mechanical_energy(motion: Motion) -> np.ndarray:
+def mechanical_energy(motion: Moving) -> Found:
     """∫ Σ |τᵢ q̇ᵢ| dt: work done and absorbed, nothing recovered."""
     return np.sum(np.abs(motion.power), axis=-1)
 
 
 @objective(unit="rad", form="integral")
-def joint_travel(motion: Motion) -> np.ndarray:
+def joint_travel(motion: Moving) -> Found:
     """∫ Σ |q̇ᵢ| dt: the way that all joints go, there and back (sliding joints in m)."""
     return np.sum(np.abs(motion.dq), axis=-1)
 
 
 @objective(unit="rad", form="terminal")
-def joint_drift(motion: Motion) -> np.ndarray:
+def joint_drift(motion: Moving) -> Found:
     """‖q_N − q₀‖ / dof. Source: Marcos et al. 2012, Eq. 25."""
     return np.asarray(np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof)
 
 
 @objective(unit="", form="integral")
-def joint_limit_distance(motion: Motion) -> np.ndarray:
+def joint_limit_distance(motion: Moving) -> Found:
     """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))².
 
     Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits, or held at one place, don't count.
@@ -151,31 +156,31 @@ def joint_limit_distance(motion: Motion) -> np.ndarray:
 
 
 @objective(unit="", form="integral", maximise=True)
-def manipulability(motion: Motion) -> np.ndarray:
+def manipulability(motion: Moving) -> Found:
     """Mean over time of Yoshikawa's √det(J Jᵀ), J the Jacobian of the tasks; maximised. Source: Yoshikawa 1985."""
     return motion.manipulability / _duration(motion)
 
 
 @objective(unit="rad/s", form="peak")
-def peak_velocity(motion: Motion) -> np.ndarray:
+def peak_velocity(motion: Moving) -> Found:
     """Largest joint speed (sliding joints in m/s)."""
     return np.max(np.abs(motion.dq), axis=-1)
 
 
 @objective(unit="N m", form="peak")
-def peak_torque(motion: Motion) -> np.ndarray:
+def peak_torque(motion: Moving) -> Found:
     """Largest joint torque (sliding joints in N)."""
     return np.max(np.abs(motion.torque), axis=-1)
 
 
 @objective(unit="rad²/s⁵", form="integral")
-def jerk(motion: Motion) -> np.ndarray:
+def jerk(motion: Moving) -> Found:
     """∫ ‖d³q/dt³‖² dt."""
     return np.sum(motion.jerk**2, axis=-1)
 
 
 @objective(unit="m", form="peak", maximise=True)
-def obstacle_clearance(motion: Motion) -> np.ndarray:
+def obstacle_clearance(motion: Moving) -> Found:
     """Least distance between the arm's links and the obstacles of the problem; maximised, negative inside.
 
     Raises InvalidInput where the problem has no obstacles.
@@ -202,5 +207,5 @@ LIBRARY: tuple[Objective, ...] = (
 )
 
 
-def _duration(motion: Motion) -> np.ndarray:
+def _duration(motion: Moving) -> np.ndarray:
     return (motion.time[..., -1] - motion.time[..., 0])[..., None]

@@ -105,17 +105,47 @@ class Task:
         """
         frame = _frame(arm, self.frame)
         rotation, position = located(arm, links, frame)
-        pairs = columns(arm, links, frame, position)
         size = 2 if self.axes in ("xy", "xy+angle") else 3
         error = [minus(wanted[i], position[i]) for i in range(size)]
-        jacobian = [[linear[i] for linear, _ in pairs] for i in range(size)]
-        if self.axes in ("xyz+z-axis", "pose", "xy+angle"):
-            desired = _matrix(wanted[size:])
-            turn, kept = _turn(self.axes, rotation, desired)
+        if self.turns:
+            turn = _turn(self.axes or "", rotation, _matrix(wanted[size:]))
+            error += [turn[i] for i in self._kept]
+        return error, self.slopes(arm, links)
+
+    def slopes(self, arm: Arm, links: Chain) -> list[list[Component]]:
+        """Return the Jacobian rows of ``errors`` as components."""
+        frame = _frame(arm, self.frame)
+        rotation, position = located(arm, links, frame)
+        pairs = columns(arm, links, frame, position)
+        jacobian = [[linear[i] for linear, _ in pairs] for i in range(2 if self.axes in ("xy", "xy+angle") else 3)]
+        if self.turns:
             spins = [apply_transposed(rotation, angular) for _, angular in pairs]
-            error += [turn[i] for i in kept]
-            jacobian += [[spin[i] for spin in spins] for i in kept]
-        return error, jacobian
+            jacobian += [[spin[i] for spin in spins] for i in self._kept]
+        return jacobian
+
+    def equations(self, arm: Arm, links: Chain, wanted: Sequence[Component]) -> list[Component]:
+        """Return smooth functions that vanish where the errors do; there their slopes are the Jacobian.
+
+        Unlike the rotation vector, sines of the turn have derivatives of every order on the path itself, and the same
+        first and second ones there. They vanish at half turns too: for motions that are on the path.
+        """
+        rotation, position = located(arm, links, _frame(arm, self.frame))
+        size = 2 if self.axes in ("xy", "xy+angle") else 3
+        found = [minus(position[i], wanted[i]) for i in range(size)]
+        if self.turns:
+            sines = _sines(self.axes or "", multiply(transpose(_matrix(wanted[size:])), rotation))
+            found += [sines[i] for i in self._kept]
+        return found
+
+    @property
+    def turns(self) -> bool:
+        """Whether the task asks for an orientation."""
+        return self.axes in ("xy+angle", "xyz+z-axis", "pose")
+
+    @property
+    def _kept(self) -> tuple[int, ...]:
+        """Which entries of the rotation vector count."""
+        return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
 @lru_cache(maxsize=64)
@@ -127,16 +157,23 @@ def _matrix(entries: Sequence[Component]) -> Rows:
     return tuple(tuple(entries[3 * i : 3 * i + 3]) for i in range(3))  # type: ignore[return-value]
 
 
-def _turn(axes: str, rotation: Rows, desired: Rows) -> tuple[Triple, tuple[int, ...]]:
-    """Return the rotation vector in the frame's own axes that the task still wants, and which of its entries count."""
+def _sines(axes: str, between: Rows) -> Triple:
+    """Return the axis times the sine of the turn that a rotation makes, or with "xyz+z-axis" its z axis makes."""
+    (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
+    if axes == "xyz+z-axis":
+        return times(-1.0, yz), xz, 0.0
+    return scale((minus(zy, yz), minus(xz, zx), minus(yx, xy)), 0.5)
+
+
+def _turn(axes: str, rotation: Rows, desired: Rows) -> Triple:
+    """Return the rotation vector in the frame's own axes that the task still wants."""
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
         sine, cosine = np.sqrt(np.asarray(plus(times(x, x), times(y, y)))), np.asarray(z)
         factor, opposite = _angle_over_sine(sine, cosine), _is_half_turn(sine, cosine)
-        return (np.where(opposite, np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0), (0, 1)
-    (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
-    vector = scale((minus(zy, yz), minus(xz, zx), minus(yx, xy)), 0.5)
+        return np.where(opposite, np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0
+    vector = _sines(axes, between)
     trace = plus(plus(between[0][0], between[1][1]), between[2][2])
     sine, cosine = np.sqrt(np.asarray(dot(vector, vector))), np.asarray(times(0.5, minus(trace, 1.0)))
     turn = scale(vector, _angle_over_sine(sine, cosine))
@@ -144,7 +181,7 @@ def _turn(axes: str, rotation: Rows, desired: Rows) -> tuple[Triple, tuple[int, 
     if np.any(opposite):
         x, y, z = (np.where(opposite, half, part) for half, part in zip(_half_turn(between), turn, strict=True))
         turn = x, y, z
-    return turn, ((2,) if axes == "xy+angle" else (0, 1, 2))
+    return turn
 
 
 def _angle_over_sine(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:

@@ -1,0 +1,7 @@
+"""How numba compiles: once for every machine it runs on, and without holding up other threads."""
+
+from __future__ import annotations
+
+from numba import njit
+
+compiled = njit(cache=True, nogil=True, error_model="numpy")  # as NumPy, division by 0 gives inf or nan

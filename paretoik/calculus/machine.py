@@ -1,0 +1,87 @@
+"""A compiled evaluator: programs of expressions, run for many lanes (samples, motions) at once.
+
+A program is data: operations on registers, allotted so that a register is reused when its value is no longer wanted.
+One compiled function runs every program; nothing has to be compiled for a new arm or a new objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.calculus.differentiation import used
+from paretoik.calculus.expressions import NOTHING, Op, Tape
+
+LANES = 64  # that many at once: the registers of a long program stay in the cache
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Operations (op, target, operands) on registers: first the ``inputs`` that are used, then the constants."""
+
+    code: Int[np.ndarray, "operations 5"]
+    constants: Float[np.ndarray, " constants"]
+    inputs: Int[np.ndarray, " inputs"]
+    outputs: Int[np.ndarray, " outputs"]
+    registers: int
+
+    def __call__(self, inputs: Float[np.ndarray, "inputs lanes"]) -> Float[np.ndarray, "outputs lanes"]:
+        """Return the outputs (outputs, lanes) at all inputs (inputs, lanes) of the tape."""
+        given = np.ascontiguousarray(inputs, dtype=float)
+        found = np.empty((len(self.outputs), given.shape[1]))
+        runner()(self.parts, given, found)
+        return found
+
+    @property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """Code, constants, inputs, outputs and room for the registers, as compiled code takes them."""
+        return self.code, self.constants, self.inputs, self.outputs, np.empty((self.registers, LANES))
+
+
+def program(tape: Tape, outputs: Sequence[int]) -> Program:
+    """Return the program that computes entries of a tape from all its inputs."""
+    order = used(tape, outputs)
+    last = dict.fromkeys(outputs, len(tape.entries))
+    for i in order:
+        if tape.entries[i][0] not in (Op.CONSTANT, Op.INPUT):
+            for operand in tape.entries[i][1:]:
+                if operand != NOTHING:
+                    last[operand] = max(last.get(operand, -1), i)
+    constants = [i for i in order if i in tape.values]
+    inputs = [i for i in order if tape.entries[i][0] is Op.INPUT]
+    place = {entry: number for number, entry in enumerate((*inputs, *constants))}
+    count = len(place)
+    free: list[int] = []
+    code: list[tuple[int, ...]] = []
+    for i in order:
+        op, *operands = tape.entries[i]
+        if op in (Op.CONSTANT, Op.INPUT):
+            continue
+        operands = [k for k in operands if k != NOTHING]
+        if free:
+            place[i] = free.pop()
+        else:
+            place[i], count = count, count + 1
+        code.append((int(op), place[i], *(place[k] for k in operands), *[0] * (3 - len(operands))))
+        # Given back only now: what is read and what is written must not overlap.
+        free += [place[k] for k in dict.fromkeys(operands) if last[k] == i and tape.entries[k][0] > Op.INPUT]
+    return Program(
+        code=np.array(code, dtype=np.int32).reshape(-1, 5),
+        constants=np.array([tape.values[i] for i in constants]),
+        inputs=np.array([tape.entries[i][1] for i in inputs], dtype=np.int32),
+        outputs=np.array([place[i] for i in outputs], dtype=np.int32),
+        registers=max(count, 1),
+    )
+
+
+@cache
+def runner() -> Any:
+    """Return the compiled function run(parts, given, found); compiled once, then cached."""
+    from paretoik.calculus.running import run  # here: numba takes its time
+
+    return run

@@ -1,0 +1,1 @@
+"""WHAT IS CONVEX: the only home of cvxpy and Clarabel."""

@@ -1,0 +1,51 @@
+"""What is known of every point of a front: that it keeps its limits, is critical, and how its objectives trade."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Values
+from paretoik.errors import InvalidInput
+
+STATUSES = ("minimum", "saddle", "undetermined")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Certificates:
+    """Certificates of points, each an array with a row a point; "optimal" is meant locally.
+
+    ``violation`` is the worst of all limits at the samples, ``violation_between`` on a grid four times finer, as shares
+    of a limit's range; ``kkt_residual`` is the criticality χ, what all objectives could still gain at once, as shares
+    of their ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over their ranges, their sum
+    1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others held, in natural units, NaN where f_j does not count;
+    ``status`` is "minimum", "saddle" or "undetermined".
+    """
+
+    violation: Values
+    violation_between: Values
+    kkt_residual: Values
+    weights: Float[np.ndarray, "points n_obj"]
+    exchange_rates: Float[np.ndarray, "points n_obj n_obj"]
+    status: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check that all have as many rows."""
+        points = len(self.violation)
+        for part in fields(self):
+            if len(getattr(self, part.name)) != points:
+                raise InvalidInput(
+                    f"certificates: {points} rows wanted, got {len(getattr(self, part.name))} {part.name}"
+                )
+        unknown = set(self.status.tolist()) - set(STATUSES)
+        if unknown:
+            raise InvalidInput(f"certificates: a status among {', '.join(STATUSES)} wanted, got {sorted(unknown)[0]!r}")
+
+    def __len__(self) -> int:
+        return len(self.violation)
+
+    def __getitem__(self, rows: Any) -> Certificates:
+        return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})

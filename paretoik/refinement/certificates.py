@@ -1,0 +1,111 @@
+"""What is known of a motion on a front: that it keeps its limits, that it is critical, how objectives trade there.
+
+Everything follows from the motion alone, never from what a solver says of itself. Objectives are divided by ``ranges``,
+the nadir less the ideal of the run; directions are measured as RMS over time. See ``criticality``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import null_space
+
+from paretoik.convex.criticality import Criticality, criticality
+from paretoik.front.certificates import Certificates
+from paretoik.refinement.linearised import Linearised, linearised
+from paretoik.refinement.program import MotionProgram, motion_program
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+
+BETWEEN = 4  # times finer than the samples
+COUNTS = 1e-6  # share of all objectives' weight from which on one counts
+ACTIVE = 1e-7  # of a limit's range: nearer than that it is reached
+CURVED = 1e-7  # second derivative along a direction of length one, in ranges, below which it is taken for none
+CRITICAL = 1e-6  # χ up to which a point counts as critical, so that its curvature says something
+STEPS = (1e-2, 1e-3, 1e-4)  # rad (RMS) along a direction of descent
+
+
+def certify(
+    task: MotionTask, q: Float[np.ndarray, "points time dof"], ranges: Float[np.ndarray, " n_obj"]
+) -> Certificates:
+    """Return the certificates of motions on the path.
+
+    Raises InvalidInput, naming it, where an objective or a limit has no derivative.
+    """
+    program, motions = motion_program(task), task.motion(q)
+    every = [_certified(program, motion, ranges) for motion in q]
+    signs = np.array([o.sign for o in task.objectives])
+    weights = np.array([found.weights for found, _ in every]).reshape(len(q), len(ranges))
+    return Certificates(
+        violation=np.maximum(task.violations(motions).max(axis=1, initial=0.0), 0.0),
+        violation_between=violation_between(task, motions),
+        kkt_residual=np.array([found.value for found, _ in every]),
+        weights=weights,
+        exchange_rates=exchange_rates(weights, ranges, signs),
+        status=np.array([status for _, status in every], dtype=np.str_),
+    )
+
+
+def exchange_rates(
+    weights: Float[np.ndarray, "points n_obj"], ranges: Float[np.ndarray, " n_obj"], signs: Float[np.ndarray, " n_obj"]
+) -> Float[np.ndarray, "points n_obj n_obj"]:
+    """Return ∂f_j/∂f_i = −λ_i/λ_j, the others held, in natural units and the objectives' own signs; diagonal 1."""
+    counts = np.where(weights >= COUNTS, weights, np.nan)
+    natural = ranges * signs
+    rates = -weights[:, :, None] / counts[:, None, :] * natural[None, None, :] / natural[None, :, None]
+    i = np.arange(len(ranges))
+    rates[:, i, i] = 1.0
+    return rates
+
+
+def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " points"]:
+    """Return the worst violation of the interpolated and projected motions on a grid four times finer."""
+    fine = task.resampled(BETWEEN * (len(task.times) - 1) + 1)
+    between = fine.motion(motions.at(fine.times))
+    return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)
+
+
+def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str]:
+    at, count = linearised(program, q), len(ranges)
+    radius = np.sqrt(at.unknowns / at.normal.shape[2])
+    found = criticality(at.gradients[:count] / ranges[:, None], at.gaps, -at.slopes, radius)
+    critical = found.value <= CRITICAL
+    return found, _status(at, found, ranges, radius) if critical else "undetermined"
+
+
+def _status(at: Linearised, found: Criticality, ranges: np.ndarray, radius: float) -> str:
+    """Return whether the curvature on the critical cone says minimum or saddle."""
+    counts = found.weights >= COUNTS
+    strong = found.limits > COUNTS
+    weak = ~strong & (at.gaps <= ACTIVE)
+    factors = np.zeros(len(at.sums))
+    factors[: len(ranges)] = found.weights / ranges
+    table = at.curvature(factors, found.limits)
+    held = np.concatenate([at.gradients[: len(ranges)][counts] / ranges[counts, None], at.slopes[strong].toarray()])
+    free = null_space(held / np.maximum(np.linalg.norm(held, axis=1, keepdims=True), 1e-300), rcond=1e-9)
+    if free.shape[1] == 0:
+        return "minimum"
+    values, vectors = np.linalg.eigh(free.T @ table @ free)
+    if values[0] * radius**2 >= -CURVED:
+        return "minimum"
+    direction = free @ vectors[:, 0]
+    for sign in (1.0, -1.0):
+        fits = np.all(at.slopes[weak] @ (sign * direction) >= -1e-9)
+        falls = np.all(at.gradients[: len(ranges)][~counts] @ (sign * direction) <= 1e-9)
+        if fits and falls and _dominated(at, sign * direction * radius, len(ranges)):
+            return "saddle"
+    return "undetermined"
+
+
+def _dominated(at: Linearised, direction: np.ndarray, count: int) -> bool:
+    """Return whether a step along a direction gives a motion within the limits that is better in every objective."""
+    task = at.program.task
+    for length in STEPS:
+        moved = at.q + length * at.displacement(direction)
+        if task.cyclic:
+            moved[-1] = moved[0]
+        motion = task.motion(task.motion(moved).at(task.times))
+        values = np.array([float(o(motion)) * o.sign for o in task.objectives])
+        if np.all(values < at.sums[:count]) and task.violations(motion).max(initial=0.0) <= 1e-8:
+            return True
+    return False

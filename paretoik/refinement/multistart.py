@@ -1,0 +1,159 @@
+"""Many starts, few optima: coarse first, the best of every kind carried on to the motion's own samples.
+
+Source: Tringali & Cocuzza 2020, section 3.1: candidates by weighted pseudoinverses from many postures (3.1.2), ranked
+by cost and joint limits (3.1.3), optimised on coarse samples and refined by cubic splines (3.1.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.errors import EvaluationFailed, Infeasible
+from paretoik.redundancy.branches import labels
+from paretoik.redundancy.self_motion import candidates
+from paretoik.refinement.compiled.interior_point import Rules
+from paretoik.refinement.polish import REASONS, Polished, polish
+from paretoik.refinement.program import motion_program
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+
+COARSEST = 26  # samples: with half as many, the best torque optimum does not exist
+APART = 0.01  # rad (RMS): optima nearer than this are one
+HOLDS = 1e-8  # of limits: what is violated by less is not violated
+KEPT = 8  # optima carried on to a finer level
+POOL = 4  # roll-outs a start, of which the most promising are taken
+COLD = (Rules(barrier=0.1), Rules(barrier=0.01))  # in turn: each finds basins that the other walks past
+WARM = Rules(barrier=1e-4)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Optimum:
+    """A locally optimal motion, what it is worth in the objective's own sign, and how its joints are bent."""
+
+    motion: Motion
+    objective: float
+    label: str
+    status: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """Distinct local optima, best first; ``levels`` says how many samples each level had and how many optima."""
+
+    optima: tuple[Optimum, ...]
+    levels: tuple[tuple[int, int], ...]
+
+    @property
+    def best(self) -> Optimum:
+        """The best optimum found."""
+        return self.optima[0]
+
+
+def planned(
+    task: MotionTask,
+    *,
+    starts: int,
+    seed: int,
+    given: Float[np.ndarray, "motions time dof"] | None = None,
+    observe: Callable[[int, int, int], object] | None = None,
+) -> Plan:
+    """Return the distinct local optima of a task with one objective that many starts lead to.
+
+    ``given`` motions on the path are starts too. ``observe`` is called after each level with its number of samples, of
+    starts and of optima.
+
+    Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
+    motion; Infeasible with the least-violating motion where none keeps the limits; EvaluationFailed where limits hold
+    but no start converged.
+    """
+    assert len(task.objectives) == 1, "one objective at a time is planned for"
+    rng, counts = np.random.default_rng(seed), level_samples(len(task.times))
+    levels: list[tuple[int, int]] = []
+    level = task.subsampled(counts[0])
+    q = _promising(level, starts, rng)
+    if given is not None:
+        q = np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
+    rules = [COLD[i % len(COLD)] for i in range(len(q))]
+    while True:
+        found = polish(motion_program(level), q, _scale(level, q), rules=rules)
+        found = found[_distinct(level, found, most=KEPT if len(levels) + 1 < len(counts) else len(found))]
+        levels.append((len(level.times), len(found)))
+        if observe is not None:
+            observe(len(level.times), len(q), len(found))
+        if len(levels) == len(counts):
+            break
+        before, level = level, task.subsampled(counts[len(levels)])
+        q, rules = before.motion(found.q).at(level.times), [WARM] * len(found)
+    return Plan(optima=_optima(task, found), levels=tuple(levels))
+
+
+def level_samples(samples: int) -> list[int]:
+    """Return the numbers of samples of all levels, coarse to fine."""
+    counts = [samples]
+    while (counts[0] - 1) // 2 + 1 >= COARSEST:
+        counts.insert(0, (counts[0] - 1) // 2 + 1)
+    return counts
+
+
+def distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
+    """Return the RMS over time of the joint distance [rad, m] between motions (..., time, dof), angles modulo 2π."""
+    apart = q - other
+    apart = np.where(task.arm.periodic, (apart + np.pi) % (2 * np.pi) - np.pi, apart)
+    return np.asarray(np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1)))
+
+
+def _promising(task: MotionTask, starts: int, rng: np.random.Generator) -> Float[np.ndarray, "starts time dof"]:
+    """Return the roll-outs to start from: in every branch the best by cost and joint limits, the branches in turn."""
+    q = candidates(task, POOL * starts, rng)
+    motions = task.motion(q)
+    cost = task.objectives[0](motions) * task.objectives[0].sign
+    over = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(q))
+    order = np.lexsort((cost, np.round(over, 2)))
+    branch = np.array(labels(task.motion(q[order])))
+    turn = np.empty(len(order), dtype=int)
+    for name in np.unique(branch):
+        members = np.flatnonzero(branch == name)
+        turn[members] = np.arange(len(members))
+    return q[order[np.argsort(turn, kind="stable")[:starts]]]
+
+
+def _scale(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "1 sums"]:
+    """Return the factor that makes the objective of the better starts one: tolerances are shares of it."""
+    values = np.abs(task.objectives[0](task.motion(q)))
+    factors = np.zeros((1, 1 + sum(c.form == "integral" for c in task.constraints)))
+    factors[0, 0] = 1.0 / max(float(np.quantile(values, 0.25)), 1e-12)
+    return factors
+
+
+def _distinct(task: MotionTask, found: Polished, *, most: int) -> Int[np.ndarray, " kept"]:
+    """Return which to keep, best first: one of every optimum; without any, the least-violating."""
+    if not found.converged.any():
+        return np.lexsort((found.sums[:, 0], np.round(found.violation, 6)))[:1]
+    kept: list[int] = []
+    for i in np.argsort(np.where(found.converged, found.sums[:, 0], np.inf), kind="stable")[: found.converged.sum()]:
+        if len(kept) < most and (not kept or distance(task, found.q[i], found.q[kept]).min() > APART):
+            kept.append(int(i))
+    return np.array(kept)
+
+
+def _optima(task: MotionTask, found: Polished) -> tuple[Optimum, ...]:
+    motions = task.motion(found.q)
+    if not found.converged.any() and found.violation.max() <= HOLDS:
+        raise EvaluationFailed(f"no start led to an optimum; the best ended with: {REASONS[int(found.status[0])]}")
+    if not found.converged.any():
+        said = task.binding(motions[0]) or REASONS[int(found.status[0])]
+        raise Infeasible(
+            f"no motion within the limits was found; of the least-violating one, {said}",
+            motion=motions[0],
+            limit=task.limit_names[int(np.argmax(task.violations(motions[0])))] if task.limit_names else "",
+            violation=float(task.violations(motions[0]).max(initial=0.0)),
+        )
+    objective = task.objectives[0]
+    return tuple(
+        Optimum(motion=motion, objective=float(value), label=label, status=REASONS[int(status)])
+        for motion, value, label, status in zip(motions, objective(motions), labels(motions), found.status, strict=True)
+    )

@@ -1,0 +1,152 @@
+"""Derivatives of what users define: a motion made of expressions, and functions of motions traced through it.
+
+An objective is one NumPy function. Called with a ``TracedMotion`` it writes down what it computes, from which exact
+derivatives of any order follow. Most functions look at every sample by itself: positions, velocities, accelerations and
+jerks of one sample give one value. Those are traced once for all samples; the others with every sample in sight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from paretoik.calculus.expressions import Expression
+from paretoik.calculus.traced import NotLocal, Trace, Traced
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.robot.components import Component
+from paretoik.robot.dynamics import energy_components, torque_components
+from paretoik.robot.kinematics import chain, located, node_components
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.task import Task
+
+
+@dataclass(eq=False)
+class TracedMotion:
+    """What a function of motions sees where derivatives are taken: the face of ``Motion``, made of expressions."""
+
+    task: MotionTask
+    trace: Trace
+    q: Traced
+    dq: Traced
+    ddq: Traced
+    jerk: Traced
+
+    def __getattr__(self, name: str) -> Any:
+        raise InvalidInput(f"motion.{name} has no derivative here")
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.task.arm
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """The tasks that the motion follows."""
+        return self.task.tasks
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The obstacles."""
+        return self.task.obstacles
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sample times (time,) [s]."""
+        return self.task.times
+
+    @cached_property
+    def torque(self) -> Traced:
+        """As ``Motion.torque``."""
+        return self._by_sample(lambda q, dq, ddq: torque_components(self.arm, q, dq, ddq))
+
+    @property
+    def power(self) -> Traced:
+        """As ``Motion.power``."""
+        product: Traced = self.torque * self.dq
+        return product
+
+    @cached_property
+    def kinetic_energy(self) -> Traced:
+        """As ``Motion.kinetic_energy``."""
+        return self._by_sample(lambda q, dq, _: energy_components(self.arm, q, dq))[..., 0]
+
+    @cached_property
+    def tool(self) -> Traced:
+        """As ``Motion.tool``."""
+        return self._by_sample(lambda q, *_: list(self._tool(q)[1][: 2 if self.arm.is_planar else 3]))
+
+    @cached_property
+    def tool_rotation(self) -> Traced:
+        """As ``Motion.tool_rotation``."""
+        flat = self._by_sample(lambda q, *_: [value for row in self._tool(q)[0] for value in row])
+        return Traced(self.trace, flat.entries.reshape(*flat.entries.shape[:-1], 3, 3))
+
+    @cached_property
+    def links(self) -> Traced:
+        """As ``Motion.links``."""
+        flat = self._by_sample(lambda q, *_: node_components(self.arm, q))
+        return Traced(self.trace, flat.entries.reshape(*flat.entries.shape[:-1], -1, 3))
+
+    @cached_property
+    def manipulability(self) -> Traced:
+        """As ``Motion.manipulability``."""
+        flat = self._by_sample(
+            lambda q, *_: [
+                slope for task in self.tasks for row in task.slopes(self.arm, chain(self.arm, q)) for slope in row
+            ]
+        )
+        jacobian = Traced(self.trace, flat.entries.reshape(*flat.entries.shape[:-1], self.task.rows, self.arm.dof))
+        found: Traced = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
+        return found
+
+    def integral(self, series: Any) -> Any:
+        """As ``Motion.integral``."""
+        if self.trace.samples is not None:
+            raise NotLocal("integrates over time")
+        return (series * self.task.weights).sum(-1)
+
+    def _tool(self, q: list[Component]) -> Any:
+        return located(self.arm, chain(self.arm, q), self.arm.frame("tool"))
+
+    def _by_sample(self, kernel: Callable[..., list[Component]]) -> Traced:
+        """Run a kernel of columns on every sample that is in sight."""
+        joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
+        rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
+        found = np.empty((len(rows), len(rows[0])), dtype=object)
+        for i, row in enumerate(rows):
+            found[i] = row
+        return Traced(self.trace, found.reshape(*self.q.entries.shape[:-1], -1))
+
+
+def traced_sample(task: MotionTask) -> TracedMotion:
+    """Return one sample of a motion of a task, for functions that look at every sample by itself."""
+    trace = Trace(len(task.times))
+    return TracedMotion(task, trace, *(trace.inputs(task.arm.dof) for _ in range(4)))
+
+
+def local(motion: TracedMotion, what: str, function: Callable[[Any], Any]) -> Expression | float | None:
+    """Return what a function computes at one sample; None where it looks from one sample at another.
+
+    Raises InvalidInput, naming the function and what it did, where its derivative cannot be had.
+    """
+    try:
+        value = function(motion)
+    except NotLocal:
+        return None
+    except InvalidInput as error:
+        raise InvalidInput(f"{what}: {error}") from None
+    if isinstance(value, Traced) and value.entries.shape == ():
+        entry: Any = value.entries[()]
+        return entry if isinstance(entry, Expression) else float(entry)
+    array = np.asarray(value, dtype=float) if not isinstance(value, Traced) else None
+    if array is not None and array.shape in ((), (len(motion.time),)):
+        return float(array) if array.ndim == 0 else motion.trace.varying(array)
+    raise InvalidInput(
+        f"{what} must return one number a sample where derivatives are taken, got shape {np.shape(value)}"
+    )
