@@ -147,7 +147,8 @@ def minimise(p, q, factors, caps, rules):
             break
         if done == rules.iterations:
             break
-        if max(stationarity, apart) <= 10 * mu and mu <= FIRM and worst > 100 * mu / penalty:
+        settled = stationarity <= max(10 * mu, rules.tolerance) and apart <= 10 * mu  # rounding ends what 10 μ asks for
+        if settled and mu <= FIRM and worst > 100 * mu / penalty:
             if worst <= 0.5 * violated:
                 violated, helpful = worst, penalty
             elif penalty >= HOPELESS * helpful:
@@ -156,7 +157,7 @@ def minimise(p, q, factors, caps, rules):
             penalty = 10 * penalty
             central(gaps, mu, penalty, z)
         else:
-            while mu > rules.last_barrier and max(stationarity, apart) <= 10 * mu:
+            while settled and mu > rules.last_barrier and max(stationarity - rules.tolerance, apart) <= 10 * mu:
                 mu = max(rules.last_barrier, min(0.2 * mu, mu**1.5))
 
         # Newton's system.
