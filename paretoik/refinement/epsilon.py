@@ -15,14 +15,15 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import EvaluationFailed
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.multistart import APART, distance, planned
+from paretoik.refinement.multistart import APART, coarse_starts, descended, distance, planned
 from paretoik.refinement.polish import Polished, polish
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
 
 YIELD = 1e-6  # weight of the other objectives, as shares of their ranges: at an end of the front, at a given ε
 SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
-NEAREST = 4  # points whose motions every ε starts from
+NEAREST = 6  # points whose motions every ε starts from
+INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
 POOL = 4  # optima of each objective that every ε starts from
 COLD, WARM = Rules(barrier=0.1), Rules(barrier=1e-4)
 
@@ -53,7 +54,8 @@ def epsilon_points(
     """
     pool, ends, ranges = _ends(task, starts=starts, seed=seed)
     program = motion_program(task, ranges)
-    found = _Found(program, pool, ends, observe, points)
+    cold = coarse_starts(task, starts=starts, seed=seed)
+    found = _Found(program, np.concatenate([pool, *_between(task, cold, ends, ranges)]), ends, ranges, observe, points)
     if len(ranges) == 2:
         _fill_gaps(found, points)
     elif len(ranges) > 2:
@@ -70,10 +72,11 @@ class _Found:
         program: MotionProgram,
         pool: np.ndarray,
         ends: Polished,
+        ranges: np.ndarray,
         observe: Callable[[int, int], object] | None,
         wanted: int,
     ) -> None:
-        self.program, self.pool = program, pool
+        self.program, self.pool, self.ranges = program, pool, ranges
         self.q, self.values = ends.q, ends.sums
         self.observe, self.wanted = observe, wanted
 
@@ -82,29 +85,61 @@ class _Found:
 
         Returns whether that is a new point.
         """
-        count = len(caps)
-        apart = np.abs(self.values[:, :count] - np.where(np.isfinite(caps), caps, self.values[:, :count])).max(axis=1)
-        nearest = np.argsort(apart, kind="stable")[:NEAREST]
-        pool = self.pool if cold else self.pool[:0]
-        starts = np.concatenate([self.q[nearest], pool])
-        rules = [WARM] * len(nearest) + [COLD] * len(pool)
-        factors = np.full((1, len(self.program.sums)), YIELD)  # a weak point is not enough
-        factors[0, main] = 1.0
-        factors[0, len(caps) :] = 0.0
-        below = np.full((1, len(self.program.sums)), np.inf)
-        below[0, : len(caps)] = caps
-        got = polish(self.program, starts, factors, below, rules)
-        if not got.converged.any():
+        got = self._best(main, caps, self._nearest(caps), cold=cold)
+        if got is None or _known(got.sums[0], self.values):
             return False
-        best = int(np.argmin(np.where(got.converged, got.sums[:, main], np.inf)))
-        value = got.sums[best, : len(caps)]
-        new = not _known(value, self.values[:, : len(caps)])
-        if new:
-            self.q = np.concatenate([self.q, got.q[best : best + 1]])
-            self.values = np.concatenate([self.values, got.sums[best : best + 1]])
+        self._store(got)
+        return True
+
+    def traced(self, levels: np.ndarray) -> None:
+        """Follow every optimum of the pool as its own branch, through falling and through rising ε of objective two.
+
+        Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
+        """
+        factors, caps = np.zeros((1, len(self.program.sums))), np.full((1, len(self.program.sums)), np.inf)
+        factors[0, :2] = 1.0, YIELD
+        motions = self.program.task.motion(self.pool)
+        own = (
+            np.asarray(self.program.task.objectives[1](motions)) * self.program.task.objectives[1].sign / self.ranges[1]
+        )
+        for falling, order in ((True, levels), (False, levels[::-1])):
+            q, waiting = self.pool[:0], np.ones(len(own), dtype=bool)
+            for level in order:
+                joining = waiting & (own >= level if falling else own <= level)
+                waiting &= ~joining
+                q = np.concatenate([q, self.pool[joining]])
+                if len(q):
+                    caps[0, 1] = level
+                    got = polish(self.program, q, factors, caps, WARM)
+                    got = got[got.converged]
+                    got = got[_apart(self.program.task, got)]
+                    self._store(got)
+                    q = got.q
+
+    def _store(self, got: Polished) -> None:
+        self.q = np.concatenate([self.q, got.q])
+        self.values = np.concatenate([self.values, got.sums])
         if self.observe is not None:
-            self.observe(len(self.q), self.wanted)
-        return new
+            self.observe(len(self.front()[0]), self.wanted)
+
+    def _nearest(self, caps: np.ndarray) -> np.ndarray:
+        values = self.values[:, : len(caps)]
+        apart = np.abs(values - np.where(np.isfinite(caps), caps, values)).max(axis=1)
+        return np.argsort(apart, kind="stable")[:NEAREST]
+
+    def _best(self, main: int, caps: np.ndarray, nearest: np.ndarray, *, cold: bool) -> Polished | None:
+        """Return the best motion below caps that these points' motions, and ``cold`` the pool's, lead to."""
+        pool = self.pool if cold else self.pool[:0]
+        rules = [WARM] * len(nearest) + [COLD] * len(pool)
+        factors, below = np.zeros((1, len(self.program.sums))), np.full((1, len(self.program.sums)), np.inf)
+        factors[0, : len(caps)] = YIELD  # a weak point is not enough
+        factors[0, main] = 1.0
+        below[0, : len(caps)] = caps
+        got = polish(self.program, np.concatenate([self.q[nearest], pool]), factors, below, rules)
+        if not got.converged.any():
+            return None
+        best = int(np.argmin(np.where(got.converged, got.sums[:, main], np.inf)))
+        return got[best : best + 1]
 
     def front(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points that no other dominates, by the first objective."""
@@ -169,11 +204,26 @@ def _ends(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, Poli
     return np.stack(unique), ends, ranges
 
 
+def _between(task: MotionTask, cold: np.ndarray, ends: Polished, ranges: np.ndarray) -> list[np.ndarray]:
+    """Return the optima that many starts lead to below some ε: a branch may belong to no objective's own optimum."""
+    count = len(ranges)
+    ideal, nadir = ends.sums[:, :count].min(axis=0), ends.sums[:, :count].max(axis=0)
+    found = []
+    for share in INNER:
+        for main in range(count):
+            caps = nadir + share * (ideal - nadir)
+            caps[main] = np.inf
+            factors = np.full(count, YIELD)
+            factors[main] = 1.0
+            got, _ = descended(task, cold, factors, caps, ranges)
+            found.append(got.q[got.converged][:POOL])
+    return found
+
+
 def _fill_gaps(found: _Found, points: int) -> None:
     """Two objectives: half of the points evenly in the second, the rest where neighbours are farthest apart."""
     high, low = found.values[0, 1], found.values[1, 1]
-    for share in np.linspace(0, 1, max(points // 2, 3))[1:-1]:
-        found.add(0, np.array([np.inf, high + share * (low - high)]), cold=True)
+    found.traced(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
     closed: set[tuple[float, ...]] = set()
     while True:
         _, values = found.front()
@@ -185,8 +235,9 @@ def _fill_gaps(found: _Found, points: int) -> None:
             return
         i = open_gaps[0]
         middle, along = (values[i] + values[i + 1]) / 2, np.abs(values[i + 1] - values[i])
-        caps = np.array([middle[0], np.inf]) if along[0] > along[1] else np.array([np.inf, middle[1]])
-        if not found.add(int(along[0] > along[1]), caps, cold=False):
+        # First across the longer side; a front with a jump may have a point for one ε and none for the other.
+        tries = [(1, np.array([middle[0], np.inf])), (0, np.array([np.inf, middle[1]]))]
+        if not any(found.add(main, caps, cold=False) for main, caps in (tries if along[0] > along[1] else tries[::-1])):
             closed.add((*values[i], *values[i + 1]))
 
 
@@ -198,6 +249,15 @@ def _fill_grid(found: _Found, points: int) -> None:
     levels = [np.linspace(nadir[k], ideal[k], side + 1)[1:] for k in range(1, count)]
     for caps in itertools.product(*levels):
         found.add(0, np.array([np.inf, *caps]), cold=True)
+
+
+def _apart(task: MotionTask, got: Polished) -> Int[np.ndarray, " kept"]:
+    """Return one of every motion that several starts led to, the best first."""
+    kept: list[int] = []
+    for i in np.argsort(got.sums[:, 0], kind="stable").tolist():
+        if not kept or distance(task, got.q[i], got.q[kept]).min() > APART:
+            kept.append(i)
+    return np.array(kept, dtype=int)
 
 
 def _known(value: np.ndarray, others: np.ndarray) -> bool:

@@ -71,24 +71,54 @@ def planned(
     but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
-    rng, counts = np.random.default_rng(seed), level_samples(len(task.times))
-    levels: list[tuple[int, int]] = []
-    level = task.subsampled(counts[0])
-    q = _promising(level, starts, rng)
-    if given is not None:
-        q = np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
-    rules = [COLD[i % len(COLD)] for i in range(len(q))]
+    q = coarse_starts(task, starts=starts, seed=seed, given=given)
+    found, levels = descended(task, q, np.ones(1), np.full(1, np.inf), sizes(task, q), observe)
+    return Plan(optima=_optima(task, found), levels=levels)
+
+
+def coarse_starts(
+    task: MotionTask, *, starts: int, seed: int, given: Float[np.ndarray, "motions time dof"] | None = None
+) -> Float[np.ndarray, "starts samples dof"]:
+    """Return motions of the coarsest level to start from: given ones, and the most promising of many roll-outs."""
+    level = task.subsampled(level_samples(len(task.times))[0])
+    q = _promising(level, starts, np.random.default_rng(seed))
+    return q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
+
+
+def sizes(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
+    """Return what every objective is worth at the better ones of coarse starts: tolerances are shares of it."""
+    motions = task.subsampled(q.shape[1]).motion(q)
+    return np.array([max(float(np.quantile(np.abs(o(motions)), 0.25)), 1e-12) for o in task.objectives])
+
+
+def descended(
+    task: MotionTask,
+    q: Float[np.ndarray, "starts samples dof"],
+    factors: Float[np.ndarray, " n_obj"],
+    caps: Float[np.ndarray, " n_obj"],
+    divisors: Float[np.ndarray, " n_obj"],
+    observe: Callable[[int, int, int], object] | None = None,
+) -> tuple[Polished, tuple[tuple[int, int], ...]]:
+    """Return the distinct optima of Σ factors · objectives / divisors below caps, and samples and optima of each level.
+
+    ``q`` are coarse starts; ``caps`` are divided by the divisors too.
+    """
+    counts, levels = level_samples(len(task.times)), list[tuple[int, int]]()
+    level, rules = task.subsampled(counts[0]), [COLD[i % len(COLD)] for i in range(len(q))]
     while True:
-        found = polish(motion_program(level), q, _scale(level, q), rules=rules)
-        found = found[_distinct(level, found, most=KEPT if len(levels) + 1 < len(counts) else len(found))]
+        program = motion_program(level, divisors)
+        rest = len(program.sums) - len(factors)
+        weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
+        found = polish(program, q, weights[None], below[None], rules=rules)
+        most = KEPT if len(levels) + 1 < len(counts) else len(found)
+        found = found[_distinct(level, found, found.sums @ weights, most=most)]
         levels.append((len(level.times), len(found)))
         if observe is not None:
             observe(len(level.times), len(q), len(found))
         if len(levels) == len(counts):
-            break
+            return found, tuple(levels)
         before, level = level, task.subsampled(counts[len(levels)])
         q, rules = before.motion(found.q).at(level.times), [WARM] * len(found)
-    return Plan(optima=_optima(task, found), levels=tuple(levels))
 
 
 def level_samples(samples: int) -> list[int]:
@@ -110,7 +140,8 @@ def _promising(task: MotionTask, starts: int, rng: np.random.Generator) -> Float
     """Return the roll-outs to start from: in every branch the best by cost and joint limits, the branches in turn."""
     q = candidates(task, POOL * starts, rng)
     motions = task.motion(q)
-    cost = task.objectives[0](motions) * task.objectives[0].sign
+    values = np.stack([o(motions) * o.sign for o in task.objectives])
+    cost = np.sum(values / np.maximum(np.abs(values).mean(axis=1, keepdims=True), 1e-300), axis=0)
     over = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(q))
     order = np.lexsort((cost, np.round(over, 2)))
     branch = np.array(labels(task.motion(q[order])))
@@ -121,20 +152,12 @@ def _promising(task: MotionTask, starts: int, rng: np.random.Generator) -> Float
     return q[order[np.argsort(turn, kind="stable")[:starts]]]
 
 
-def _scale(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "1 sums"]:
-    """Return the factor that makes the objective of the better starts one: tolerances are shares of it."""
-    values = np.abs(task.objectives[0](task.motion(q)))
-    factors = np.zeros((1, 1 + sum(c.form == "integral" for c in task.constraints)))
-    factors[0, 0] = 1.0 / max(float(np.quantile(values, 0.25)), 1e-12)
-    return factors
-
-
-def _distinct(task: MotionTask, found: Polished, *, most: int) -> Int[np.ndarray, " kept"]:
+def _distinct(task: MotionTask, found: Polished, cost: np.ndarray, *, most: int) -> Int[np.ndarray, " kept"]:
     """Return which to keep, best first: one of every optimum; without any, the least-violating."""
     if not found.converged.any():
-        return np.lexsort((found.sums[:, 0], np.round(found.violation, 6)))[:1]
+        return np.lexsort((cost, np.round(found.violation, 6)))[:1]
     kept: list[int] = []
-    for i in np.argsort(np.where(found.converged, found.sums[:, 0], np.inf), kind="stable")[: found.converged.sum()]:
+    for i in np.argsort(np.where(found.converged, cost, np.inf), kind="stable")[: found.converged.sum()]:
         if len(kept) < most and (not kept or distance(task, found.q[i], found.q[kept]).min() > APART):
             kept.append(int(i))
     return np.array(kept)

@@ -32,6 +32,7 @@ from paretoik.refinement.compiled.samples import (
 CONVERGED, CAPPED, STUCK, SINGULAR, VIOLATED = 0, 1, 2, 3, 4
 LONGEST = 0.4  # rad or m that a joint may move in one step: enough, and too little to reach another branch unseen
 ARMIJO = 1e-4
+FLAT = 1e-15  # share of the merit function below which what Newton's step promises is rounding
 HALVINGS = 40
 FIRM = 3e-3  # barrier from which on a limit that is still violated costs more, or proves that all of them cannot hold
 HOPELESS = 100.0  # by so much has the price risen without halving the violation, when it is given up
@@ -107,7 +108,7 @@ def minimise(p, q, factors, caps, rules):
     residual, step = np.zeros(p.unknowns), np.zeros(size + borders)
     dq, trial = np.zeros((samples, n)), q.copy()
     mu, penalty, last_delta = rules.barrier, rules.penalty, 0.0
-    violated, helpful = np.inf, rules.penalty
+    violated, helpful, flat = np.inf, rules.penalty, False
     status, done, stationarity, worst = CAPPED, 0, np.inf, np.inf
 
     _evaluate(p, given, q, values, f, caps, capped, gaps)
@@ -142,12 +143,12 @@ def minimise(p, q, factors, caps, rules):
         path_multipliers(of_q, steep, triangle, given[p.multipliers[0] : p.multipliers[1]])
         stationarity = np.sqrt(samples) * _length(residual)
         apart, worst = off_centre(gaps, z, mu, penalty)
-        if mu <= rules.last_barrier and stationarity <= rules.tolerance and apart <= 10 * rules.last_barrier:
+        settled = (flat or stationarity <= max(10 * mu, rules.tolerance)) and apart <= 10 * mu
+        if mu <= rules.last_barrier and settled and (flat or stationarity <= rules.tolerance):
             status = CONVERGED if worst <= rules.tolerance else VIOLATED
             break
         if done == rules.iterations:
             break
-        settled = stationarity <= max(10 * mu, rules.tolerance) and apart <= 10 * mu  # rounding ends what 10 μ asks for
         if settled and mu <= FIRM and worst > 100 * mu / penalty:
             if worst <= 0.5 * violated:
                 violated, helpful = worst, penalty
@@ -156,8 +157,9 @@ def minimise(p, q, factors, caps, rules):
                 break
             penalty = 10 * penalty
             central(gaps, mu, penalty, z)
-        else:
-            while settled and mu > rules.last_barrier and max(stationarity - rules.tolerance, apart) <= 10 * mu:
+        elif settled:
+            mu = max(rules.last_barrier, min(0.2 * mu, mu**1.5))
+            while mu > rules.last_barrier and max(stationarity, apart) <= 10 * mu:
                 mu = max(rules.last_barrier, min(0.2 * mu, mu**1.5))
 
         # Newton's system.
@@ -205,6 +207,7 @@ def minimise(p, q, factors, caps, rules):
         push, alpha = descent(gaps, changes, mu, penalty, alpha)
         slope = min(slope + push, 0.0)
         before, accepted = _weighed(factors, f) + prices(gaps, mu, penalty), False
+        flat = -slope <= FLAT * (1 + abs(before))
         for _ in range(HALVINGS):
             for s in range(samples):
                 for j in range(n):
@@ -217,6 +220,8 @@ def minimise(p, q, factors, caps, rules):
                     break
             alpha *= 0.5
         if not accepted:
+            if flat:
+                continue
             status = STUCK
             break
         step_multipliers(gaps, changes, trial_gaps, mu, penalty, z)
