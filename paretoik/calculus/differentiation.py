@@ -52,14 +52,17 @@ def tangents(tape: Tape, outputs: Sequence[int], wrt: int) -> list[int]:
         if i == wrt or tape.entries[i][0] in (Op.CONSTANT, Op.INPUT):
             continue
         total = nothing
-        op, *operands = tape.entries[i]
+        op, a, b, c = tape.entries[i]
         if op is Op.CHOOSE:  # what is not taken may not even be a number
-            total = tape.apply(op, operands[0], *(tangent.get(k, nothing) for k in operands[1:]))
-            if total != nothing:
-                tangent[i] = total
-            continue
-        for operand, slope in slopes(tape, i, among=tangent):
-            total = tape.apply(Op.ADD, total, tape.apply(Op.MULTIPLY, slope, tangent[operand]))
+            total = tape.apply(op, a, tangent.get(b, nothing), tangent.get(c, nothing))
+        elif op is Op.WEIGH:  # nor what weighs nothing
+            parts = (tape.apply(op, tangent.get(a, nothing), b), tape.apply(op, a, tangent.get(b, nothing)))
+            total = tape.apply(Op.ADD, *parts)
+        else:
+            total = nothing
+            times = Op.WEIGH if op in PIECEWISE else Op.MULTIPLY
+            for operand, slope in slopes(tape, i, among=tangent):
+                total = tape.apply(Op.ADD, total, tape.apply(times, slope, tangent[operand]))
         if total != nothing:
             tangent[i] = total
     return [tangent.get(i, nothing) for i in outputs]

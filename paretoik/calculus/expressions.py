@@ -165,9 +165,9 @@ class Expression:
             shapes = np.broadcast_arrays(*(np.asarray(value, dtype=object) for value in inputs))
             found = np.empty(shapes[0].shape, dtype=object)
             for place in np.ndindex(found.shape):
-                found[place] = written(ufunc.__name__, [array[place] for array in shapes])
+                found[place] = written(self.tape, ufunc.__name__, [array[place] for array in shapes])
             return found
-        return written(ufunc.__name__, [value[()] if isinstance(value, np.ndarray) else value for value in inputs])
+        return written(self.tape, ufunc.__name__, inputs)
 
     def __add__(self, other: Any) -> Any:
         return self._with(Op.ADD, other)
@@ -235,9 +235,7 @@ BINARY: dict[str, Op] = {
     "divide": Op.DIVIDE,
     "arctan2": Op.ARC_TANGENT,
     "maximum": Op.MAXIMUM,
-    "fmax": Op.MAXIMUM,
     "minimum": Op.MINIMUM,
-    "fmin": Op.MINIMUM,
     "less": Op.LESS,
     "less_equal": Op.LESS_EQUAL,
 }
@@ -263,29 +261,39 @@ COMPOSED: dict[str, Callable[..., Any]] = {
     "degrees": lambda x: x * (180.0 / math.pi),
     "greater": lambda x, y: np.less(y, x),
     "greater_equal": lambda x, y: np.less_equal(y, x),
-    "logical_and": lambda x, y: x * y,
-    "bitwise_and": lambda x, y: x * y,
-    "logical_or": lambda x, y: np.maximum(x, y),
+    "equal": lambda x, y: np.less_equal(x, y) * np.less_equal(y, x),
+    "not_equal": lambda x, y: 1.0 - np.equal(x, y),
+    "isnan": lambda x: np.not_equal(x, x),
+    "isfinite": lambda x: np.less(np.abs(x), math.inf),
+    "fmax": lambda x, y: choose(np.isnan(x), y, choose(np.isnan(y), x, np.maximum(x, y))),
+    "fmin": lambda x, y: choose(np.isnan(x), y, choose(np.isnan(y), x, np.minimum(x, y))),
+    "logical_and": lambda x, y: np.not_equal(x, 0.0) * np.not_equal(y, 0.0),
+    "logical_or": lambda x, y: np.maximum(np.not_equal(x, 0.0), np.not_equal(y, 0.0)),
+    "logical_not": lambda x: np.equal(x, 0.0),
+    "bitwise_and": lambda x, y: x * y,  # these three only of truths, as in NumPy
     "bitwise_or": lambda x, y: np.maximum(x, y),
-    "logical_not": lambda x: 1.0 - x,
     "invert": lambda x: 1.0 - x,
 }
+TRUTHS = frozenset(  # that give True or False
+    "less less_equal greater greater_equal equal not_equal isnan isfinite logical_and logical_or logical_not "
+    "bitwise_and bitwise_or invert".split()
+)
 
 
-def written(name: str, operands: Sequence[Any]) -> Any:
-    """Write NumPy's function ``name`` of numbers and expressions on their tape; return the result.
+def written(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
+    """Write NumPy's function ``name`` of numbers and expressions on a tape; return the result.
 
     Raises InvalidInput, naming the function, where its derivative is not known.
     """
-    tape = next(value.tape for value in operands if isinstance(value, Expression))
+    given = [Expression(tape, entry(tape, value)) for value in operands]
     if name in COMPOSED:
-        return COMPOSED[name](*operands)
+        return COMPOSED[name](*given)
     if name in ("power", "float_power"):
-        return _power(tape, *operands)
+        return _power(tape, *given)
     op = UNARY.get(name) or BINARY.get(name)
     if op is None:
         raise InvalidInput(f"np.{name} has no derivative here; those that have: {', '.join(supported())}")
-    return Expression(tape, tape.apply(op, *(entry(tape, value) for value in operands)))
+    return Expression(tape, tape.apply(op, *(value.index for value in given)))
 
 
 def supported() -> list[str]:
@@ -294,12 +302,14 @@ def supported() -> list[str]:
 
 
 def entry(tape: Tape, value: Any) -> int:
-    """Return the entry of an expression or number on a tape."""
+    """Return the entry of an expression or number on a tape; raise InvalidInput for what is neither."""
     if isinstance(value, np.ndarray):
         value = value[()]
     if isinstance(value, Expression):
         assert value.tape is tape, "expressions of two tapes met"
         return value.index
+    if not isinstance(value, float | int | np.bool_ | np.integer | np.floating):
+        raise InvalidInput(f"real numbers are wanted where derivatives are taken, got {value!r}")
     return tape.constant(float(value))
 
 
@@ -311,19 +321,20 @@ def choose(condition: Any, first: Any, second: Any) -> Any:
     return Expression(tapes[0], tapes[0].apply(Op.CHOOSE, *(entry(tapes[0], v) for v in (condition, first, second))))
 
 
-def _power(tape: Tape, base: Any, exponent: Any) -> Any:
-    if isinstance(exponent, Expression):
+def _power(tape: Tape, base: Expression, exponent: Expression) -> Any:
+    if exponent.index not in tape.values:
         return np.exp(exponent * np.log(base))
-    if float(exponent) == int(exponent) and 0 < abs(exponent) <= 8:
+    number = tape.values[exponent.index]
+    if number.is_integer() and 0 < abs(number) <= 8:
         found = base
-        for _ in range(abs(int(exponent)) - 1):
+        for _ in range(abs(int(number)) - 1):
             found = found * base
-        return found if exponent > 0 else 1.0 / found
-    if exponent == 0:
-        return 1.0
-    if exponent == 0.5:
+        return found if number > 0 else 1.0 / found
+    if number == 0:
+        return Expression(tape, tape.constant(1.0))
+    if number == 0.5:
         return np.sqrt(base)
-    return Expression(tape, tape.apply(Op.POWER, entry(tape, base), tape.constant(exponent)))
+    return Expression(tape, tape.apply(Op.POWER, base.index, exponent.index))
 
 
 def _computed(op: Op, *values: float) -> float:

@@ -78,9 +78,9 @@ def _rare(op, to, a, b, c, n):
         elif op == SIGN:
             to[lane] = np.sign(x)
         elif op == MAXIMUM:
-            to[lane] = x if x >= y else y
+            to[lane] = x if x >= y or x != x else y  # NaN wins, as in NumPy
         elif op == MINIMUM:
-            to[lane] = x if x <= y else y
+            to[lane] = x if x <= y or x != x else y
         elif op == LESS:
             to[lane] = 1.0 if x < y else 0.0
         elif op == LESS_EQUAL:

@@ -82,8 +82,12 @@ def polish(
         ]
 
     workers = max(1, min(count, os.cpu_count() or 1))
-    with ThreadPoolExecutor(workers) as pool:
-        parts = list(pool.map(part, [range(w, count, workers) for w in range(workers)]))
+    shares = [range(w, count, workers) for w in range(workers)]
+    if workers == 1:
+        parts = [part(shares[0])]
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            parts = list(pool.map(part, shares))
     found = [parts[i % workers][i // workers] for i in range(count)]
     most = max((len(one[4]) for one in found), default=0)
     motions = np.array([one[0] for one in found]).reshape(q.shape)
