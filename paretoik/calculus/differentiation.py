@@ -105,15 +105,19 @@ def slopes(tape: Tape, i: int, among: dict[int, int] | None = None) -> list[tupl
     elif op in (Op.MAXIMUM, Op.MINIMUM):
         first = apply(Op.LESS_EQUAL, b, a) if op is Op.MAXIMUM else apply(Op.LESS_EQUAL, a, b)
         found = [(a, first), (b, apply(Op.SUBTRACT, constant(1.0), first))]
+    elif op is Op.POWER:
+        found = [(a, apply(Op.MULTIPLY, b, apply(Op.POWER, a, apply(Op.SUBTRACT, b, constant(1.0)))))]
+        if b not in tape.values:
+            found.append((b, apply(Op.WEIGH, i, apply(Op.LOGARITHM, a))))
     elif op is Op.CHOOSE:
         taken = [apply(Op.CHOOSE, a, constant(1.0), constant(0.0)), apply(Op.CHOOSE, a, constant(0.0), constant(1.0))]
         found = [(b, taken[0]), (c, taken[1])]
     else:
-        found = [(a, _slope(tape, op, i, a, b))]
+        found = [(a, _slope(tape, op, i, a))]
     return [(operand, slope) for operand, slope in found if operand in wanted]
 
 
-def _slope(tape: Tape, op: Op, i: int, a: int, b: int) -> int:
+def _slope(tape: Tape, op: Op, i: int, a: int) -> int:
     """Return the derivative of a function of one number; ``i`` is its own entry."""
     apply, constant = tape.apply, tape.constant
     if op is Op.NEGATE:
@@ -136,8 +140,4 @@ def _slope(tape: Tape, op: Op, i: int, a: int, b: int) -> int:
     if op in (Op.ARC_SINE, Op.ARC_COSINE):
         rest = apply(Op.SQUARE_ROOT, apply(Op.SUBTRACT, constant(1.0), apply(Op.MULTIPLY, a, a)))
         return apply(Op.DIVIDE, constant(1.0 if op is Op.ARC_SINE else -1.0), rest)
-    if op is Op.POWER:
-        exponent = tape.values[b]
-        lower = apply(Op.POWER, a, constant(exponent - 1.0))
-        return apply(Op.MULTIPLY, constant(exponent), lower)
     raise InvalidInput(f"{op.name.lower()} has no derivative")

@@ -207,6 +207,9 @@ class Expression:
     def __pow__(self, other: Any) -> Any:
         return self.__array_ufunc__(np.power, "__call__", self, other)
 
+    def __rpow__(self, other: Any) -> Any:
+        return self.__array_ufunc__(np.power, "__call__", other, self)
+
     def __bool__(self) -> bool:
         raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken: np.where is wanted")
 
@@ -274,10 +277,8 @@ COMPOSED: dict[str, Callable[..., Any]] = {
     "bitwise_or": lambda x, y: np.maximum(x, y),
     "invert": lambda x: 1.0 - x,
 }
-TRUTHS = frozenset(  # that give True or False
-    "less less_equal greater greater_equal equal not_equal isnan isfinite logical_and logical_or logical_not "
-    "bitwise_and bitwise_or invert".split()
-)
+COMPARISONS = {"less", "less_equal", "greater", "greater_equal", "equal", "not_equal", "isnan", "isfinite"}
+TRUTHS = frozenset(COMPARISONS | {"logical_and", "logical_or", "logical_not", "bitwise_and", "bitwise_or", "invert"})
 
 
 def written(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
@@ -322,9 +323,7 @@ def choose(condition: Any, first: Any, second: Any) -> Any:
 
 
 def _power(tape: Tape, base: Expression, exponent: Expression) -> Any:
-    if exponent.index not in tape.values:
-        return np.exp(exponent * np.log(base))
-    number = tape.values[exponent.index]
+    number = tape.values.get(exponent.index, math.nan)
     if number.is_integer() and 0 < abs(number) <= 8:
         found = base
         for _ in range(abs(int(number)) - 1):

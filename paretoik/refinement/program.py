@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.calculus.differentiation import gradient, hessian
-from paretoik.calculus.expressions import entry
+from paretoik.calculus.differentiation import gradient, hessian, used
+from paretoik.calculus.expressions import Expression, Op, entry
 from paretoik.calculus.machine import Program, program
 from paretoik.errors import InvalidInput
 from paretoik.refinement.compiled.interior_point import Compiled
@@ -107,6 +107,8 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
+    if task.stops:
+        raise InvalidInput("end_velocity=0: a free end is wanted for refinement so far")
     motion = traced_sample(task)
     tape, n = motion.trace.tape, task.arm.dof
     shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
@@ -200,6 +202,10 @@ def _traced(motion: TracedMotion, kind: str, given: Any, form: str, wanted: str,
     value = local(motion, what, given.function)
     if value is None:
         raise InvalidInput(f"{what}: one sample at a time wanted for refinement, but it looks from one to another")
+    if isinstance(value, Expression) and any(
+        motion.trace.tape.entries[i][0] is Op.ABSOLUTE for i in used(motion.trace.tape, [value.index])
+    ):
+        raise InvalidInput(f"{what}: an absolute value has a kink where optima sit; a square is wanted so far")
     return sign * value
 
 

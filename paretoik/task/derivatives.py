@@ -14,19 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.calculus.expressions import Expression
+from paretoik.calculus.expressions import Expression, entry
 from paretoik.calculus.traced import NotLocal, Trace, Traced
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import chain, located, node_components
+from paretoik.task.differences import Differences
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.task import Task
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class TracedMotion:
     """What a function of motions sees where derivatives are taken: the face of ``Motion``, made of expressions."""
 
@@ -38,7 +39,17 @@ class TracedMotion:
     jerk: Traced
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # what Python asks to see what an object can do
+            raise AttributeError(name)
         raise InvalidInput(f"motion.{name} has no derivative here")
+
+    def __len__(self) -> int:
+        raise InvalidInput(
+            "len(motion) has no meaning where derivatives are taken: the last axes are wanted, not the first"
+        )
+
+    def __getitem__(self, index: Any) -> Any:
+        raise InvalidInput("motion[...] has no derivative here: all motions of a batch are wanted at once")
 
     @property
     def arm(self) -> Arm:
@@ -56,9 +67,29 @@ class TracedMotion:
         return self.task.obstacles
 
     @property
+    def link_radius(self) -> float:
+        """Radius of the links [m]."""
+        return self.task.link_radius
+
+    @property
+    def differences(self) -> Differences:
+        """How rates and integrals are taken."""
+        return self.task.differences
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the motion ends as it starts."""
+        return self.task.cyclic
+
+    @property
     def time(self) -> np.ndarray:
         """Sample times (time,) [s]."""
         return self.task.times
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (time,) [s] of integrals over the samples."""
+        return self.task.weights
 
     @cached_property
     def torque(self) -> Traced:
@@ -85,13 +116,13 @@ class TracedMotion:
     def tool_rotation(self) -> Traced:
         """As ``Motion.tool_rotation``."""
         flat = self._by_sample(lambda q, *_: [value for row in self._tool(q)[0] for value in row])
-        return Traced(self.trace, flat.entries.reshape(*flat.entries.shape[:-1], 3, 3))
+        return self._parted(flat, 3, 3)
 
     @cached_property
     def links(self) -> Traced:
         """As ``Motion.links``."""
         flat = self._by_sample(lambda q, *_: node_components(self.arm, q))
-        return Traced(self.trace, flat.entries.reshape(*flat.entries.shape[:-1], -1, 3))
+        return self._parted(flat, -1, 3)
 
     @cached_property
     def manipulability(self) -> Traced:
@@ -101,7 +132,7 @@ class TracedMotion:
                 slope for task in self.tasks for row in task.slopes(self.arm, chain(self.arm, q)) for slope in row
             ]
         )
-        jacobian = Traced(self.trace, flat.entries.reshape(*flat.entries.shape[:-1], self.task.rows, self.arm.dof))
+        jacobian = self._parted(flat, self.task.rows, self.arm.dof)
         found: Traced = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
         return found
 
@@ -121,7 +152,10 @@ class TracedMotion:
         found = np.empty((len(rows), len(rows[0])), dtype=object)
         for i, row in enumerate(rows):
             found[i] = row
-        return Traced(self.trace, found.reshape(*self.q.entries.shape[:-1], -1))
+        return Traced(self.trace, found.reshape(*self.q.entries.shape[:-1], -1), shared=True)
+
+    def _parted(self, flat: Traced, *shape: int) -> Traced:
+        return flat.reshape(*flat.shape[:-1], *shape)
 
 
 def traced_sample(task: MotionTask) -> TracedMotion:
@@ -136,17 +170,20 @@ def local(motion: TracedMotion, what: str, function: Callable[[Any], Any]) -> Ex
     Raises InvalidInput, naming the function and what it did, where its derivative cannot be had.
     """
     try:
-        value = function(motion)
+        return _series(motion, function(motion))
     except NotLocal:
         return None
     except InvalidInput as error:
         raise InvalidInput(f"{what}: {error}") from None
-    if isinstance(value, Traced) and value.entries.shape == ():
-        entry: Any = value.entries[()]
-        return entry if isinstance(entry, Expression) else float(entry)
-    array = np.asarray(value, dtype=float) if not isinstance(value, Traced) else None
-    if array is not None and array.shape in ((), (len(motion.time),)):
-        return float(array) if array.ndim == 0 else motion.trace.varying(array)
-    raise InvalidInput(
-        f"{what} must return one number a sample where derivatives are taken, got shape {np.shape(value)}"
-    )
+
+
+def _series(motion: TracedMotion, value: Any) -> Expression | float:
+    tape = motion.trace.tape
+    found = value if isinstance(value, Traced) else np.asarray(value)
+    if found.dtype.kind not in "fiub":
+        raise InvalidInput(f"must return real numbers, got {value!r}")
+    if isinstance(found, Traced) and found.entries.shape == ():
+        return Expression(tape, entry(tape, found.entries))
+    if isinstance(found, np.ndarray) and found.shape in ((), motion.time.shape):
+        return motion.trace.varying(found) if found.ndim else float(found)
+    raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {found.shape}")

@@ -108,6 +108,20 @@ def test_what_has_no_derivative_is_named():
     def memory(motion):
         return np.cumsum(motion.dq[..., 0] ** 2, axis=-1)
 
-    for objective, said in ((spectrum, "spectrum.*fft"), (memory, "memory"), (pk.peak_torque, "peak_torque")):
+    refused = {
+        "spectrum.*fft": spectrum,
+        "memory": memory,
+        "peak_torque": pk.peak_torque,
+        "mechanical_energy: an absolute value": pk.mechanical_energy,
+    }
+    for said, objective in refused.items():
         with pytest.raises(pk.InvalidInput, match=said):
             motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[objective], bases=1).task)
+    with pytest.raises(pk.InvalidInput, match="end_velocity"):
+        motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[pk.torque_norm], bases=1, end_velocity=0).task)
+    with pytest.raises(pk.InvalidInput, match="obstacles"):
+        motion_program(
+            pk.Tracking(
+                pk.tringali_3r(), path, objectives=[pk.torque_norm], bases=1, obstacles=[pk.Circle([1, 1], 0.1)]
+            ).task
+        )
