@@ -201,6 +201,8 @@ def elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) -> Tra
         if trace.samples is not None and len(axes) > 1:
             raise ValueError("one's time would meet another axis of the other")
         parts = np.broadcast_arrays(*(entries_of(trace, value, max(axes)) for value in inputs))
+    except InvalidInput:
+        raise
     except ValueError:
         shapes = " and ".join(str(value.shape if isinstance(value, Traced) else np.shape(value)) for value in inputs)
         raise InvalidInput(f"arrays of shapes {shapes} do not go together, (time, ...) first") from None
@@ -213,11 +215,15 @@ def elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) -> Tra
 def entries_of(trace: Trace, value: Any, axes: int) -> np.ndarray:
     """Return the entries of an array, traced or plain; plain ones with a time axis become inputs.
 
-    ``axes`` is the number of axes without time. Raises ValueError for a time axis that is not that of the samples.
+    ``axes`` is the number of axes without time. Raises ValueError for a time axis that is not that of the samples,
+    InvalidInput for what are no real numbers.
     """
     if isinstance(value, Traced):
         return value.entries
     array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        got = array.dtype if array.ndim else repr(value)
+        raise InvalidInput(f"real numbers are wanted where derivatives are taken, got {got}")
     if trace.samples is None or array.ndim <= axes:
         return np.asarray(array, dtype=object)
     if array.ndim > axes + 1 or len(array) not in (1, trace.samples):

@@ -44,9 +44,7 @@ class TracedMotion:
         raise InvalidInput(f"motion.{name} has no derivative here")
 
     def __len__(self) -> int:
-        raise InvalidInput(
-            "len(motion) has no meaning where derivatives are taken: the last axes are wanted, not the first"
-        )
+        raise InvalidInput("len(motion) has no derivative here: all motions of a batch are wanted at once")
 
     def __getitem__(self, index: Any) -> Any:
         raise InvalidInput("motion[...] has no derivative here: all motions of a batch are wanted at once")
@@ -181,7 +179,7 @@ def _series(motion: TracedMotion, value: Any) -> Expression | float:
     tape = motion.trace.tape
     found = value if isinstance(value, Traced) else np.asarray(value)
     if found.dtype.kind not in "fiub":
-        raise InvalidInput(f"must return real numbers, got {value!r}")
+        raise InvalidInput(f"must return real numbers, got {found.dtype if found.ndim else repr(value)}")
     if isinstance(found, Traced) and found.entries.shape == ():
         return Expression(tape, entry(tape, found.entries))
     if isinstance(found, np.ndarray) and found.shape in ((), motion.time.shape):
