@@ -51,7 +51,6 @@ def tangents(tape: Tape, outputs: Sequence[int], wrt: int) -> list[int]:
     for i in used(tape, outputs):
         if i == wrt or tape.entries[i][0] in (Op.CONSTANT, Op.INPUT):
             continue
-        total = nothing
         op, a, b, c = tape.entries[i]
         if op is Op.CHOOSE:  # what is not taken may not even be a number
             total = tape.apply(op, a, tangent.get(b, nothing), tangent.get(c, nothing))

@@ -128,6 +128,7 @@ def at_points(function, *at):
         (lambda x: choose(np.less(np.abs(x), 1), np.arccos(x), 0.0) ** 2, 1.5, 0.0, 0.0, 0.0),
         (lambda x: choose(np.less(np.abs(x), 1), x**1.5 + x**-2.5, x), -2.0, -2.0, 1.0, 0.0),
         (lambda x: np.maximum(np.log(x), -5.0), 0.0, -5.0, 0.0, 0.0),
+        (lambda x: np.maximum(np.log(x), -5.0) ** 2, 0.0, 25.0, 0.0, 0.0),
         (lambda x: np.minimum(1.0 / x, 3.0), 0.0, 3.0, 0.0, 0.0),
         (lambda x: np.sin(choose(np.less(0, x), np.sqrt(x), x)) * x, -1.0, S, -C - S, 2 * C - S),
         (lambda x: np.sqrt(x * x), 0.0, 0.0, 0.0, 0.0),

@@ -81,6 +81,9 @@ LOCAL = {
     "truths of numbers": lambda q, v, r: np.logical_and(q * 5, v) + 0.0,
     "all of them": lambda q, v, r: np.all(q > -1, axis=-1) + 0.0,
     "any of them": lambda q, v, r: (q > 1).any(axis=-1) + 0.0,
+    "all and any of numbers": lambda q, v, r: (
+        np.all(q, axis=-1) * 2.0 + np.any(np.stack([q, -q], axis=-1), axis=-1)[..., 0]
+    ),
     "where": lambda q, v, r: np.where(q > 0, np.sqrt(np.abs(q)), v),
     "where, of numbers": lambda q, v, r: np.where(q[..., 0] > 0, 1.0, TIME),
     "where, by plain truths": lambda q, v, r: np.where(TABLE > 0, q, 0.0) + np.where(ROW > 0, v, 1),
