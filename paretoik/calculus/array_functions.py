@@ -53,6 +53,21 @@ def _mean(trace: Trace, a: Traced, axis: Any = None, *, keepdims: bool = False) 
     return total * (max(total.entries.size, 1) / max(a.entries.size, 1))
 
 
+def _variance(trace: Trace, a: Traced, axis: Any = None, *, ddof: int = 0, keepdims: bool = False) -> Any:
+    away = a - _mean(trace, a, axis, keepdims=True)
+    total = reduced(np.add, away * away, axis=axis, keepdims=keepdims)
+    return total / (max(a.entries.size, 1) / max(total.entries.size, 1) - ddof)
+
+
+def _deviation(trace: Trace, a: Traced, axis: Any = None, *, ddof: int = 0, keepdims: bool = False) -> Any:
+    return np.sqrt(_variance(trace, a, axis, ddof=ddof, keepdims=keepdims))
+
+
+def _reach(trace: Trace, a: Traced, axis: Any = None, *, keepdims: bool = False) -> Any:
+    ends = [reduced(ufunc, a, axis=axis, keepdims=keepdims) for ufunc in (np.maximum, np.minimum)]
+    return ends[0] - ends[1]
+
+
 def _all(trace: Trace, a: Traced, axis: Any = None, *, keepdims: bool = False) -> Traced:
     return reduced(np.multiply, a != 0, axis=axis, keepdims=keepdims).astype(bool)
 
@@ -228,6 +243,9 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
     np.min: _folded(np.minimum),
     np.amin: _folded(np.minimum),
     np.mean: _mean,
+    np.var: _variance,
+    np.std: _deviation,
+    np.ptp: _reach,
     np.all: _all,
     np.any: _any,
     np.cumsum: _accumulated(operator.add),

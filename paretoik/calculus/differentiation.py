@@ -5,7 +5,7 @@ At a kink, that of an absolute value, a maximum or a choice, the derivative is t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from paretoik.calculus.expressions import NOTHING, Op, Tape
 from paretoik.errors import InvalidInput
@@ -44,12 +44,12 @@ def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
     return [adjoint.get(i, nothing) for i in wrt]
 
 
-def tangents(tape: Tape, outputs: Sequence[int], wrt: int) -> list[int]:
-    """Return the entries of ∂output/∂wrt of many outputs for one input."""
+def tangents(tape: Tape, outputs: Sequence[int], along: Mapping[int, int]) -> list[int]:
+    """Return the entries of the rates of change of many outputs where inputs change at the rates ``along``."""
     nothing = tape.constant(0.0)
-    tangent: dict[int, int] = {wrt: tape.constant(1.0)}
+    tangent: dict[int, int] = dict(along)
     for i in used(tape, outputs):
-        if i == wrt or tape.entries[i][0] in (Op.CONSTANT, Op.INPUT):
+        if i in along or tape.entries[i][0] in (Op.CONSTANT, Op.INPUT):
             continue
         op, a, b, c = tape.entries[i]
         if op is Op.CHOOSE:  # what is not taken may not even be a number
@@ -70,10 +70,10 @@ def tangents(tape: Tape, outputs: Sequence[int], wrt: int) -> list[int]:
 def hessian(tape: Tape, output: int, wrt: Sequence[int]) -> dict[tuple[int, int], int]:
     """Return the entries of ∂²output/∂wrt[i]∂wrt[j] that are not always 0, for i ≥ j."""
     nothing = tape.constant(0.0)
-    first = gradient(tape, output, wrt)
+    first, one = gradient(tape, output, wrt), tape.constant(1.0)
     found = {}
     for j, variable in enumerate(wrt):
-        for i, value in enumerate(tangents(tape, first[j:], variable), start=j):
+        for i, value in enumerate(tangents(tape, first[j:], {variable: one}), start=j):
             if value != nothing:
                 found[i, j] = value
     return found

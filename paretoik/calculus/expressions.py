@@ -112,8 +112,22 @@ class Tape:
                 return second
             if first in self.values:
                 return second if self.values[first] else third
+            return self._choice(first, second, third)
         if op in (Op.MAXIMUM, Op.MINIMUM) and first == second:
             return first
+        return None
+
+    def _choice(self, condition: int, first: int, second: int) -> int | None:
+        """Return the maximum, minimum or absolute value that a choice spells out."""
+        op, low, high, _ = self.entries[condition]
+        if op not in (Op.LESS, Op.LESS_EQUAL):
+            return None
+        if (first, second) in ((low, high), (high, low)):
+            return self.apply(Op.MINIMUM if first == low else Op.MAXIMUM, low, high)
+        for zero, value, positive in ((low, high, first), (high, low, second)):
+            negative = second if positive == first else first
+            if self.values.get(zero) == 0.0 and positive == value and negative == self.apply(Op.NEGATE, value):
+                return self.apply(Op.ABSOLUTE, value)
         return None
 
     def _product(self, first: int, second: int) -> int | None:
@@ -127,6 +141,8 @@ class Tape:
                 return self.apply(Op.NEGATE, other)
             if first == second and self.entries[one][0] is Op.SQUARE_ROOT:
                 return self.entries[one][1]
+            if first == second and self.entries[one][0] is Op.ABSOLUTE:
+                return self.apply(Op.MULTIPLY, self.entries[one][1], self.entries[one][1])
             if self.entries[one][0] is Op.NEGATE:
                 return self.apply(Op.NEGATE, self.apply(Op.MULTIPLY, self.entries[one][1], other))
         return None

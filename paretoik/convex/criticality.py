@@ -1,8 +1,9 @@
 """How much all objectives can gain at once, to first order: the criticality of a point.
 
-χ = max t over ‖d‖ ≤ radius with ∇fᵢ·d ≤ −t for every objective and g + ∇g d ≤ 0 for every limit: 0 at a Pareto-critical
-point, positive elsewhere. A second-order cone program, solved by Clarabel; ``criticality_model`` is the same in cvxpy's
-words, slower and easier to read. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their quadratic term.
+χ = max t over ‖d‖ ≤ radius with ∇fᵢ·d ≤ −t for every objective and gap + ∇gap·d ≥ 0 for every limit: 0 at a
+Pareto-critical point, positive elsewhere. A second-order cone program, solved by Clarabel; ``criticality_model`` is the
+same in cvxpy's words, slower and easier to read. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their
+quadratic term.
 """
 
 from __future__ import annotations
@@ -15,91 +16,89 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
+from paretoik.convex.models import Constraints, asked
 from paretoik.errors import EvaluationFailed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criticality:
-    """``value`` χ, the direction that attains it, and multipliers of objectives (their sum is 1) and limits."""
+    """``value`` χ, the step that attains it, and multipliers of objectives (their sum is 1), limits and cones."""
 
     value: float
-    direction: Float[np.ndarray, " unknowns"]
+    step: Float[np.ndarray, " columns"]
     weights: Float[np.ndarray, " objectives"]
     limits: Float[np.ndarray, " limits"]
+    pulls: tuple[np.ndarray, ...] = ()
 
 
 def criticality(
-    gradients: Float[np.ndarray, "objectives unknowns"],
-    gaps: Float[np.ndarray, " limits"],
-    slopes: Any,
-    radius: float,
+    gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return the criticality at a point with ``gaps`` −g of its limits and ``slopes`` ∇g, a sparse array with its rows.
+    """Return the criticality where objectives have these gradients.
 
     Raises EvaluationFailed where Clarabel finds no solution.
     """
-    objectives, unknowns = gradients.shape
-    steepness = np.sqrt(np.asarray(slopes.multiply(slopes).sum(axis=1)).ravel())
-    near = np.flatnonzero(gaps < steepness * radius)  # the others cannot be reached from here
+    objectives, columns = gradients.shape
+    unknowns, near = constraints.unknowns, constraints.in_reach(radius, order=2)
     scale = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
-    lengths = np.maximum(steepness[near], 1e-300)
-    by = sparse.diags_array(1.0 / lengths)
-    matrix = sparse.block_array(
-        [
-            [sparse.csr_array(gradients / scale), np.ones((objectives, 1))],
-            [by @ slopes[near], None],
-            [None, sparse.csr_array((1, 1))],
-            [-sparse.eye_array(unknowns), None],
-        ],
-        format="csc",
-    )
-    matrix.resize((matrix.shape[0], unknowns + 1))
-    right = np.concatenate([np.zeros(objectives), np.maximum(gaps[near], 0.0) / lengths, [radius], np.zeros(unknowns)])
+    lengths = constraints.lengths[near]
+    ball = sparse.vstack([sparse.csr_array((1, columns)), -sparse.eye_array(unknowns, columns)])
+    blocks = [
+        sparse.hstack([sparse.csr_array(gradients / scale), np.ones((objectives, 1))]),
+        _wide(-sparse.diags_array(1.0 / lengths) @ constraints.slopes[near]),
+        _wide(ball),
+    ]
+    right = [np.zeros(objectives), np.maximum(constraints.gaps[near], 0.0) / lengths, np.append(radius, np.zeros(unknowns))]
     cones = [clarabel.NonnegativeConeT(objectives + len(near)), clarabel.SecondOrderConeT(unknowns + 1)]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((unknowns + 1, unknowns + 1)),
-        np.append(np.zeros(unknowns), -1.0),
-        sparse.csc_matrix(matrix),
-        right,
-        cones,
-        settings,
-    )
-    found = solver.solve()
-    if str(found.status) not in ("Solved", "AlmostSolved"):
-        raise EvaluationFailed(f"criticality: Clarabel wanted to end with Solved, got {found.status}")
-    dual = np.array(found.z)
-    limits = np.zeros(len(gaps))
-    limits[near] = dual[objectives : objectives + len(near)] * scale / lengths
+    for cone in constraints.cones:
+        top = sparse.coo_array((np.ones(1), (np.zeros(1, dtype=int), np.array([cone.column]))), shape=(1, columns))
+        blocks.append(_wide(-sparse.vstack([top, cone.rows])))
+        right.append(np.append(np.linalg.norm(cone.values), cone.values))
+        cones.append(clarabel.SecondOrderConeT(len(cone.values) + 1))
+    none = sparse.csc_array((columns + 1, columns + 1))
+    found = asked("criticality", none, np.append(np.zeros(columns), -1.0), blocks, right, cones, 1e-11)
+    limits = np.zeros(len(constraints.gaps))
+    limits[near] = found.dual[objectives : objectives + len(near)] * scale / lengths
+    rest, pulls = found.dual[objectives + len(near) + unknowns + 1 :] * scale, []
+    for cone in constraints.cones:
+        pulls.append(-rest[1 : len(cone.values) + 1])
+        rest = rest[len(cone.values) + 1 :]
+    weights = found.dual[:objectives]
     return Criticality(
-        value=max(-found.obj_val, 0.0) * scale,
-        direction=np.array(found.x)[:unknowns],
-        weights=dual[:objectives] / dual[:objectives].sum(),
+        value=max(-found.value, 0.0) * scale,
+        step=found.x[:columns],
+        weights=weights / weights.sum(),
         limits=limits,
+        pulls=tuple(pulls),
     )
 
 
 def criticality_model(
-    gradients: Float[np.ndarray, "objectives unknowns"],
-    gaps: Float[np.ndarray, " limits"],
-    slopes: Any,
-    radius: float,
+    gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
     """Return what ``criticality`` does, by cvxpy."""
     import cvxpy  # here: it takes two seconds, and only tests and readers want it
 
     d, t = cvxpy.Variable(gradients.shape[1]), cvxpy.Variable()
     gain = gradients @ d + t <= 0
-    within = slopes @ d <= np.maximum(gaps, 0.0)
-    problem = cvxpy.Problem(cvxpy.Maximize(t), [gain, within, cvxpy.norm(d) <= radius])
+    within = -constraints.slopes @ d <= np.maximum(constraints.gaps, 0.0)
+    tops = [
+        cvxpy.SOC(d[cone.column] + np.linalg.norm(cone.values), cone.values + cone.rows @ d)
+        for cone in constraints.cones
+    ]
+    ball = cvxpy.norm(d[: constraints.unknowns]) <= radius
+    problem = cvxpy.Problem(cvxpy.Maximize(t), [gain, within, ball, *tops])
     problem.solve(solver=cvxpy.CLARABEL)
     if d.value is None:
         raise EvaluationFailed(f"criticality: a solution wanted, got {problem.status}")
     return Criticality(
         value=max(float(problem.value), 0.0),
-        direction=np.array(d.value),
+        step=np.array(d.value),
         weights=np.array(gain.dual_value) / np.sum(gain.dual_value),
         limits=np.array(within.dual_value),
+        pulls=tuple(-np.ravel(top.dual_value[1]) for top in tops),
     )
+
+
+def _wide(block: Any) -> sparse.csr_array:
+    return sparse.csr_array(sparse.hstack([block, sparse.csr_array((block.shape[0], 1))]))

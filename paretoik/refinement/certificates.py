@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
+from scipy import sparse
 from scipy.linalg import null_space
 
 from paretoik.convex.criticality import Criticality, criticality
+from paretoik.convex.models import Cone, Constraints
 from paretoik.front.certificates import Certificates
 from paretoik.refinement.linearised import Linearised, linearised
 from paretoik.refinement.program import MotionProgram, motion_program
@@ -68,21 +70,35 @@ def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " 
 def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str]:
     at, count = linearised(program, q), len(ranges)
     radius = np.sqrt(at.unknowns / at.normal.shape[2])
-    found = criticality(at.gradients[:count] / ranges[:, None], at.gaps, -at.slopes, radius)
+    bounded = np.flatnonzero(np.isfinite(program.caps))
+    constraints = Constraints(
+        unknowns=at.unknowns,
+        gaps=np.concatenate([at.gaps, program.caps[bounded] - at.values.totals[bounded]]),
+        slopes=sparse.csr_array(sparse.vstack([at.slopes, sparse.csr_array(-at.gradients[bounded])])),
+        cones=at.cones,
+    )
+    found = criticality(at.gradients[:count] / ranges[:, None], constraints, radius)
     critical = found.value <= CRITICAL
-    return found, _status(at, found, ranges, radius) if critical else "undetermined"
+    return found, _status(at, found, constraints, ranges, radius) if critical else "undetermined"
 
 
-def _status(at: Linearised, found: Criticality, ranges: np.ndarray, radius: float) -> str:
+def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges: np.ndarray, radius: float) -> str:
     """Return whether the curvature on the critical cone says minimum or saddle."""
+    count, limits = len(ranges), len(at.gaps)
     counts = found.weights >= COUNTS
     strong = found.limits > COUNTS
-    weak = ~strong & (at.gaps <= ACTIVE)
-    factors = np.zeros(len(at.sums))
-    factors[: len(ranges)] = found.weights / ranges
-    table = at.curvature(factors, found.limits)
-    held = np.concatenate([at.gradients[: len(ranges)][counts] / ranges[counts, None], at.slopes[strong].toarray()])
-    free = null_space(held / np.maximum(np.linalg.norm(held, axis=1, keepdims=True), 1e-300), rcond=1e-9)
+    weak = ~strong & (constraints.gaps <= ACTIVE)
+    factors = np.zeros(len(at.program.totals))
+    factors[:count] = found.weights / ranges
+    factors[np.isfinite(at.program.caps)] += found.limits[limits:]
+    table = at.curvature(factors, found.limits[:limits], found.pulls).toarray()
+    held = [at.gradients[:count][counts] / ranges[counts, None], constraints.slopes[strong].toarray()]
+    for cone, pull in zip(at.cones, found.pulls, strict=True):
+        slope, bent = _length(cone, at.gradients.shape[1])
+        held.append(slope)
+        table += np.linalg.norm(pull) * bent
+    rows = np.concatenate(held)
+    free = null_space(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300), rcond=1e-9)
     if free.shape[1] == 0:
         return "minimum"
     values, vectors = np.linalg.eigh(free.T @ table @ free)
@@ -90,11 +106,22 @@ def _status(at: Linearised, found: Criticality, ranges: np.ndarray, radius: floa
         return "minimum"
     direction = free @ vectors[:, 0]
     for sign in (1.0, -1.0):
-        fits = np.all(at.slopes[weak] @ (sign * direction) >= -1e-9)
-        falls = np.all(at.gradients[: len(ranges)][~counts] @ (sign * direction) <= 1e-9)
-        if fits and falls and _dominated(at, sign * direction * radius, len(ranges)):
+        fits = np.all(constraints.slopes[weak] @ (sign * direction) >= -1e-9)
+        falls = np.all(at.gradients[:count][~counts] @ (sign * direction) <= 1e-9)
+        if fits and falls and _dominated(at, sign * direction * radius, count):
             return "saddle"
     return "undetermined"
+
+
+def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what ties the column of a cone to its length, to first order, and the length's second derivatives."""
+    size, rows = float(np.linalg.norm(cone.values)), cone.rows.toarray()
+    top = np.zeros((1, columns))
+    top[0, cone.column] = 1.0
+    if size <= ACTIVE:  # a length of nothing cannot change but by growing
+        return np.concatenate([top, rows]), np.zeros((columns, columns))
+    slope = (cone.values / size)[None] @ rows
+    return top - slope, (rows.T @ rows - slope.T @ slope) / size
 
 
 def _dominated(at: Linearised, direction: np.ndarray, count: int) -> bool:
@@ -106,6 +133,6 @@ def _dominated(at: Linearised, direction: np.ndarray, count: int) -> bool:
             moved[-1] = moved[0]
         motion = task.motion(task.motion(moved).at(task.times))
         values = np.array([float(o(motion)) * o.sign for o in task.objectives])
-        if np.all(values < at.sums[:count]) and task.violations(motion).max(initial=0.0) <= 1e-8:
+        if np.all(values < at.values.totals[:count]) and task.violations(motion).max(initial=0.0) <= 1e-8:
             return True
     return False

@@ -25,7 +25,7 @@ SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of les
 NEAREST = 6  # points whose motions every ε starts from
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
 POOL = 4  # optima of each objective that every ε starts from
-COLD, WARM = Rules(barrier=0.1), Rules(barrier=1e-4)
+COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +77,7 @@ class _Found:
         wanted: int,
     ) -> None:
         self.program, self.pool, self.ranges = program, pool, ranges
-        self.q, self.values = ends.q, ends.sums
+        self.q, self.values = ends.q, ends.totals
         self.observe, self.wanted = observe, wanted
 
     def add(self, main: int, caps: np.ndarray, *, cold: bool) -> bool:
@@ -86,7 +86,7 @@ class _Found:
         Returns whether that is a new point.
         """
         got = self._best(main, caps, self._nearest(caps), cold=cold)
-        if got is None or _known(got.sums[0], self.values):
+        if got is None or _known(got.totals[0], self.values):
             return False
         self._store(got)
         return True
@@ -96,7 +96,7 @@ class _Found:
 
         Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
         """
-        factors, caps = np.zeros((1, len(self.program.sums))), np.full((1, len(self.program.sums)), np.inf)
+        factors, caps = np.zeros((1, len(self.program.totals))), np.full((1, len(self.program.totals)), np.inf)
         factors[0, :2] = 1.0, YIELD
         motions = self.program.task.motion(self.pool)
         own = (
@@ -118,7 +118,7 @@ class _Found:
 
     def _store(self, got: Polished) -> None:
         self.q = np.concatenate([self.q, got.q])
-        self.values = np.concatenate([self.values, got.sums])
+        self.values = np.concatenate([self.values, got.totals])
         if self.observe is not None:
             self.observe(len(self.front()[0]), self.wanted)
 
@@ -131,14 +131,14 @@ class _Found:
         """Return the best motion below caps that these points' motions, and ``cold`` the pool's, lead to."""
         pool = self.pool if cold else self.pool[:0]
         rules = [WARM] * len(nearest) + [COLD] * len(pool)
-        factors, below = np.zeros((1, len(self.program.sums))), np.full((1, len(self.program.sums)), np.inf)
+        factors, below = np.zeros((1, len(self.program.totals))), np.full((1, len(self.program.totals)), np.inf)
         factors[0, : len(caps)] = YIELD  # a weak point is not enough
         factors[0, main] = 1.0
         below[0, : len(caps)] = caps
         got = polish(self.program, np.concatenate([self.q[nearest], pool]), factors, below, rules)
         if not got.converged.any():
             return None
-        best = int(np.argmin(np.where(got.converged, got.sums[:, main], np.inf)))
+        best = int(np.argmin(np.where(got.converged, got.totals[:, main], np.inf)))
         return got[best : best + 1]
 
     def front(self) -> tuple[np.ndarray, np.ndarray]:
@@ -169,7 +169,7 @@ def polished_points(task: MotionTask, q: Float[np.ndarray, "points time dof"], r
     program, count = motion_program(task, ranges), len(ranges)
     motions = task.motion(q)
     values = np.stack([o(motions) * o.sign for o in task.objectives], axis=1) / ranges
-    factors, caps = np.zeros((1, len(program.sums))), np.full((len(q), len(program.sums)), np.inf)
+    factors, caps = np.zeros((1, len(program.totals))), np.full((len(q), len(program.totals)), np.inf)
     factors[0, :count] = [1.0, *[YIELD] * (count - 1)]
     caps[:, 1:count] = values[:, 1:]
     found = polish(program, q, factors, caps, WARM)
@@ -191,7 +191,7 @@ def _ends(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, Poli
     wide = nadir - ideal > 1e-9 * np.maximum(np.abs(ideal), np.abs(nadir))
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
     program = motion_program(task, ranges)
-    factors = np.zeros((count, len(program.sums)))
+    factors = np.zeros((count, len(program.totals)))
     factors[:, :count] = np.where(np.eye(count) > 0, 1.0, YIELD)
     ends = polish(program, np.stack(best), factors, rules=WARM)
     if not ends.converged.all():
@@ -207,7 +207,7 @@ def _ends(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, Poli
 def _between(task: MotionTask, cold: np.ndarray, ends: Polished, ranges: np.ndarray) -> list[np.ndarray]:
     """Return the optima that many starts lead to below some ε: a branch may belong to no objective's own optimum."""
     count = len(ranges)
-    ideal, nadir = ends.sums[:, :count].min(axis=0), ends.sums[:, :count].max(axis=0)
+    ideal, nadir = ends.totals[:, :count].min(axis=0), ends.totals[:, :count].max(axis=0)
     found = []
     for share in INNER:
         for main in range(count):
@@ -254,7 +254,7 @@ def _fill_grid(found: _Found, points: int) -> None:
 def _apart(task: MotionTask, got: Polished) -> Int[np.ndarray, " kept"]:
     """Return one of every motion that several starts led to, the best first."""
     kept: list[int] = []
-    for i in np.argsort(got.sums[:, 0], kind="stable").tolist():
+    for i in np.argsort(got.totals[:, 0], kind="stable").tolist():
         if not kept or distance(task, got.q[i], got.q[kept]).min() > APART:
             kept.append(i)
     return np.array(kept, dtype=int)

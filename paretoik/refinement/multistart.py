@@ -26,8 +26,8 @@ APART = 0.01  # rad (RMS): optima nearer than this are one
 HOLDS = 1e-8  # of limits: what is violated by less is not violated
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
-COLD = (Rules(barrier=0.1), Rules(barrier=0.01))  # in turn: each finds basins that the other walks past
-WARM = Rules(barrier=1e-4)
+COLD = (Rules(barrier=0.1, radius=0.4), Rules(barrier=0.01, radius=0.1))  # in turn: each finds basins that the other walks past
+WARM = Rules(barrier=1e-4, radius=0.02)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,11 +107,11 @@ def descended(
     level, rules = task.subsampled(counts[0]), [COLD[i % len(COLD)] for i in range(len(q))]
     while True:
         program = motion_program(level, divisors)
-        rest = len(program.sums) - len(factors)
+        rest = len(program.totals) - len(factors)
         weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
         found = polish(program, q, weights[None], below[None], rules=rules)
         most = KEPT if len(levels) + 1 < len(counts) else len(found)
-        found = found[_distinct(level, found, found.sums @ weights, most=most)]
+        found = found[_distinct(level, found, found.totals @ weights, most=most)]
         levels.append((len(level.times), len(found)))
         if observe is not None:
             observe(len(level.times), len(q), len(found))

@@ -1,4 +1,8 @@
-"""Polishing motions: the compiled interior-point method for a whole batch of starts."""
+"""Polishing motions: a batch of starts to their local optima.
+
+The compiled interior-point method takes programs whose totals are sums of smooth functions of a sample; sequential
+quadratic programming takes all others.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,10 @@ from jaxtyping import Bool, Float, Int
 
 from paretoik.refinement.compiled.interior_point import CAPPED, CONVERGED, SINGULAR, STUCK, VIOLATED, Rules, minimise
 from paretoik.refinement.program import MotionProgram
+from paretoik.refinement.sequential import sequential
+from paretoik.task.motion import steepest
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract, task_errors
 
 REASONS = {
     CONVERGED: "converged",
@@ -27,14 +35,12 @@ REASONS = {
 class Polished:
     """What became of a batch of starts.
 
-    ``q`` are motions on the path, ``sums`` the program's sums there, ``multipliers`` those of the limits and then of
-    the finite caps, ``stationarity`` the length of the Lagrangian's gradient (RMS over time), ``violation`` the worst
-    of limits and caps, ``status`` a key of REASONS.
+    ``q`` are motions on the path, ``totals`` the program's there, ``stationarity`` the length of the Lagrangian's
+    gradient (RMS over time), ``violation`` the worst of limits and caps, ``status`` a key of REASONS.
     """
 
     q: Float[np.ndarray, "motions time dof"]
-    sums: Float[np.ndarray, "motions sums"]
-    multipliers: Float[np.ndarray, "motions limits"]
+    totals: Float[np.ndarray, "motions totals"]
     stationarity: Float[np.ndarray, " motions"]
     violation: Float[np.ndarray, " motions"]
     status: Int[np.ndarray, " motions"]
@@ -62,23 +68,44 @@ class Polished:
 def polish(
     program: MotionProgram,
     q: Float[np.ndarray, "motions time dof"],
-    factors: Float[np.ndarray, "#motions sums"],
-    caps: Float[np.ndarray, "#motions sums"] | None = None,
+    factors: Float[np.ndarray, "#motions totals"],
+    caps: Float[np.ndarray, "#motions totals"] | None = None,
     rules: Rules | Sequence[Rules] = Rules(),  # noqa: B008  a tuple of numbers
 ) -> Polished:
-    """Return the local optima of Σ factors · sums, with the sums below ``caps``, that starts on the path lead to.
+    """Return the local optima of Σ factors · totals, the totals below ``caps``, that starts on the path lead to.
 
-    Every start goes its own way, whatever else is in the batch; ``rules`` are for all, or one a start.
+    Every start goes its own way, whatever else is in the batch; ``rules`` are for all, or one a start. The program's
+    own caps hold as well.
     """
-    count = len(q)
+    count, q = len(q), at_rest(program.task, q) if program.task.stops else q
     each = [rules] * count if isinstance(rules, Rules) else list(rules)
-    weights = np.broadcast_to(factors, (count, len(program.sums)))
-    below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.sums)))
+    weights = np.broadcast_to(factors, (count, len(program.totals)))
+    below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.totals)))
+    below = np.minimum(below, program.caps)
+    found = _compiled(program, q, weights, below, each) if program.smooth else _general(program, q, weights, below, each)
+    if program.task.start is not None:
+        found.q[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
+    return found
+
+
+def at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
+    wanted = np.tile(task.targets[-1], (len(q), 1))
+    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], wanted)[1])
+    found = retract(task.arm, task.tasks, q[:, -2], wanted, directions)
+    ends = np.where(found.on_path[:, None], found.q, q[:, -1])
+    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
+
+
+def _compiled(
+    program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
+) -> Polished:
+    count = len(q)
 
     def part(rows: range) -> list[tuple[Any, ...]]:
         compiled = program.compiled
         return [
-            minimise(compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), each[i]) for i in rows
+            minimise(compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i]) for i in rows
         ]
 
     workers = max(1, min(count, os.cpu_count() or 1))
@@ -89,16 +116,30 @@ def polish(
         with ThreadPoolExecutor(workers) as pool:
             parts = list(pool.map(part, shares))
     found = [parts[i % workers][i // workers] for i in range(count)]
-    most = max((len(one[4]) for one in found), default=0)
-    motions = np.array([one[0] for one in found]).reshape(q.shape)
-    if program.task.start is not None:
-        motions[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
     return Polished(
-        q=motions,
+        q=np.array([one[0] for one in found]).reshape(q.shape),
         status=np.array([one[1] for one in found], dtype=int),
         iterations=np.array([one[2] for one in found], dtype=int),
-        sums=np.array([one[3] for one in found]).reshape(count, len(program.sums)),
-        multipliers=np.array([np.pad(one[4], (0, most - len(one[4]))) for one in found]).reshape(count, most),
+        totals=np.array([one[3] for one in found]).reshape(count, len(program.totals)),
         stationarity=np.array([one[5] for one in found], dtype=float),
         violation=np.array([one[6] for one in found], dtype=float),
+    )
+
+
+def _general(
+    program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
+) -> Polished:
+    found = [
+        sequential(
+            program, motion, factors, caps, radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance
+        )
+        for motion, factors, caps, rule in zip(q, weights, below, rules, strict=True)
+    ]
+    return Polished(
+        q=np.array([one.q for one in found]).reshape(q.shape),
+        status=np.array([one.status for one in found], dtype=int),
+        iterations=np.array([one.iterations for one in found], dtype=int),
+        totals=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
+        stationarity=np.array([one.stationarity for one in found], dtype=float),
+        violation=np.array([one.violation for one in found], dtype=float),
     )

@@ -1,44 +1,35 @@
 """The nonlinear program of a motion: what its objectives and limits are at a sample, with exact derivatives.
 
-The variables of a sample are u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``). Integral
-objectives and user limits of that form are sums over samples of functions of u; limits bound u itself, or further
-functions of u such as torque. The path is an equation in q at every sample.
+The variables of a sample are u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), and slacks v
+where functions have kinks; peaks have a variable σ for the whole motion. Integral objectives are sums over samples of
+functions of these; limits bound u itself, or further functions such as torque. The path is an equation in q at every
+sample. What looks from one sample at another is a function of the whole motion (``Whole``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.calculus.differentiation import gradient, hessian, used
-from paretoik.calculus.expressions import Expression, Op, entry
+from paretoik.calculus.differentiation import gradient, hessian
+from paretoik.calculus.expressions import Expression, entry
 from paretoik.calculus.machine import Program, program
-from paretoik.errors import InvalidInput
 from paretoik.refinement.compiled.interior_point import Compiled
+from paretoik.refinement.functions import Functions, Total, functions
+from paretoik.refinement.kinks import Smoothed, smoothed
+from paretoik.refinement.stencil import Stencil, stencil
+from paretoik.refinement.whole import Whole
 from paretoik.robot.kinematics import chain
-from paretoik.task.derivatives import TracedMotion, local, traced_sample
-from paretoik.task.differences import rate, second_rate
+from paretoik.task.limits import ranges as widths
 from paretoik.task.motion_task import MotionTask
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stencil:
-    """u of sample i is Σ_k ``weights``[order, i, k] q of sample ``window``[i, k].
-
-    The steps of sample i begin at ``place``[i] among the unknowns (−1: it cannot move), of which the last ``seam``
-    belong to the border: those that couple the end of a cycle to its start.
-    """
-
-    window: Int[np.ndarray, "time width"]
-    weights: Float[np.ndarray, "orders time width"]
-    place: Int[np.ndarray, " time"]
-    seam: int
+PROBES = 64  # places at which slopes are looked at for kinks
+SPREAD = (2.0, 1.0, 3.0, 10.0)  # rad, rad/s, ... at the probes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,18 +44,29 @@ class Slopes:
 class MotionProgram:
     """Everything that a solver needs of a MotionTask.
 
-    ``inputs`` (rows, time) has a row for each input of the programs: u first, then what is known, then at
-    ``multipliers`` (path equations, sums, rows). ``value`` gives sums and rows; ``slope`` also their ``slopes``;
-    ``curvature`` the ``second`` derivatives of the Lagrangian; ``track`` path equations and their Jacobian. ``lower``
-    and ``upper`` (variables + rows, time) bound u and rows; ``caps`` (sums,) bound the sums.
+    ``totals`` are the numbers of a whole motion: the objectives, divided by their divisors, then bounded ones.
+    ``inputs`` (rows, time) has a row for each input of the programs: u first, then what is known, and at
+    ``multipliers`` those of path equations, sums and rows. ``variables`` says which rows u, v and σ are: there are
+    ``slacks`` v and ``peaks`` σ. ``slack`` gives v where it is what it stands for. ``value`` gives sums and rows;
+    ``slope`` also their ``slopes`` by variables; ``curvature`` the ``second`` derivatives of the Lagrangian by u and v;
+    ``track`` path equations and their Jacobian. ``limited`` (limits, 2) are the variable, or the row beyond those, and
+    the sample that each limit bounds at ``bounds``, from below where its side is 1, and whose violations are shares of
+    ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``.
     """
 
     task: MotionTask
     stencil: Stencil
+    totals: tuple[Total, ...]
     inputs: Float[np.ndarray, "inputs time"]
+    variables: Int[np.ndarray, " variables"]
+    slacks: int
+    peaks: int
     multipliers: Int[np.ndarray, 3]
-    sums: tuple[str, ...]
+    sums: int
     rows: tuple[str, ...]
+    under: Int[np.ndarray, " under"]
+    over: Int[np.ndarray, " under"]
+    slack: Program
     value: Program
     slope: Program
     slopes: Slopes
@@ -74,10 +76,24 @@ class MotionProgram:
     limited: Int[np.ndarray, "limits 2"]
     sides: Float[np.ndarray, " limits"]
     bounds: Float[np.ndarray, " limits"]
+    ranges: Float[np.ndarray, " limits"]
+    kinks: int
+    wholes: tuple[Whole, ...]
+
+    @property
+    def smooth(self) -> bool:
+        """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
+        return not (self.slacks or self.peaks or self.wholes)
+
+    @property
+    def caps(self) -> Float[np.ndarray, " totals"]:
+        """What the totals may not exceed."""
+        return np.array([total.upper for total in self.totals])
 
     @property
     def compiled(self) -> Compiled:
         """The program as compiled code takes it; each has registers of its own: one for every thread."""
+        assert self.smooth, "compiled code takes sums of smooth functions only"
         return Compiled(
             value=self.value.parts,
             slope=self.slope.parts,
@@ -90,8 +106,9 @@ class MotionProgram:
             window=self.stencil.window,
             weights=self.stencil.weights,
             place=self.stencil.place,
-            unknowns=int(self.stencil.place.max()) + self.task.redundancy,
+            unknowns=self.stencil.unknowns,
             seam=self.stencil.seam,
+            stops=self.task.stops,
             ones=np.ones(len(self.task.times)),
             quadrature=np.array(self.task.weights),
             inputs=self.inputs,
@@ -107,139 +124,119 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
-    if task.stops:
-        raise InvalidInput("end_velocity=0: a free end is wanted for refinement so far")
-    motion = traced_sample(task)
-    tape, n = motion.trace.tape, task.arm.dof
     shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
-    sums = {
-        o.name: _traced(motion, "objective", o, o.form, "integral", o.sign * float(share))
-        for o, share in zip(task.objectives, shares, strict=True)
-    }
-    sums |= {
-        c.name: _traced(motion, "constraint", c, c.form, "integral", 1.0)
-        for c in task.constraints
-        if c.form == "integral"
-    }
-    rows, bounds = _rows(motion)
+    asked = functions(task, shares)
+    tape, n = asked.motion.trace.tape, task.arm.dof
+    plain = _without_kinks(asked)
+    sums, rows, under = _split(plain.functions, len(asked.sums), len(asked.rows))
+    every = [*sums, *rows, *under, *plain.rows]
+    path = _path(asked)
+    multipliers = len(tape.inputs) + np.cumsum([0, len(path), len(sums)])
+    factors = [tape.input() for _ in range(len(path) + len(every))]
+    lagrangian: Any = 0.0
+    for factor, f in zip(factors, (*path, *every), strict=True):
+        lagrangian = lagrangian + factor * Expression(tape, f)
+    u, extra = list(tape.inputs[: 4 * n]), [*plain.slacks, *asked.tops]
+    first = [gradient(tape, f, [*u, *extra]) for f in every]
+    nothing = tape.constant(0.0)
+    slopes = [(k, j, slope) for k, row in enumerate(first) for j, slope in enumerate(row) if slope != nothing]
+    second = hessian(tape, entry(tape, lagrangian), [*u, *plain.slacks])
+    jacobian = [slope for h in path for slope in gradient(tape, h, u[:n])]
+    orders = _orders(task, [j for _, j, _ in slopes if j < 4 * n], asked.wholes)
+    moved = np.append(np.arange(4 * n), orders * n + np.arange(len(extra)))  # rates that nothing looks at are left out
+    inputs = np.zeros((len(tape.inputs), len(task.times)))
+    for i, values in asked.motion.trace.data.items():
+        inputs[tape.entries[i][1]] = values
+    bounds = [*asked.bounds, *[np.tile([0.0, np.inf], (len(task.times), 1))] * (len(under) + len(plain.rows))]
+    limited, sides, limits, ranges = _limits(task, orders, len(extra), bounds)
+    kinks = (len(under) + len(plain.rows)) * len(task.times)
+    return MotionProgram(
+        task=task,
+        stencil=stencil(task, orders),
+        totals=tuple(asked.totals),
+        inputs=inputs,
+        variables=np.array([*range(orders * n), *(tape.entries[i][1] for i in extra)], dtype=np.int64),
+        slacks=len(plain.slacks),
+        peaks=len(asked.tops),
+        multipliers=multipliers,
+        sums=len(sums),
+        rows=tuple(asked.names),
+        under=len(rows) + np.arange(len(under)),
+        over=np.array(asked.over, dtype=np.int64),
+        slack=program(tape, plain.nodes),
+        value=program(tape, every),
+        slope=program(tape, [*every, *(slope for *_, slope in slopes)]),
+        slopes=_places([(k, int(moved[j])) for k, j, _ in slopes]),
+        curvature=program(tape, list(second.values())),
+        second=_places([(int(moved[i]), int(moved[j])) for i, j in second]),
+        track=program(tape, [*path, *jacobian]),
+        limited=limited,
+        sides=sides,
+        bounds=limits,
+        ranges=ranges,
+        kinks=kinks,
+        wholes=tuple(asked.wholes),
+    )
+
+
+def _without_kinks(asked: Functions) -> Smoothed:
+    """Return sums, rows and what lies under peaks without the kinks that matter."""
+    tape, rng = asked.motion.trace.tape, np.random.default_rng(0)
+    probes = np.zeros((len(tape.inputs), PROBES))
+    dof = asked.motion.arm.dof
+    for order, spread in enumerate(SPREAD):
+        probes[order * dof : (order + 1) * dof] = spread * rng.normal(size=(dof, PROBES))
+    for i, values in asked.motion.trace.data.items():
+        probes[tape.entries[i][1]] = rng.choice(values, PROBES)
+    sides = [1] * len(asked.sums)
+    for bounds in asked.bounds:
+        low, high = np.isfinite(bounds).any(axis=0)
+        sides.append(int(high) - int(low))
+    sides += [-1] * len(asked.under)
+    return smoothed(tape, [*asked.sums, *asked.rows, *asked.under], sides, probes)
+
+
+def _path(asked: Functions) -> list[int]:
+    """Return the entries of the path's equations."""
+    motion, task = asked.motion, asked.motion.task
     targets = task.targets.copy()
     if task.cyclic:
         targets[-1] = targets[0]
     wanted: list[Any] = [motion.trace.varying(column) for column in targets.T]
     links, begun = chain(task.arm, list(motion.q.entries)), 0
-    path: list[Any] = []
+    path: list[int] = []
     for part in task.tasks:
-        path += part.equations(task.arm, links, wanted[begun : begun + part.numbers])
+        path += [entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun :][: part.numbers])]
         begun += part.numbers
-    u = list(tape.inputs[: 4 * n])
-    functions = [entry(tape, f) for f in (*sums.values(), *rows.values())]
-    multipliers = np.array([len(tape.inputs), len(tape.inputs) + len(path), len(tape.inputs) + len(path) + len(sums)])
-    factors = [tape.input() for _ in range(len(path) + len(functions))]
-    lagrangian: Any = 0.0
-    for factor, f in zip(factors, (*path, *sums.values(), *rows.values()), strict=True):
-        lagrangian = lagrangian + factor * f
-    first = [gradient(tape, f, u) for f in functions]
-    nothing = tape.constant(0.0)
-    slopes = [(k, j, slope) for k, row in enumerate(first) for j, slope in enumerate(row) if slope != nothing]
-    second = hessian(tape, entry(tape, lagrangian), u)
-    equations = [entry(tape, h) for h in path]
-    jacobian = [slope for h in equations for slope in gradient(tape, h, u[:n])]
-    orders = 1 + max([1, *(j // n for _, j, _ in slopes), *(ORDERS.index(k) for k in task.bounds if k in ORDERS)])
-    inputs = np.zeros((len(tape.inputs), len(task.times)))
-    for i, values in motion.trace.data.items():
-        inputs[tape.entries[i][1]] = values
-    limited, sides, limits = _limits(task, orders, bounds)
-    return MotionProgram(
-        task=task,
-        stencil=stencil(task, orders),
-        inputs=inputs,
-        multipliers=multipliers,
-        sums=tuple(sums),
-        rows=tuple(rows),
-        value=program(tape, functions),
-        slope=program(tape, [*functions, *(slope for *_, slope in slopes)]),
-        slopes=_places([(k, j) for k, j, _ in slopes]),
-        curvature=program(tape, list(second.values())),
-        second=_places(list(second)),
-        track=program(tape, [*equations, *jacobian]),
-        limited=limited,
-        sides=sides,
-        bounds=limits,
-    )
+    return path
 
 
-def stencil(task: MotionTask, orders: int) -> Stencil:
-    """Return how rates at the samples follow from positions at the samples."""
-    samples = len(task.times)
-    level = [np.eye(samples)]
-    level.append(rate(level[0], task.times, task.differences, cyclic=task.cyclic))
-    level.append(second_rate(level[0], task.times, task.differences, cyclic=task.cyclic))
-    level.append(rate(level[2], task.times, task.differences, cyclic=task.cyclic))
-    known = np.stack(level[:orders])
-    free = samples
-    if task.cyclic:  # the last sample is the first
-        known[..., 0] += known[..., -1]
-        known[..., -1] = 0.0
-        free = samples - 1
-    touched = (known != 0).any(axis=0)
-    width = int(touched.sum(axis=1).max())
-    window = np.sort(np.argsort(~touched, axis=1, kind="stable")[:, :width], axis=1)
-    weights = np.take_along_axis(known, np.broadcast_to(window, (orders, *window.shape)), axis=2)
-    fixed = int(task.start is not None)
-    place = np.where(np.arange(samples) < fixed, -1, (np.arange(samples) - fixed) * task.redundancy)
-    if task.cyclic:
-        place[-1] = place[0]
-    reach = int(np.max(np.where(touched, np.abs(np.arange(samples) - np.arange(samples)[:, None]), 0)[: free // 2]))
-    seam = 2 * (width - 1) if task.cyclic else 0
-    assert not task.cyclic or free > 2 * seam, reach
-    return Stencil(window=window, weights=np.ascontiguousarray(weights), place=place, seam=seam * task.redundancy)
+def _orders(task: MotionTask, used: list[int], wholes: Sequence[Whole]) -> int:
+    """Return how many of position, velocity, acceleration and jerk anything looks at."""
+    n, samples = task.arm.dof, len(task.times)
+    local = [j // n for j in used] + [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
+    return 1 + max([1, *local, *(int(by) // (n * samples) for each in wholes for by in each.by)])
 
 
-def _traced(motion: TracedMotion, kind: str, given: Any, form: str, wanted: str, sign: float) -> Any:
-    what = f"{kind} {given.name}"
-    if form != wanted:
-        raise InvalidInput(f"{what}: form 'integral' wanted for refinement, got {form!r}")
-    value = local(motion, what, given.function)
-    if value is None:
-        raise InvalidInput(f"{what}: one sample at a time wanted for refinement, but it looks from one to another")
-    if isinstance(value, Expression) and any(
-        motion.trace.tape.entries[i][0] is Op.ABSOLUTE for i in used(motion.trace.tape, [value.index])
-    ):
-        raise InvalidInput(f"{what}: an absolute value has a kink where optima sit; a square is wanted so far")
-    return sign * value
+def _split(entries: list[int], *counts: int) -> list[list[int]]:
+    ends = np.cumsum([0, *counts, len(entries) - sum(counts)])
+    return [entries[a:b] for a, b in zip(ends, ends[1:], strict=False)]
 
 
-def _rows(motion: TracedMotion) -> tuple[dict[str, Any], list[np.ndarray]]:
-    """Return the bounded functions of a sample by name, and their bounds (time, 2)."""
-    task, samples = motion.task, len(motion.task.times)
-    rows: dict[str, Any] = {}
-    bounds: list[np.ndarray] = []
-    series: dict[str, Callable[[], Any]] = {"torque": lambda: motion.torque, "power": lambda: motion.power}
-    for kind, limits in task.bounds.items():
-        for j, joint in enumerate(task.arm.joint_names if kind in series else ()):
-            if np.isfinite(limits[:, j]).any():
-                rows[f"{kind} of {joint}"] = series[kind]().entries[j]
-                bounds.append(np.broadcast_to(limits[:, j], (samples, 2)))
-    if task.obstacles:
-        raise InvalidInput("obstacles: motions without them are wanted for refinement so far")
-    for c in task.constraints:
-        if c.form == "peak":
-            rows[c.name] = _traced(motion, "constraint", c, c.form, "peak", 1.0)
-            bounds.append(np.tile([c.lower, c.upper], (samples, 1)))
-    return rows, bounds
-
-
-def _limits(task: MotionTask, orders: int, rows: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _limits(
+    task: MotionTask, orders: int, extra: int, rows: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     samples, n = len(task.times), task.arm.dof
     free = np.tile([-np.inf, np.inf], (samples, n, 1))
     simple = [np.broadcast_to(task.bounds.get(kind, free), free.shape) for kind in ORDERS[:orders]]
-    both = np.concatenate([*simple, *(row[:, None] for row in rows)], axis=1)
-    sample, which, side = np.nonzero(np.isfinite(both))
-    moves = np.ones(len(sample), dtype=bool)
+    none = np.tile([-np.inf, np.inf], (samples, extra, 1))
+    both = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
+    which, sample, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # kinks last
     if task.start is not None:
         moves = (sample > 0) | (which >= n)
-    sample, which, side = sample[moves], which[moves], side[moves]
-    return np.stack([which, sample], axis=1), 1.0 - 2.0 * side, both[sample, which, side]
+        which, sample, side = which[moves], sample[moves], side[moves]
+    width = widths(both[sample, which, 0], both[sample, which, 1])
+    return np.stack([which, sample], axis=1), 1.0 - 2.0 * side, both[sample, which, side], width
 
 
 def _places(pairs: list[tuple[int, int]]) -> Slopes:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import chain, located, node_components
 from paretoik.task.differences import Differences
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Obstacle
+from paretoik.task.obstacles import Obstacle, to_surface
 from paretoik.task.task import Task
 
 
@@ -134,6 +134,18 @@ class TracedMotion:
         found: Traced = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
         return found
 
+    @cached_property
+    def clearance(self) -> Traced:
+        """As ``Motion.clearance``."""
+        if not self.obstacles:
+            raise InvalidInput("motion.clearance wants obstacles, but the problem has none")
+        nodes = [self.links[..., axis] for axis in range(3)]
+        starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
+        surface: Any = to_surface  # of arrays; it takes expressions as well
+        gaps = [surface(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
+        least: Traced = reduce(np.minimum, [gap.min(-1) for gap in gaps])
+        return least
+
     def integral(self, series: Any) -> Any:
         """As ``Motion.integral``."""
         if self.trace.samples is not None:
@@ -160,6 +172,30 @@ def traced_sample(task: MotionTask) -> TracedMotion:
     """Return one sample of a motion of a task, for functions that look at every sample by itself."""
     trace = Trace(len(task.times))
     return TracedMotion(task, trace, *(trace.inputs(task.arm.dof) for _ in range(4)))
+
+
+def traced_whole(task: MotionTask) -> TracedMotion:
+    """Return a whole motion of a task with every sample in sight, for functions that look from one at another."""
+    trace = Trace(None)
+    return TracedMotion(task, trace, *(trace.inputs(len(task.times), task.arm.dof) for _ in range(4)))
+
+
+def whole(motion: TracedMotion, what: str, function: Callable[[Any], Any], form: str) -> list[Expression | float]:
+    """Return what a function computes of a whole motion: one value, or one a sample where its form is a series.
+
+    Raises InvalidInput, naming the function and what it did, where its derivative cannot be had.
+    """
+    wanted = motion.time.shape if form in ("integral", "peak") else ()
+    try:
+        value = function(motion)
+        found = value if isinstance(value, Traced) else np.asarray(value)
+        if found.dtype.kind not in "fiub":
+            raise InvalidInput(f"must return real numbers, got {found.dtype if found.ndim else repr(value)}")
+        if found.shape != wanted:
+            raise InvalidInput(f"({form}) must return shape {wanted} where derivatives are taken, got {found.shape}")
+    except InvalidInput as error:
+        raise InvalidInput(f"{what}: {error}") from None
+    return list((found.entries if isinstance(found, Traced) else found).ravel())
 
 
 def local(motion: TracedMotion, what: str, function: Callable[[Any], Any]) -> Expression | float | None:

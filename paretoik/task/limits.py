@@ -128,10 +128,11 @@ def excess(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*bat
         "power": lambda: motion.power,
     }[kind]()
     lower, upper = bounds[..., 0], bounds[..., 1]
-    return np.maximum(values - upper, lower - values) / _ranges(lower, upper)
+    return np.maximum(values - upper, lower - values) / ranges(lower, upper)
 
 
-def _ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+def ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return the ranges of limits: their width, or the size of the only bound, or 1 where that is zero."""
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 1.0))

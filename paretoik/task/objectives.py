@@ -136,7 +136,7 @@ def joint_travel(motion: Moving) -> Found:
 @objective(unit="rad", form="terminal")
 def joint_drift(motion: Moving) -> Found:
     """‖q_N − q₀‖ / dof. Source: Marcos et al. 2012, Eq. 25."""
-    return np.asarray(np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof)
+    return np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof
 
 
 @objective(unit="", form="integral")

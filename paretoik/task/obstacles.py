@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import TypeAlias
 
 import numpy as np
@@ -110,11 +111,8 @@ def clearance(
         raise InvalidInput(f"link radius: must be one or one for each of the {links} links, got shape {radii.shape}")
     if radii.min() < 0:
         raise InvalidInput(f"link radius: must not be negative, got {radii.min():g} m")
-    least = np.full(nodes.shape[:-2], np.inf)
-    for obstacle in obstacles:
-        distances = signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :])
-        np.minimum(least, (distances - radii).min(axis=-1), out=least)
-    return least
+    gaps = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radii for obstacle in obstacles]
+    return np.asarray(reduce(np.minimum, [gap.min(axis=-1) for gap in gaps]))
 
 
 def signed_distance(
@@ -137,11 +135,12 @@ def signed_distance(
         if points.dtype.kind not in "iuf" or points.shape[-1:] != (3,):
             raise InvalidInput(f"segments: must be real points (..., 3), got {points.dtype} of shape {points.shape}")
     starts, ends = np.broadcast_arrays(starts, ends)
-    distances = _to_surface(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
+    distances = to_surface(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
     return distances.reshape(starts.shape[:-1])
 
 
-def _to_surface(obstacle: Obstacle, start: Components, end: Components) -> np.ndarray:
+def to_surface(obstacle: Obstacle, start: Components, end: Components) -> np.ndarray:
+    """Return what ``signed_distance`` does, of components: plain NumPy, so that derivatives can be taken of it."""
     if isinstance(obstacle, Box):
         place = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
@@ -175,7 +174,7 @@ def _between_segments(start: Components, end: Components, other_start: Component
         _point_to_segment(other_start, start, end),
         _point_to_segment(other_end, start, end),
     ]
-    least: np.ndarray = np.minimum.reduce(gaps)
+    least: np.ndarray = reduce(np.minimum, gaps)
     return least
 
 
@@ -192,7 +191,7 @@ def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> n
         places = [a + share * d for a, d in zip(start, step, strict=True)]
         return [p - np.clip(p, -h, h) for p, h in zip(places, halves, strict=True)]
 
-    low, high = np.zeros_like(step[0]), np.ones_like(step[0])
+    low, high = 0.0 * step[0], 0.0 * step[0] + 1.0
     low_slope, high_slope = _dot(excess(low), step), _dot(excess(high), step)
     for a, d, h in zip(start, step, halves, strict=True):
         for plane in (-h, h):
@@ -204,6 +203,8 @@ def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> n
     nearest: np.ndarray = low + (high - low) * _share(-low_slope, high_slope - low_slope)
     distances = _length(excess(nearest))
     touching = distances < 1e-9 * halves.max()
+    if not isinstance(touching, np.ndarray):  # derivatives are taken: no looking at numbers
+        return np.where(touching, np.minimum(_depth(start, step, halves), distances), distances)
     if touching.any():
         depths = _depth([a[touching] for a in start], [d[touching] for d in step], halves)
         distances[touching] = np.where(depths < 0, depths, distances[touching])
@@ -217,23 +218,23 @@ def _depth(start: Components, step: Components, halves: np.ndarray) -> np.ndarra
     a falling one.
     """
     lines = list(zip(start, step, halves, strict=True))
-    shares = [np.zeros_like(step[0]), np.ones_like(step[0])]
+    shares = [0.0 * step[0], 0.0 * step[0] + 1.0]
     for a, d, h in lines:
         for b, e, k in lines:
             rising, falling = np.where(d < 0, -a, a) - h, np.where(e < 0, b, -b) - k
             shares.append(_share(falling - rising, np.abs(d) + np.abs(e)))
-    at = np.stack(shares)
-    largest = np.maximum.reduce([np.abs(a + at * d) - h for a, d, h in lines])
-    least: np.ndarray = largest.min(axis=0)
+    largest = [reduce(np.maximum, [np.abs(a + share * d) - h for a, d, h in lines]) for share in shares]
+    least: np.ndarray = reduce(np.minimum, largest)
     return least
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
     """Return part / whole within [0, 1], and 0 where there is no whole."""
-    shares = np.zeros(np.broadcast_shapes(part.shape, whole.shape))
-    with np.errstate(over="ignore"):
-        np.divide(part, whole, out=shares, where=whole > 0)
-    return np.clip(shares, 0.0, 1.0)
+    there = whole > 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        shares = np.where(there, part / np.where(there, whole, 1.0), 0.0)
+    clipped: np.ndarray = np.clip(shares, 0.0, 1.0)
+    return clipped
 
 
 def _components(points: np.ndarray) -> Components:
@@ -245,7 +246,7 @@ def _minus(left: Components, right: Components) -> Components:
 
 
 def _dot(left: Components, right: Components) -> np.ndarray:
-    return np.asarray(sum(a * b for a, b in zip(left, right, strict=True)))
+    return sum((a * b for a, b in zip(left, right, strict=True)), start=np.zeros(()))
 
 
 def _cross(left: Components, right: Components) -> Components:
@@ -254,7 +255,8 @@ def _cross(left: Components, right: Components) -> Components:
 
 
 def _length(vector: Components) -> np.ndarray:
-    return np.asarray(np.sqrt(_dot(vector, vector)))
+    length: np.ndarray = np.sqrt(_dot(vector, vector))
+    return length
 
 
 def _size(name: str, value: float) -> float:

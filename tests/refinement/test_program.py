@@ -34,17 +34,17 @@ def test_sums_and_rates_are_those_of_the_motion(make):
             task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy, pk.torque_norm, pk.manipulability], bases=1
         ).task
     program, q = motion_program(task), motion_of(task)
-    inputs = lanes(program, q, np.ones(len(program.sums)), 0.0)
+    inputs = lanes(program, q, np.ones(program.sums), 0.0)
     values = program.value(inputs)
     motion = task.motion(q)
-    found = values[: len(program.sums)] @ task.weights
+    found = values[: program.sums] @ task.weights
     wanted = [o(motion) * o.sign for o in task.objectives]
     assert found == pytest.approx(wanted, rel=1e-12)
     n = task.arm.dof
     assert np.allclose(inputs[n : 2 * n].T, motion.dq, rtol=0, atol=1e-10 * np.abs(motion.dq).max())
     torque = [i for i, row in enumerate(program.rows) if row.startswith("torque")]
     for row, j in zip(torque, range(n), strict=False):
-        assert values[len(program.sums) + row] == pytest.approx(motion.torque[:, j], rel=1e-10, abs=1e-12)
+        assert values[program.sums + row] == pytest.approx(motion.torque[:, j], rel=1e-10, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["simulation_4", "simulation_5"])
@@ -52,11 +52,11 @@ def test_slopes_and_second_derivatives_are_those_of_central_differences(name):
     task = getattr(tringali_2020, name)().task
     program = motion_program(task)
     rng = np.random.default_rng(0)
-    factors = rng.uniform(0.5, 2.0, size=len(program.sums))
+    factors = rng.uniform(0.5, 2.0, size=program.sums)
     pushes = rng.normal(size=(len(program.rows), len(task.times)))
     inputs = lanes(program, motion_of(task), factors, pushes)
     variables = program.stencil.weights.shape[0] * task.arm.dof
-    functions = len(program.sums) + len(program.rows)
+    functions = program.sums + len(program.rows)
     weights = inputs[program.multipliers[1] :]
 
     def lagrangian_slope(at):
@@ -104,24 +104,5 @@ def test_what_has_no_derivative_is_named():
     def spectrum(motion):
         return np.abs(np.fft.fft(motion.q[..., 0]))
 
-    @pk.objective(unit="", form="integral")
-    def memory(motion):
-        return np.cumsum(motion.dq[..., 0] ** 2, axis=-1)
-
-    refused = {
-        "spectrum.*fft": spectrum,
-        "memory": memory,
-        "peak_torque": pk.peak_torque,
-        "mechanical_energy: an absolute value": pk.mechanical_energy,
-    }
-    for said, objective in refused.items():
-        with pytest.raises(pk.InvalidInput, match=said):
-            motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[objective], bases=1).task)
-    with pytest.raises(pk.InvalidInput, match="end_velocity"):
-        motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[pk.torque_norm], bases=1, end_velocity=0).task)
-    with pytest.raises(pk.InvalidInput, match="obstacles"):
-        motion_program(
-            pk.Tracking(
-                pk.tringali_3r(), path, objectives=[pk.torque_norm], bases=1, obstacles=[pk.Circle([1, 1], 0.1)]
-            ).task
-        )
+    with pytest.raises(pk.InvalidInput, match="objective spectrum.*fft"):
+        motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[spectrum], bases=1).task)

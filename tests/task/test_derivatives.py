@@ -192,7 +192,7 @@ def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
         (lambda motion: motion.q.__iadd__(1.0)[..., 0], "would change an array in place"),
         (lambda motion: motion.torque.__iadd__(1.0)[..., 0], "would change an array in place"),
         (lambda motion: motion.torque[..., 0].__iadd__(1.0), "would change an array in place"),
-        (lambda motion: motion.clearance, "motion.clearance has no derivative here"),
+        (lambda motion: motion.clearance, "motion.clearance wants obstacles"),
         (lambda motion: motion.tracking_error, "motion.tracking_error has no derivative here"),
         (lambda motion: motion.at(0.5), "motion.at has no derivative here"),
         (lambda motion: [single.q for single in motion], r"motion\[...\] has no derivative here"),

@@ -20,6 +20,7 @@ from paretoik.refinement.compiled.arrowhead import factorised, solved
 from paretoik.refinement.compiled.elastic import central, descent, off_centre, prices, pushed, step_multipliers
 from paretoik.refinement.compiled.samples import (
     add_curvature,
+    follow,
     frames,
     gather,
     moved,
@@ -54,6 +55,7 @@ class Compiled(NamedTuple):
     place: np.ndarray
     unknowns: int
     seam: int  # so many unknowns, the last, belong to the border
+    stops: bool  # the last sample is the nearest to the one before
     ones: np.ndarray
     quadrature: np.ndarray
     inputs: np.ndarray
@@ -64,13 +66,17 @@ class Compiled(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """How a search goes: first and last barrier, price of a violation, tolerance of stationarity, iterations."""
+    """How a search goes: first and last barrier, price of a violation, tolerance of stationarity, iterations.
+
+    Where the search is by quadratic programming, ``radius`` is that of its first step [rad or m].
+    """
 
     barrier: float = 0.1
     last_barrier: float = 1e-11
     penalty: float = 1.0
     tolerance: float = 1e-8
     iterations: int = 150
+    radius: float = 0.3
 
 
 @compiled
@@ -119,6 +125,8 @@ def minimise(p, q, factors, caps, rules):
         if not frames(tracked, normal, steep, triangle):
             status = SINGULAR
             break
+        if p.stops:
+            follow(normal, steep)
         run(p.slope, given, slopes)
         _gradients(p, slopes, K + G, grads, total)
 
@@ -212,6 +220,8 @@ def minimise(p, q, factors, caps, rules):
             for s in range(samples):
                 for j in range(n):
                     trial[s, j] = q[s, j] + alpha * dq[s, j]
+            if p.stops:
+                trial[-1] = trial[-2]
             if retracted(p.track, given, trial, steep, triangle, tracked):
                 _evaluate(p, given, trial, values, trial_f, caps, capped, trial_gaps)
                 after = _weighed(factors, trial_f) + prices(trial_gaps, mu, penalty)

@@ -157,6 +157,21 @@ def frames(tracked, normal, steep, triangle):
 
 
 @compiled
+def follow(normal, steep):
+    """Write how the last sample moves where it is the nearest on the path to the one before."""
+    _, n, r = normal.shape
+    for a in range(r):
+        for j in range(n):
+            normal[-1, j, a] = normal[-2, j, a]
+        for i in range(steep.shape[2]):
+            along = 0.0
+            for j in range(n):
+                along += steep[-1, j, i] * normal[-2, j, a]
+            for j in range(n):
+                normal[-1, j, a] -= along * steep[-1, j, i]
+
+
+@compiled
 def _reflect(x, v, begin, square):
     dot = 0.0
     for j in range(begin, len(x)):

@@ -1,0 +1,86 @@
+"""Absolute values, maxima and minima in what is minimised or bounded: slack variables in their place.
+
+Where a function that is to be small grows with |x|, or max(x, y), that number may be any v ≥ x, −x (x, y): at an optimum
+it is the least of them. What is left is smooth. Where it falls with it instead, the kink points away from any optimum,
+and where it is flat at the kink, there is none: both are left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.calculus.differentiation import gradient, used
+from paretoik.calculus.expressions import Op, Tape
+from paretoik.calculus.machine import program
+from paretoik.calculus.rewriting import substituted
+
+KINKED = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
+NOTHING = 1e-12  # slopes below are none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Smoothed:
+    """Functions on a tape without the kinks that matter: with ``slacks``, inputs that stand for ``nodes``.
+
+    ``rows`` are the entries that then have to be at least 0.
+    """
+
+    functions: list[int]
+    slacks: list[int]
+    nodes: list[int]
+    rows: list[int]
+
+
+def smoothed(
+    tape: Tape, functions: Sequence[int], sides: Sequence[int], probes: Float[np.ndarray, "inputs lanes"]
+) -> Smoothed:
+    """Return functions with slacks in place of kinks; ``sides`` are 1 for what should be small, −1 large, 0 neither.
+
+    ``probes`` are inputs of the tape at which slopes are looked at.
+    """
+    count, wanted = len(functions), list(sides)
+    found, slacks, nodes, left = list(functions), list[int](), list[int](), set[int]()
+    while kinked := [i for i in used(tape, found) if tape.entries[i][0] in KINKED and i not in left]:
+        node = max(kinked)  # the outermost first: what is inside it belongs to its rows then
+        slack = tape.input().index
+        changed = substituted(tape, found, {node: slack})
+        if not _grows(tape, node, slack, changed, wanted, probes):
+            left.add(node)
+            continue
+        op, a, b, _ = tape.entries[node]
+        if op is Op.ABSOLUTE:
+            b = tape.apply(Op.NEGATE, a)
+        pairs = [(a, slack), (b, slack)] if op is Op.MINIMUM else [(slack, a), (slack, b)]
+        found = changed + [tape.apply(Op.SUBTRACT, *pair) for pair in pairs]
+        wanted += [-1, -1]
+        slacks.append(slack)
+        nodes.append(node)
+    return Smoothed(functions=found[:count], slacks=slacks, nodes=nodes, rows=found[count:])
+
+
+def _grows(
+    tape: Tape, node: int, slack: int, functions: list[int], sides: list[int], probes: Float[np.ndarray, "inputs lanes"]
+) -> bool:
+    """Return whether functions get worse with the slack, and have a kink where its operands meet."""
+    op, a, b, _ = tape.entries[node]
+    meeting = [a, b] if b >= 0 else [tape.constant(0.0)]
+    values = program(tape, [node, *meeting])(_wide(tape, probes))
+    slopes = [gradient(tape, f, [slack])[0] for f in functions]
+    given = [_wide(tape, probes) for _ in values]
+    for table, value in zip(given, values, strict=True):
+        table[tape.entries[slack][1]] = value
+    with np.errstate(all="ignore"):
+        found = np.nan_to_num(program(tape, slopes)(np.concatenate(given, axis=1)))
+    signs = np.array(sides) * (-1.0 if op is Op.MINIMUM else 1.0)
+    worse = signs[:, None] * found
+    if np.any((signs == 0) & (np.abs(found) > NOTHING).any(axis=1)) or np.any(worse < -NOTHING):
+        return False
+    return bool(np.any(worse[:, probes.shape[1] :] > NOTHING))
+
+
+def _wide(tape: Tape, probes: np.ndarray) -> np.ndarray:
+    return np.pad(probes, ((0, len(tape.inputs) - len(probes)), (0, 0)))
