@@ -14,6 +14,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -30,17 +31,17 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import series
 from paretoik.task.retraction import retract, task_errors
 
-STRIDE = 0.05  # rad or m: how finely curves are traced before they are cut into nodes
+STRIDE = 0.1  # rad or m: how finely curves are traced before they are cut into nodes
 SHARPEST = 0.9  # cosine of the turn from one stride to the next
 STRIDES = 1200  # of one curve, at most
 SEEDS = 48  # postures at either end of the path, carried along it to find the curves of every sample
 PACE = 2.5  # times the pace that the path itself asks for: what joints without velocity limit may do
-NODES, PAIR_NODES = 12, 7  # in the furthest step of a joint
+NODES, PAIR_NODES = 12, 10  # in the furthest step of a joint
 COARSEST = 26  # samples, where accelerations count
 LARGEST = 40_000_000  # transitions: more don't fit the memory of a small machine
 BLOCK = 200_000  # samples evaluated at once
 HOLDS = 1e-9  # of limits
-APART = 0.15  # rad or m: at a sample, ways through the grid nearer than this to a better one are not looked at
+APART = 0.15  # rad or m: ways through the grid nearer than this to a better one are not told apart from it
 LOOKED_AT = 5  # samples at which different ways are told apart
 
 Series = Callable[[Motion], np.ndarray]
@@ -48,11 +49,13 @@ Series = Callable[[Motion], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridOracle:
-    """What the grid knows: motions ``q``, the best of each class, best first, ``labels`` as of ``branches``.
+    """What the grid knows: motions ``q``, the best of each class and what is far from them, best on the grid first.
 
-    ``values`` are the sums of objectives that they are worth (minimised), ``violations`` the worst of their limits;
-    ``best`` is the least value on the grid, its nodes ``resolution`` [rad, m] apart, ``coarser`` that on every other
-    node. ``exact`` says that no way through the grid is better than ``best``, and that ``best`` is a motion's value.
+    ``labels`` are those of ``branches``, ``values`` the sums of objectives (minimised), ``violations`` the worst of the
+    limits, ``resolution`` [rad, m] the distance of nodes, ``samples`` how many of the motion the grid has.
+
+    Where ``exact``, no way through the grid is better than the first, and ``coarser`` is the best value on every second
+    node; otherwise, where accelerations count, it is NaN.
     """
 
     q: Float[np.ndarray, "paths time dof"]
@@ -60,14 +63,23 @@ class GridOracle:
     violations: Float[np.ndarray, " paths"]
     labels: tuple[str, ...]
     resolution: float
-    best: float
-    coarser: float
+    samples: int
     exact: bool
+    coarser: float
+
+    @property
+    def best(self) -> float:
+        """What the best way through the grid is worth."""
+        return float(self.values[0])
 
     @property
     def estimate(self) -> float:
-        """Where the best value tends to as nodes move together: an extrapolation (Richardson), not a bound."""
-        return self.best - (self.coarser - self.best) / 3
+        """Where the best value may tend to as nodes move together: an extrapolation, not a bound.
+
+        As if it came nearer in proportion to the resolution, which it does where limits are active; where none is, it
+        goes with the square, and this is too low.
+        """
+        return 2 * self.best - self.coarser
 
 
 def grid_oracle(
@@ -89,7 +101,7 @@ def grid_oracle(
     resolution
         The distance [rad, m] between nodes; by default a share of the furthest step of a joint between samples.
     classes
-        The most classes returned: how the joints are bent, and how often they turn.
+        The most motions returned. Classes differ in how joints are bent and how often they turn.
     seed
         Of the first postures; the curves through them hardly depend on it.
 
@@ -123,12 +135,13 @@ def grid_oracle(
         if not wound.any():
             break
         unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must be told apart
-    coarser, _ = _best(layers.only(grid.even), level.cyclic)
+    sparse = layers.only([rank % 2 == 0 for rank in grid.ranks])
+    coarser = np.nan if terms.second else _best(sparse, level.cyclic)[0]
     ways = [states, *_ways(layers, level.cyclic, round(APART / spacing))]
-    motions = np.stack([grid.motion(layers.through(way)) for way in ways])
-    if terms.second:
-        motions = _resampled(task, level, motions)
-    return _told(task, grid, terms, motions, classes, resolution=spacing, best=best, coarser=coarser)
+    told = _told(task, level, grid, terms, np.stack([grid.motion(layers.through(way)) for way in ways]), classes)
+    if not terms.second and not np.isclose(told["values"][0], best, rtol=1e-6, atol=0):
+        raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
+    return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, coarser=coarser)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,10 +165,10 @@ class _Terms:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grid:
-    """Nodes of every sample (nodes, dof), every second one marked; ``turning`` joints are known modulo 2π."""
+    """Nodes of every sample (nodes, dof) and their ranks on their curves; ``turning`` joints are known modulo 2π."""
 
     nodes: list[np.ndarray]
-    even: list[np.ndarray]
+    ranks: list[np.ndarray]
     turning: np.ndarray
     windows: np.ndarray
 
@@ -470,7 +483,8 @@ def _coarse(samples: int) -> int:
 def _windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
     """Return how far each joint may go to each sample."""
     limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
-    steps = np.diff(task.times, prepend=task.times[:1])[:, None]
+    steps = np.diff(task.times)[:, None]
+    steps = np.concatenate([steps[:1], steps])
     return np.minimum(limits * steps * (1 + HOLDS), pace)
 
 
@@ -512,8 +526,7 @@ def _curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[tuple[np.nda
         traced = _traced(task, np.array(rows), np.stack([left[i][0] for i in rows]))
         for i, (q, directions) in zip(rows, traced, strict=True):
             found[i].append((q, directions))
-            apart = left[i][:, None] - q
-            apart = np.where(task.arm.periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
+            apart = _wrapped(task, left[i][:, None] - q)
             left[i] = left[i][np.linalg.norm(apart, axis=2).min(axis=1) > 0.75 * STRIDE]
     return found
 
@@ -521,8 +534,8 @@ def _curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[tuple[np.nda
 def _traced(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return one curve through each posture, by predictor and corrector, until it closes, stops or is too long."""
     q, (heading, targets, steep) = begin.copy(), _aim(task, samples, begin)
-    first, stride, going = heading.copy(), np.full(len(q), STRIDE), np.arange(len(q))
-    strides = [[(q[k].copy(), heading[k].copy())] for k in range(len(q))]
+    first, stride, going, count = heading.copy(), np.full(len(q), STRIDE), np.arange(len(q)), np.zeros(len(q))
+    strides = [(going, q.copy(), heading.copy())]
     for _ in range(STRIDES):
         reach = stride[going]
         trial = retract(task.arm, task.tasks, q[going] + reach[:, None] * heading[going], targets[going], steep[going])
@@ -530,22 +543,23 @@ def _traced(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[tu
         turn = np.sum(ahead * heading[going], axis=1)
         good = trial.on_path & (np.abs(turn) > SHARPEST)
         moved = going[good]
-        q[moved], steep[moved] = trial.q[good], across[good]
-        heading[moved] = ahead[good] * np.sign(turn[good])[:, None]
-        back = begin[going] - q[going]
-        back = np.where(task.arm.periodic, back - 2 * np.pi * np.round(back / (2 * np.pi)), back)
-        closed = good & (np.linalg.norm(back, axis=1) < 0.6 * reach)
+        q[moved], steep[moved], heading[moved] = trial.q[good], across[good], (ahead * np.sign(turn)[:, None])[good]
+        count[moved] += 1
+        back = _wrapped(task, begin[going] - q[going])
+        closed = good & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[going] > 3)
         closed &= np.sum(heading[going] * first[going], axis=1) > SHARPEST
-        closed &= np.array([len(strides[k]) > 3 for k in going])
-        for k in moved:
-            strides[k].append((q[k].copy(), heading[k].copy()))
-        for k, gap in zip(going[closed], back[closed], strict=True):
-            strides[k][-1] = (q[k] + gap, first[k])
+        q[going[closed]] += back[closed]
+        strides.append((moved, q[moved], heading[moved]))
         stride[going] = np.where(good, np.minimum(1.5 * reach, STRIDE), reach / 2)
         going = going[~closed & (stride[going] > 1e-4)]
         if not len(going):
             break
-    return [(np.array([p for p, _ in one]), np.array([d for _, d in one])) for one in strides]
+    rows, places, directions = (np.concatenate(parts) for parts in zip(*strides, strict=True))
+    return [(places[rows == k], directions[rows == k]) for k in range(len(q))]
+
+
+def _wrapped(task: MotionTask, apart: np.ndarray) -> np.ndarray:
+    return np.where(task.arm.periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
 
 
 def _grid(
@@ -558,21 +572,21 @@ def _grid(
 ) -> _Grid:
     """Return the nodes of every sample that keep the limits on postures."""
     cut = [[_cut(*curve, spacing) for curve in here] for here in curves]
-    samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
-    q = np.concatenate([q for here in cut for q, _ in here])
-    marks = np.concatenate([even for here in cut for _, even in here])
+    samples = np.repeat(np.arange(len(cut)), [sum(map(len, here)) for here in cut])
+    q = np.concatenate([q for here in cut for q in here])
+    rank = np.concatenate([np.arange(len(q)) for here in cut for q in here])
     led = retract(task.arm, task.tasks, q, *_aim(task, samples, q)[1:])
     ranges = _ranges(task, unrolled)
-    nodes, even = [], []
+    nodes, ranks = [], []
     for i in range(len(cut)):
         mine = led.on_path & (samples == i)
-        there, marked = _lifted(led.q[mine], marks[mine], ranges, task.arm.periodic)
+        there, which = _lifted(led.q[mine], ranges, task.arm.periodic)
         nodes.append(there)
-        even.append(marked)
+        ranks.append(rank[mine][which])
     if task.start is not None:
-        nodes[0], even[0] = task.start[None], np.array([True])
+        nodes[0], ranks[0] = task.start[None], np.array([0])
     if task.cyclic:
-        nodes[-1], even[-1] = nodes[0], even[0]
+        nodes[-1], ranks[-1] = nodes[0], ranks[0]
 
     def held(motion: Motion) -> np.ndarray:
         found = terms.held(motion, terms.postures)
@@ -592,21 +606,20 @@ def _grid(
             raise Infeasible(f"no posture keeps the limits at sample {i} of {len(kept)} ({task.times[i]:.3g} s)")
     return _Grid(
         nodes=[there[k] for there, k in zip(nodes, kept, strict=True)],
-        even=[marked[k] for marked, k in zip(even, kept, strict=True)],
+        ranks=[rank[k] for rank, k in zip(ranks, kept, strict=True)],
         turning=task.arm.periodic & np.isnan(ranges[:, 0]),
         windows=windows,
     )
 
 
-def _cut(q: np.ndarray, directions: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points evenly spaced along a curve given by strides, and marks on every second one."""
+def _cut(q: np.ndarray, directions: np.ndarray, spacing: float) -> np.ndarray:
+    """Return points evenly spaced along a curve given by strides."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
     apart = np.append(np.diff(s) > 1e-9, True)
-    even = np.arange(2 * int(np.ceil(s[-1] / (2 * spacing)) + (s[-1] == 0))) % 2 == 0
     if apart.sum() < 2:
-        return q[:1], even[:1]
-    along = CubicHermiteSpline(s[apart], q[apart], directions[apart])
-    return along(np.linspace(0, s[-1], len(even), endpoint=False)), even
+        return q[:1]
+    places = np.linspace(0, s[-1], int(np.ceil(s[-1] / spacing)), endpoint=False)
+    return np.asarray(CubicHermiteSpline(s[apart], q[apart], directions[apart])(places))
 
 
 def _ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"]:
@@ -620,60 +633,60 @@ def _ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"
     return ranges
 
 
-def _lifted(
-    q: Float[np.ndarray, "nodes dof"], even: np.ndarray, ranges: np.ndarray, periodic: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return every node at all the turns that its joints' ranges hold."""
+def _lifted(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes at all the turns that their joints' ranges hold, and which node each of them is."""
+    which = np.arange(len(q))
     for j in np.flatnonzero(periodic):
         lower, upper = (-np.pi, np.pi) if np.isnan(ranges[j, 0]) else ranges[j]
-        least = lower + (q[:, j] - lower) % (2 * np.pi)
-        turns = [least + 2 * np.pi * k for k in range(int((upper - lower) // (2 * np.pi) + 1))]
-        lifted = np.tile(q, (len(turns), 1))
-        lifted[:, j] = np.concatenate(turns)
-        inside = lifted[:, j] <= upper
-        q, even = lifted[inside], np.tile(even, len(turns))[inside]
-    return q, even
+        turns = 2 * np.pi * np.arange((upper - lower) // (2 * np.pi) + 1)
+        place = (lower + (q[:, j] - lower) % (2 * np.pi) + turns[:, None]).ravel()
+        q, which = np.tile(q, (len(turns), 1)), np.tile(which, len(turns))
+        q[:, j] = place
+        q, which = q[place <= upper], which[place <= upper]
+    return q, which
 
 
-def _resampled(task: MotionTask, level: MotionTask, q: Float[np.ndarray, "ways few dof"]) -> np.ndarray:
-    """Return those motions on all samples that keep to the path between theirs."""
-    found = []
-    for motion in level.motion(q):
-        try:
-            found.append(motion.at(task.times))
-        except Infeasible:
-            continue
-    if not found:
+def _told(
+    task: MotionTask, level: MotionTask, grid: _Grid, terms: _Terms, ways: np.ndarray, classes: int
+) -> dict[str, Any]:
+    """Return the best motion of every class, by what it is worth on the grid, and what is far from them."""
+    if task.cyclic:
+        ways = ways[np.abs(ways[:, -1] - ways[:, 0]).max(axis=1) < 1e-6]
+    motions = level.motion(ways)
+    cost, kinds = motions.integral(terms.cost(motions)), labels(motions)
+    change = ways[:, -1] - ways[:, 0]
+    turns = np.round((change - grid.step(ways[:, -1], ways[:, 0])) / (2 * np.pi)).astype(int)
+    kept: list[int] = []
+    found: list[np.ndarray] = []
+    for k in np.argsort(cost, kind="stable"):
+        known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
+        apart = np.sqrt(np.mean(np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1), axis=-1)).min(initial=np.inf)
+        q = _resampled(task, motions[k]) if len(kept) < classes and (apart > APART or not known) else None
+        if q is not None:
+            kept.append(int(k))
+            found.append(q)
+    if not kept:
         raise Infeasible(f"every way through the grid of {len(level.times)} samples leaves the path between them")
+    final = task.motion(np.stack(found))
+    return {
+        "q": final.q,
+        "values": final.integral(terms.cost(final)),
+        "violations": task.violations(final).max(axis=1, initial=0.0),
+        "labels": tuple(kinds[k] for k in kept),
+    }
+
+
+def _resampled(task: MotionTask, motion: Motion) -> np.ndarray | None:
+    """Return a motion on all samples, None where it leaves the path between its own."""
+    if len(motion.time) == len(task.times):
+        return motion.q
+    try:
+        q = motion.at(task.times)
+    except Infeasible:
+        return None
     if task.start is not None:
-        for one in found:
-            one[0] = task.start
-    return np.stack(found)
-
-
-def _told(task: MotionTask, grid: _Grid, terms: _Terms, q: np.ndarray, classes: int, **known: float) -> GridOracle:
-    """Return the best motion of every class."""
-    q = q[np.abs(q[:, -1] - q[:, 0]).max(axis=1) < 1e-6] if task.cyclic else q
-    motions = task.motion(q)
-    values = motions.integral(terms.cost(motions))
-    violations = task.violations(motions).max(axis=1, initial=0.0)
-    kinds = labels(motions)
-    ends = q[:, -1] - q[:, 0]
-    turns = np.round((ends - grid.step(q[:, -1], q[:, 0])) / (2 * np.pi)).astype(int)
-    best: dict[tuple[str, bytes], int] = {}
-    for k in np.lexsort((values, np.round(violations, 6))):
-        best.setdefault((kinds[k], turns[k].tobytes()), int(k))
-    kept = list(best.values())[:classes]
-    if not terms.second and abs(values.min() - known["best"]) > 1e-6 * abs(known["best"]):
-        raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
-    return GridOracle(
-        q=q[kept],
-        values=values[kept],
-        violations=violations[kept],
-        labels=tuple(kinds[k] for k in kept),
-        exact=not terms.second,
-        **known,
-    )
+        q[0] = task.start
+    return q
 
 
 def _no_way(task: MotionTask, layers: _Layers, spacing: float) -> Infeasible:

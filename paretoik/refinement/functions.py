@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from paretoik.calculus.differentiation import used
 from paretoik.calculus.expressions import Expression, entry
 from paretoik.calculus.rewriting import pieces
 from paretoik.refinement.whole import Whole, whole_function
@@ -49,6 +50,12 @@ class Functions:
     under: list[int] = field(default_factory=list)
     over: list[int] = field(default_factory=list)
     wholes: list[Whole] = field(default_factory=list)
+
+    @property
+    def distances(self) -> list[int]:
+        """What the distances to obstacles are made of: pieces that meet without a kink."""
+        known = self.motion.task.obstacles
+        return used(self.motion.trace.tape, [entry(self.motion.trace.tape, self.motion.clearance.entries)] if known else [])
 
 
 def functions(task: MotionTask, shares: np.ndarray) -> Functions:
@@ -117,7 +124,7 @@ def _add_limits(found: Functions) -> None:
             if np.isfinite(limits[:, j]).any():
                 _add_row(found, f"{kind} of {joint}", series[kind]().entries[j], limits[:, j])
     if task.obstacles:
-        _add_row(found, "clearance", motion.clearance.entries[()], np.array([task.least_clearance, np.inf]))
+        _add_row(found, "clearance", motion.clearance.entries, np.array([task.least_clearance, np.inf]))
 
 
 def _add_row(found: Functions, name: str, value: Any, bounds: np.ndarray) -> None:

@@ -7,7 +7,7 @@ and where it is flat at the kink, there is none: both are left alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,14 +36,18 @@ class Smoothed:
 
 
 def smoothed(
-    tape: Tape, functions: Sequence[int], sides: Sequence[int], probes: Float[np.ndarray, "inputs lanes"]
+    tape: Tape,
+    functions: Sequence[int],
+    sides: Sequence[int],
+    probes: Float[np.ndarray, "inputs lanes"],
+    without: Collection[int] = (),
 ) -> Smoothed:
     """Return functions with slacks in place of kinks; ``sides`` are 1 for what should be small, −1 large, 0 neither.
 
-    ``probes`` are inputs of the tape at which slopes are looked at.
+    ``probes`` are inputs of the tape at which slopes are looked at; entries ``without`` are left as they are.
     """
-    count, wanted = len(functions), list(sides)
-    found, slacks, nodes, left = list(functions), list[int](), list[int](), set[int]()
+    count, wanted, left = len(functions), list(sides), set(without)
+    found, slacks, nodes = list(functions), list[int](), list[int]()
     while kinked := [i for i in used(tape, found) if tape.entries[i][0] in KINKED and i not in left]:
         node = max(kinked)  # the outermost first: what is inside it belongs to its rows then
         slack = tape.input().index

@@ -16,8 +16,8 @@ from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.redundancy.branches import labels
 from paretoik.redundancy.self_motion import candidates
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.polish import REASONS, Polished, polish
-from paretoik.refinement.program import motion_program
+from paretoik.refinement.polish import REASONS, Polished, polish, within_limits
+from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -27,6 +27,7 @@ HOLDS = 1e-8  # of limits: what is violated by less is not violated
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
 COLD = (Rules(barrier=0.1, radius=0.4), Rules(barrier=0.01, radius=0.1))  # in turn: each finds basins that the other walks past
+EASING = Rules(radius=0.1, iterations=60)
 WARM = Rules(barrier=1e-4, radius=0.02)
 
 
@@ -110,6 +111,8 @@ def descended(
         rest = len(program.totals) - len(factors)
         weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
         found = polish(program, q, weights[None], below[None], rules=rules)
+        if len(levels) + 1 == len(counts) and not found.converged.any() and found.violation.max() > HOLDS:
+            found = _eased(program, found, weights, below)
         most = KEPT if len(levels) + 1 < len(counts) else len(found)
         found = found[_distinct(level, found, found.totals @ weights, most=most)]
         levels.append((len(level.times), len(found)))
@@ -119,6 +122,15 @@ def descended(
             return found, tuple(levels)
         before, level = level, task.subsampled(counts[len(levels)])
         q, rules = before.motion(found.q).at(level.times), [WARM] * len(found)
+
+
+def _eased(program: MotionProgram, found: Polished, weights: np.ndarray, below: np.ndarray) -> Polished:
+    """Return what becomes of motions that violate limits when first nothing else counts."""
+    eased = within_limits(program, found.q, below, EASING)
+    holds = eased.violation <= HOLDS
+    if not holds.any():
+        return eased
+    return polish(program, eased.q[holds], weights[None], below[None], rules=WARM)
 
 
 def level_samples(samples: int) -> list[int]:
@@ -153,11 +165,12 @@ def _promising(task: MotionTask, starts: int, rng: np.random.Generator) -> Float
 
 
 def _distinct(task: MotionTask, found: Polished, cost: np.ndarray, *, most: int) -> Int[np.ndarray, " kept"]:
-    """Return which to keep, best first: one of every optimum; without any, the least-violating."""
-    if not found.converged.any():
-        return np.lexsort((cost, np.round(found.violation, 6)))[:1]
+    """Return which to keep, best first: one of every optimum; without any, those that violate the limits least."""
+    order = np.lexsort((cost, np.round(found.violation, 6)))
+    if found.converged.any():
+        order = np.argsort(np.where(found.converged, cost, np.inf), kind="stable")[: found.converged.sum()]
     kept: list[int] = []
-    for i in np.argsort(np.where(found.converged, cost, np.inf), kind="stable")[: found.converged.sum()]:
+    for i in order:
         if len(kept) < most and (not kept or distance(task, found.q[i], found.q[kept]).min() > APART):
             kept.append(int(i))
     return np.array(kept)

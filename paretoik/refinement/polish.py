@@ -88,6 +88,19 @@ def polish(
     return found
 
 
+def within_limits(
+    program: MotionProgram,
+    q: Float[np.ndarray, "motions time dof"],
+    caps: Float[np.ndarray, " totals"],
+    rules: Rules,
+) -> Polished:
+    """Return the motions that violate limits and caps least, locally: nothing else is minimised.
+
+    Where their status says that they converged, they hold.
+    """
+    return _general(program, q, np.zeros((len(q), len(caps))), np.tile(np.minimum(caps, program.caps), (len(q), 1)), [rules] * len(q))
+
+
 def at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
     """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
     wanted = np.tile(task.targets[-1], (len(q), 1))

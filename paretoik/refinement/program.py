@@ -193,7 +193,7 @@ def _without_kinks(asked: Functions) -> Smoothed:
         low, high = np.isfinite(bounds).any(axis=0)
         sides.append(int(high) - int(low))
     sides += [-1] * len(asked.under)
-    return smoothed(tape, [*asked.sums, *asked.rows, *asked.under], sides, probes)
+    return smoothed(tape, [*asked.sums, *asked.rows, *asked.under], sides, probes, asked.distances)
 
 
 def _path(asked: Functions) -> list[int]:

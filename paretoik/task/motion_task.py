@@ -132,6 +132,9 @@ class MotionTask:
             return ""
         name = self.limit_names[int(np.argmax(violations))]
         share = f"by {100 * violations.max():.3g} % of its range"
+        if name == "clearance":
+            short, sample = self.least_clearance - motion.clearance.min(), int(motion.clearance.argmin())
+            return f"clearance is {short:.3g} m short at sample {sample} ({self.times[sample]:.3g} s)"
         kind, _, joint = name.partition(" of ")
         if kind not in self.bounds:
             return f"{name} is violated {share}"
