@@ -11,8 +11,8 @@ from .front.front import Front as Front
 from .front.preferences import Weights as Weights
 from .planning import epsilon_front as epsilon_front
 from .planning import plan as plan
-from .planning import refine as refine
 from .refinement.multistart import Plan as Plan
+from .refining import refine as refine
 from .robot.arm import Arm as Arm
 from .robot.library import marcos_nr as marcos_nr
 from .robot.library import tringali_3r as tringali_3r

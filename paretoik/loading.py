@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import inspect
 import sys
@@ -10,6 +11,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+import numpy as np
 
 from paretoik.errors import InvalidInput, ParetoikError
 
@@ -156,3 +159,12 @@ def _said(error: BaseException, file: str | None) -> str:
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
     return f"{type(error).__name__}{where}: {' '.join(str(error).split())}"
+
+
+def fingerprint(problem: Any) -> str:
+    """Return a digest of what makes a problem itself: equal genes mean equal objectives."""
+    parts = problem.fingerprint_parts() if hasattr(problem, "fingerprint_parts") else [problem.xl, problem.xu]
+    digest = hashlib.sha256(f"{type(problem).__name__} {problem.n_var} {problem.n_obj}".encode())
+    for part in parts:
+        digest.update(np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else str(part).encode())
+    return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""The verbs of the face that take gradients: plan one motion's optima, find a certified front, polish one."""
+"""The verbs of the face that need no search: plan one motion's optima, find a certified front by ε-constraints."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
-from paretoik.refinement.certificates import certify
-from paretoik.refinement.epsilon import epsilon_points, front_rows, polished_points
+from paretoik.refinement.epsilon import epsilon_points
 from paretoik.refinement.multistart import Plan, planned
+from paretoik.refining import certified, task_of
 from paretoik.search.seeding import check_size
-from paretoik.solving import fingerprint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -60,7 +59,7 @@ def plan(
     """
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    task = _task("plan", problem)
+    task = task_of("plan", problem)
     if len(task.objectives) != 1:
         names = ", ".join(o.name for o in task.objectives)
         raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
@@ -103,69 +102,13 @@ def epsilon_front(
     check_size("points", points, 2)
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    task = _task("epsilon_front", problem)
+    task = task_of("epsilon_front", problem)
     if len(task.objectives) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
     found = epsilon_points(task, points=points, starts=starts, seed=seed, observe=observe)
     ids = np.arange(len(found.q))
     settings = {"points": points, "starts": starts, "seed": seed}
-    return _certified(problem, task, found.q, ids, found.ranges, {"settings": settings, "status": "epsilon"})
-
-
-def refine(front: Front, problem: Any = None) -> Front:
-    """Return the front with every motion polished to a local optimum no worse in any objective, and certified.
-
-    ``problem`` is the one that the front solves: by default the one it came from. Points keep their ids; those that
-    another one has come to dominate are left out. Polished motions are no longer what genes can say: ``genes`` is None.
-
-    A motion that could not be polished stays as it was, and its certificate says so.
-
-    Raises
-    ------
-    InvalidInput
-        Where the problem is not at hand, or an objective or limit has no derivative.
-    """
-    problem = front.problem if problem is None else problem
-    if problem is None or front.motions is None:
-        raise InvalidInput("refine: a front with its motions and its problem wanted; refine(front, problem) names it")
-    task = _task("refine", problem)
-    if tuple(o.name for o in task.objectives) != tuple(front.names):
-        raise InvalidInput(f"refine: a problem with objectives {', '.join(front.names)} wanted, got another")
-    spread = np.ptp(front.minimised, axis=0)
-    ranges = np.where(spread > 0, spread, np.maximum(np.abs(front.minimised).max(axis=0), 1.0))
-    found = polished_points(task, np.asarray(front.motions.q), ranges)
-    q = np.where(found.converged[:, None, None], found.q, front.motions.q)
-    settings = dict(front.provenance) | {"refined": {"points": len(front), "converged": int(found.converged.sum())}}
-    return _certified(problem, task, q, front.ids, ranges, settings)
-
-
-def _certified(
-    problem: Any, task: MotionTask, q: np.ndarray, ids: np.ndarray, ranges: np.ndarray, provenance: dict[str, Any]
-) -> Front:
-    motions = task.motion(q)
-    objectives = np.stack([o(motions) for o in task.objectives], axis=1)
-    signs = np.array([o.sign for o in task.objectives])
-    kept = front_rows(objectives * signs / ranges)
-    certificates = certify(task, q[kept], ranges)
-    return Front(
-        ids=ids[kept],
-        objectives=objectives[kept],
-        names=[o.name for o in task.objectives],
-        units=[o.unit for o in task.objectives],
-        maximised=[o.maximise for o in task.objectives],
-        motions=motions[kept],
-        violation=certificates.violation,
-        certificates=certificates,
-        provenance={"fingerprint": fingerprint(problem), **provenance},
-        problem=problem,
-    )
-
-
-def _task(verb: str, problem: Any) -> MotionTask:
-    task = getattr(problem, "task", None)
-    if not isinstance(task, MotionTask):
-        raise InvalidInput(f"{verb}: a Tracking problem wanted, got {type(problem).__name__}")
-    return task
+    return certified(problem, task, found.q, ids, found.ranges, {"settings": settings, "status": "epsilon"})
 
 
 def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:

@@ -12,7 +12,8 @@ from pymoo.problems.multi.zdt import ZDT1
 import paretoik as pk
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.front.indicators import non_dominated
-from paretoik.solving import fingerprint, load_front, solve
+from paretoik.loading import fingerprint
+from paretoik.solving import load_front, solve
 from tests.search.problems import Constant
 
 PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)

@@ -48,7 +48,7 @@ def pieces(tape: Tape, i: int, side: int = 1) -> list[int]:
 
 
 def squares(tape: Tape, i: int) -> tuple[float, list[int]] | None:
-    """Return (factor, entries) where entry i is factor · the root of the sum of their squares, factor > 0; else None."""
+    """Return (factor > 0, entries) where entry i is factor times the root of the sum of their squares; else None."""
     op, a, b, _ = tape.entries[i]
     if op is Op.SQUARE_ROOT:
         terms = [tape.entries[k] for k in _joined(tape, a, Op.ADD)]

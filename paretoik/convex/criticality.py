@@ -48,7 +48,11 @@ def criticality(
         _wide(-sparse.diags_array(1.0 / lengths) @ constraints.slopes[near]),
         _wide(ball),
     ]
-    right = [np.zeros(objectives), np.maximum(constraints.gaps[near], 0.0) / lengths, np.append(radius, np.zeros(unknowns))]
+    right = [
+        np.zeros(objectives),
+        np.maximum(constraints.gaps[near], 0.0) / lengths,
+        np.append(radius, np.zeros(unknowns)),
+    ]
     cones = [clarabel.NonnegativeConeT(objectives + len(near)), clarabel.SecondOrderConeT(unknowns + 1)]
     for cone in constraints.cones:
         top = sparse.coo_array((np.ones(1), (np.zeros(1, dtype=int), np.array([cone.column]))), shape=(1, columns))

@@ -16,7 +16,7 @@ from paretoik.errors import EvaluationFailed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
-    """The number of a column is at least the length of values + rows · step; the number is that length where step = 0."""
+    """The number of a column is at least the length of values + rows · step; where step = 0 it is that length."""
 
     column: int
     values: Float[np.ndarray, " parts"]
@@ -25,7 +25,7 @@ class Cone:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraints:
-    """gaps + slopes · step ≥ 0 and cones; the first ``unknowns`` entries of a step have a length, the others are free."""
+    """gaps + slopes · step ≥ 0, and cones; the length of a step is that of its first ``unknowns`` entries."""
 
     unknowns: int
     gaps: Float[np.ndarray, " limits"]

@@ -2,7 +2,7 @@
 
 min g·d + ½ dᵀ H d + price · t over |dᵢ| ≤ radius and t ≥ 0 with gap + slope·d + t ≥ 0 for limits that may yield,
 gap + slope·d ≥ 0 for the others, and cones. Solved by Clarabel; ``step_model`` is the same in cvxpy's words. Source:
-Nocedal & Wright, Numerical Optimization, section 18.5 (Sℓ∞QP).
+Nocedal & Wright, Numerical Optimization, section 18.5 (with the largest violation as penalty).
 """
 
 from __future__ import annotations

@@ -55,7 +55,9 @@ class Functions:
     def distances(self) -> list[int]:
         """What the distances to obstacles are made of: pieces that meet without a kink."""
         known = self.motion.task.obstacles
-        return used(self.motion.trace.tape, [entry(self.motion.trace.tape, self.motion.clearance.entries)] if known else [])
+        return used(
+            self.motion.trace.tape, [entry(self.motion.trace.tape, self.motion.clearance.entries)] if known else []
+        )
 
 
 def functions(task: MotionTask, shares: np.ndarray) -> Functions:

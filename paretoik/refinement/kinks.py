@@ -1,8 +1,8 @@
 """Absolute values, maxima and minima in what is minimised or bounded: slack variables in their place.
 
-Where a function that is to be small grows with |x|, or max(x, y), that number may be any v ≥ x, −x (x, y): at an optimum
-it is the least of them. What is left is smooth. Where it falls with it instead, the kink points away from any optimum,
-and where it is flat at the kink, there is none: both are left alone.
+Where a function that is to be small grows with |x|, or max(x, y), that number may be any v ≥ x, −x (x, y): at an
+optimum it is the least of them. What is left is smooth. Where it falls with it instead, the kink points away from any
+optimum, and where it is flat at the kink, there is none: both are left alone.
 """
 
 from __future__ import annotations

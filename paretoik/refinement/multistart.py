@@ -26,7 +26,10 @@ APART = 0.01  # rad (RMS): optima nearer than this are one
 HOLDS = 1e-8  # of limits: what is violated by less is not violated
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
-COLD = (Rules(barrier=0.1, radius=0.4), Rules(barrier=0.01, radius=0.1))  # in turn: each finds basins that the other walks past
+COLD = (
+    Rules(barrier=0.1, radius=0.4),
+    Rules(barrier=0.01, radius=0.1),
+)  # in turn: each finds basins that the other walks past
 EASING = Rules(radius=0.1, iterations=60)
 WARM = Rules(barrier=1e-4, radius=0.02)
 

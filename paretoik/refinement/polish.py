@@ -82,7 +82,9 @@ def polish(
     weights = np.broadcast_to(factors, (count, len(program.totals)))
     below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.totals)))
     below = np.minimum(below, program.caps)
-    found = _compiled(program, q, weights, below, each) if program.smooth else _general(program, q, weights, below, each)
+    found = (
+        _compiled(program, q, weights, below, each) if program.smooth else _general(program, q, weights, below, each)
+    )
     if program.task.start is not None:
         found.q[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
     return found
@@ -98,7 +100,13 @@ def within_limits(
 
     Where their status says that they converged, they hold.
     """
-    return _general(program, q, np.zeros((len(q), len(caps))), np.tile(np.minimum(caps, program.caps), (len(q), 1)), [rules] * len(q))
+    return _general(
+        program,
+        q,
+        np.zeros((len(q), len(caps))),
+        np.tile(np.minimum(caps, program.caps), (len(q), 1)),
+        [rules] * len(q),
+    )
 
 
 def at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:

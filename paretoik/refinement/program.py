@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -206,7 +207,7 @@ def _path(asked: Functions) -> list[int]:
     links, begun = chain(task.arm, list(motion.q.entries)), 0
     path: list[int] = []
     for part in task.tasks:
-        path += [entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun :][: part.numbers])]
+        path += [entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.numbers])]
         begun += part.numbers
     return path
 
@@ -220,7 +221,7 @@ def _orders(task: MotionTask, used: list[int], wholes: Sequence[Whole]) -> int:
 
 def _split(entries: list[int], *counts: int) -> list[list[int]]:
     ends = np.cumsum([0, *counts, len(entries) - sum(counts)])
-    return [entries[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+    return [entries[a:b] for a, b in pairwise(ends)]
 
 
 def _limits(

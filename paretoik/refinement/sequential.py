@@ -195,14 +195,10 @@ def _definite(table: np.ndarray, least: float) -> bool:
 
 def _embedded(inner: np.ndarray, used: np.ndarray, size: int) -> sparse.csr_array:
     rows, columns = np.nonzero(inner)
-    return sparse.csr_array(
-        sparse.coo_array((inner[rows, columns], (used[rows], used[columns])), shape=(size, size))
-    )
+    return sparse.csr_array(sparse.coo_array((inner[rows, columns], (used[rows], used[columns])), shape=(size, size)))
 
 
-def _moved(
-    program: MotionProgram, local: Linearised, at: _Point, step: np.ndarray, caps: np.ndarray
-) -> _Point | None:
+def _moved(program: MotionProgram, local: Linearised, at: _Point, step: np.ndarray, caps: np.ndarray) -> _Point | None:
     """Return where a step leads, back on the path; None where it leaves the sheet of the self-motion manifold."""
     task, n = program.task, at.q.shape[1]
     q = at.q + local.displacement(step)

@@ -39,7 +39,7 @@ class Whole:
     by_second: Int[np.ndarray, " second"]
     inputs: int
 
-    def worth(self, values: Float[np.ndarray, "parts *batch"]) -> Float[np.ndarray, "*batch"]:
+    def worth(self, values: Float[np.ndarray, parts * batch]) -> Float[np.ndarray, "*batch"]:
         """Return the function's value for values of its parts."""
         if self.outer == "length":
             return self.factor * np.sqrt(np.sum(values**2, axis=0))

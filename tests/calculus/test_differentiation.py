@@ -45,7 +45,9 @@ def test_second_derivatives_are_differences_of_the_gradient_and_symmetric(tree, 
     tape, value, variables = taped(tree)
     at = points(seed)
     first = gradient(tape, value, variables)
-    whole = np.array([evaluated(tape, tangents(tape, first, {variable: tape.constant(1.0)}), at) for variable in variables])
+    whole = np.array(
+        [evaluated(tape, tangents(tape, first, {variable: tape.constant(1.0)}), at) for variable in variables]
+    )
     scale = max(1.0, np.abs(whole).max(), np.abs(evaluated(tape, first, at)).max())
     assume(scale < 1e4)
     np.testing.assert_allclose(whole, whole.swapaxes(0, 1), rtol=0, atol=1e-9 * scale)

@@ -74,7 +74,9 @@ def with_a_cone(seed):
     rng = np.random.default_rng(seed)
     gradients = np.zeros((2, 7))
     gradients[0, :6], gradients[1, 6] = rng.normal(size=6), 1.0
-    return gradients, Cone(column=6, values=rng.normal(size=3), rows=sparse.csr_array(rng.normal(size=(3, 7)) * ([1.0] * 6 + [0.0])))
+    return gradients, Cone(
+        column=6, values=rng.normal(size=3), rows=sparse.csr_array(rng.normal(size=(3, 7)) * ([1.0] * 6 + [0.0]))
+    )
 
 
 def test_a_length_of_nothing_cannot_shrink():

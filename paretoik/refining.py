@@ -1,0 +1,145 @@
+"""Gradients for fronts: polish every point to a certified optimum, and help a search on its way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from paretoik.arrays import Genes
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Front
+from paretoik.loading import fingerprint
+from paretoik.redundancy.branches import labels
+from paretoik.refinement.certificates import certify
+from paretoik.refinement.compiled.interior_point import Rules
+from paretoik.refinement.epsilon import YIELD, front_rows, polished_points
+from paretoik.refinement.polish import polish
+from paretoik.refinement.program import motion_program
+from paretoik.search.ask_tell import Search
+from paretoik.search.progress import Progress
+from paretoik.task.motion_task import MotionTask
+
+EVERY = 10  # generations
+SHARE = 0.3  # of the evaluations that may go into iterations
+BRIEF = Rules(barrier=1e-2, iterations=5, radius=0.1)
+GAPS = 4  # of the widest that are aimed at each time
+
+
+def refine(front: Front, problem: Any = None) -> Front:
+    """Return the front with every motion polished to a local optimum no worse in any objective, and certified.
+
+    ``problem`` is the one that the front solves: by default the one it came from. Points keep their ids; those that
+    another one has come to dominate are left out. Polished motions are no longer what genes can say: ``genes`` is None.
+
+    A motion that could not be polished stays as it was, and its certificate says so.
+
+    Raises
+    ------
+    InvalidInput
+        Where the problem is not at hand, or an objective or limit has no derivative.
+    """
+    problem = front.problem if problem is None else problem
+    if problem is None or front.motions is None:
+        raise InvalidInput("refine: a front with its motions and its problem wanted; refine(front, problem) names it")
+    task = task_of("refine", problem)
+    if tuple(o.name for o in task.objectives) != tuple(front.names):
+        raise InvalidInput(f"refine: a problem with objectives {', '.join(front.names)} wanted, got another")
+    spread = np.ptp(front.minimised, axis=0)
+    ranges = np.where(spread > 0, spread, np.maximum(np.abs(front.minimised).max(axis=0), 1.0))
+    found = polished_points(task, np.asarray(front.motions.q), ranges)
+    q = np.where(found.converged[:, None, None], found.q, front.motions.q)
+    settings = dict(front.provenance) | {"refined": {"points": len(front), "converged": int(found.converged.sum())}}
+    return certified(problem, task, q, front.ids, ranges, settings)
+
+
+def certified(
+    problem: Any, task: MotionTask, q: np.ndarray, ids: np.ndarray, ranges: np.ndarray, provenance: dict[str, Any]
+) -> Front:
+    """Return the front of these motions with their certificates, but those that others dominate."""
+    motions = task.motion(q)
+    objectives = np.stack([o(motions) for o in task.objectives], axis=1)
+    signs = np.array([o.sign for o in task.objectives])
+    kept = front_rows(objectives * signs / ranges)
+    certificates = certify(task, q[kept], ranges)
+    return Front(
+        ids=ids[kept],
+        objectives=objectives[kept],
+        names=[o.name for o in task.objectives],
+        units=[o.unit for o in task.objectives],
+        maximised=[o.maximise for o in task.objectives],
+        motions=motions[kept],
+        violation=certificates.violation,
+        certificates=certificates,
+        provenance={"fingerprint": fingerprint(problem), **provenance},
+        problem=problem,
+    )
+
+
+class Improver:
+    """Suggests genes to a search: a few iterations from points of its front, as ``evolve`` asks for them.
+
+    At the ends of the front an objective is minimised; in the widest gaps, and at the best point of every branch, one
+    with the others kept below the middle of the gap, or where they are. What is suggested is evaluated by the search
+    like any other genes. ``spent`` counts iterations, each as one evaluation.
+
+    Raises InvalidInput where the problem is no ``Tracking``, or an objective or limit has no derivative.
+    """
+
+    def __init__(self, search: Search) -> None:
+        self.search, self.spent = search, 0
+        self._task = task_of("refine", search.problem)
+        self._program = motion_program(self._task)
+
+    def __call__(self, progress: Progress) -> Genes | None:
+        """Return genes to be evaluated next, or None."""
+        front = self.search.archive.members
+        late = self.spent > SHARE * progress.evaluations
+        if progress.generation % EVERY or late or front is None or len(front) < 2:
+            return None
+        chosen, factors, caps = self._aims(front.F, self.search.problem.decode(front.X).q)
+        motions = self._task.motion(chosen)
+        found = polish(self._program, motions.q, factors, caps, BRIEF)
+        self.spent += int(found.iterations.sum())
+        better = np.isfinite(found.totals).all(axis=1)
+        genes: Genes = self.search.problem.encode(self._task.motion(found.q[better]))[0]
+        return genes
+
+    def _aims(self, F: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return motions to start from, and what is to be minimised and kept below what from each."""
+        count, ranges = F.shape[1], np.maximum(np.ptp(F, axis=0), 1e-12)
+        shares = F / ranges
+        rows, mains, levels = list[int](), list[int](), list[np.ndarray]()
+        for k in range(count):
+            rows.append(int(np.argmin(F[:, k])))
+            mains.append(k)
+            levels.append(np.full(count, np.inf))
+        apart = np.linalg.norm(shares[:, None] - shares[None], axis=2)
+        np.fill_diagonal(apart, np.inf)
+        nearest = apart.argmin(axis=1)
+        for turn, i in enumerate(np.argsort(-apart.min(axis=1))[:GAPS] if count > 1 else ()):
+            main = turn % count
+            rows.append(int(i))
+            mains.append(main)
+            levels.append((F[i] + F[nearest[i]]) / 2)
+        names = np.array(labels(self._task.motion(q)))
+        for name in np.unique(names):
+            mine = np.flatnonzero(names == name)
+            rows.append(int(mine[np.argmin(shares[mine].sum(axis=1))]))
+            mains.append(len(rows) % count)
+            levels.append(F[rows[-1]])
+        caps = np.full((len(rows), len(self._program.totals)), np.inf)
+        factors = np.zeros_like(caps)
+        factors[:, :count] = YIELD / ranges
+        factors[np.arange(len(rows)), mains] = 1.0 / ranges[mains]
+        caps[:, :count] = np.array(levels)
+        caps[np.arange(len(rows)), mains] = np.inf
+        return q[rows], factors, caps
+
+
+def task_of(verb: str, problem: Any) -> MotionTask:
+    """Return what a ``Tracking`` asks for; raise InvalidInput, naming the verb, for other problems."""
+    task = getattr(problem, "task", None)
+    if not isinstance(task, MotionTask):
+        raise InvalidInput(f"{verb}: a Tracking problem wanted, got {type(problem).__name__}")
+    return task
