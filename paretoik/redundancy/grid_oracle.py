@@ -36,7 +36,8 @@ SHARPEST = 0.9  # cosine of the turn from one stride to the next
 STRIDES = 1200  # of one curve, at most
 SEEDS = 48  # postures at either end of the path, carried along it to find the curves of every sample
 PACE = 2.5  # times the pace that the path itself asks for: what joints without velocity limit may do
-NODES, PAIR_NODES = 12, 10  # in the furthest step of a joint
+NODES = 12, 500_000  # in the furthest step of a joint, and at most in all
+PAIR_NODES = 10, 30_000
 COARSEST = 26  # samples, where accelerations count
 LARGEST = 40_000_000  # transitions: more don't fit the memory of a small machine
 BLOCK = 200_000  # samples evaluated at once
@@ -99,9 +100,10 @@ def grid_oracle(
     weights
         Of the objectives' sum, one each; all 1 by default.
     resolution
-        The distance [rad, m] between nodes; by default a share of the furthest step of a joint between samples.
+        The distance [rad, m] between nodes; by default a share of the furthest step of a joint between samples,
+        or more where that would make too many nodes.
     classes
-        The most motions returned. Classes differ in how joints are bent and how often they turn.
+        The most motions returned, of every class first: how joints are bent, and how often they turn.
     seed
         Of the first postures; the curves through them hardly depend on it.
 
@@ -121,8 +123,8 @@ def grid_oracle(
     level = task.subsampled(_coarse(len(task.times))) if terms.second else task
     kept = np.searchsorted(task.times, level.times)
     windows = _windows(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
-    spacing = resolution or float(windows[1:].max()) / (PAIR_NODES if terms.second else NODES)
     curves = _curves(level, [seeds[i] for i in kept])
+    spacing = resolution or _spacing(curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
     while True:
         grid = _grid(level, curves, spacing, windows, unrolled, terms)
@@ -558,6 +560,13 @@ def _traced(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[tu
     return [(places[rows == k], directions[rows == k]) for k in range(len(q))]
 
 
+def _spacing(curves: list[list[tuple[np.ndarray, np.ndarray]]], windows: np.ndarray, *, second: bool) -> float:
+    """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
+    length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
+    shares, most = PAIR_NODES if second else NODES
+    return float(max(windows[1:].max() / shares, length / most))
+
+
 def _wrapped(task: MotionTask, apart: np.ndarray) -> np.ndarray:
     return np.where(task.arm.periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
 
@@ -656,18 +665,19 @@ def _told(
     cost, kinds = motions.integral(terms.cost(motions)), labels(motions)
     change = ways[:, -1] - ways[:, 0]
     turns = np.round((change - grid.step(ways[:, -1], ways[:, 0])) / (2 * np.pi)).astype(int)
-    kept: list[int] = []
-    found: list[np.ndarray] = []
-    for k in np.argsort(cost, kind="stable"):
-        known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
-        apart = np.sqrt(np.mean(np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1), axis=-1)).min(initial=np.inf)
-        q = _resampled(task, motions[k]) if len(kept) < classes and (apart > APART or not known) else None
-        if q is not None:
-            kept.append(int(k))
-            found.append(q)
+    found: dict[int, np.ndarray] = {}
+    for far in (False, True):  # classes first: none is left out for what is only far
+        for k in np.argsort(cost, kind="stable"):
+            kept = list(found)
+            known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
+            apart = np.sqrt(np.mean(np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1), axis=-1)).min(initial=np.inf)
+            q = _resampled(task, motions[k]) if len(kept) < classes and (apart > APART if far else not known) else None
+            if q is not None:
+                found[int(k)] = q
+    kept = sorted(found, key=lambda k: cost[k])
     if not kept:
         raise Infeasible(f"every way through the grid of {len(level.times)} samples leaves the path between them")
-    final = task.motion(np.stack(found))
+    final = task.motion(np.stack([found[k] for k in kept]))
     return {
         "q": final.q,
         "values": final.integral(terms.cost(final)),
