@@ -47,6 +47,16 @@ def pieces(tape: Tape, i: int, side: int = 1) -> list[int]:
     return list(dict.fromkeys(found))
 
 
+def addends(tape: Tape, i: int) -> list[int]:
+    """Return entries whose sum is entry i, taken apart as far as sums and differences go."""
+    op, a, b, _ = tape.entries[i]
+    if op is Op.NEGATE:
+        return _negated(tape, addends(tape, a)) if tape.entries[a][0] in (Op.ADD, Op.SUBTRACT) else [i]
+    if op is Op.ADD:
+        return [term for k in _joined(tape, i, op) for term in (addends(tape, k) if tape.entries[k][0] != op else [k])]
+    return addends(tape, a) + _negated(tape, addends(tape, b)) if op is Op.SUBTRACT else [i]
+
+
 def squares(tape: Tape, i: int) -> tuple[float, list[int]] | None:
     """Return (factor > 0, entries) where entry i is factor times the root of the sum of their squares; else None."""
     op, a, b, _ = tape.entries[i]

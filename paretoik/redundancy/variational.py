@@ -33,10 +33,10 @@ from paretoik.task.task import Task
 TOLERANCE = 1e-9  # of positions and velocities (relative past 1), each step
 KNOTS = 2000  # of the splines that paths are differentiated by
 FIRST, SHORTEST = 1e-2, 1e-5  # steps, as shares of the duration; shorter ones are those of a motion into a singularity
-NEARBY = 1e-5  # rad or m: of the differences that Newton's method takes
-STRIDE = 0.2  # rad or m: the longest step of Newton's method along the self-motion
-ITERATIONS = 25
-AT_REST = 1e-7  # rad/s or m/s of self-motion at a free end
+NEARBY = 1e-4  # rad or m: of the differences that Newton's method takes
+STRIDE, SHORTEST_STRIDE = 0.2, 1e-3  # rad or m: steps of Newton's method along the self-motion
+ITERATIONS = 20
+AT_REST = 1e-6  # rad/s or m/s of self-motion at a free end
 APART = 1e-4  # rad or m: motions whose starts are nearer are one
 
 
@@ -98,7 +98,7 @@ def variational(
 
 
 def shooting(
-    task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, tolerance: float = TOLERANCE / 10
+    task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, tolerance: float = TOLERANCE
 ) -> Extremal:
     """Return the distinct motions of stationary kinetic energy with both ends free, by Newton's method from postures.
 
@@ -133,8 +133,7 @@ class _Law:
         """Return the rates of states (motions, 2 dof): velocities and accelerations."""
         q, dq = np.split(state, 2, axis=1)
         jacobian, _, wanted = self.rows(t, q, dq)
-        inertia = dynamics.inertia_matrix(self.arm, q)
-        torque = dynamics.inverse_dynamics(self.arm, q, dq, np.zeros_like(q))
+        inertia, torque = _dynamics(self.arm, q, dq)
         free = self.sign * _solved(inertia, torque[..., None])
         wanted = wanted[..., None] - jacobian @ free
         return np.concatenate([dq, (free + _spread(jacobian, inertia, wanted))[..., 0]], axis=1)
@@ -159,6 +158,15 @@ class _Law:
             first += task.numbers
         jacobian, speed, acceleration = (np.concatenate(parts, axis=1) for parts in zip(*found, strict=True))
         return jacobian, speed, acceleration
+
+
+def _dynamics(arm: Arm, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the inertia matrix and the torques n(q, q̇), all from one call: batches are small, and calls cost."""
+    motions, dof = q.shape
+    unit = np.broadcast_to(np.eye(dof + 1, dof, -1)[:, None], (dof + 1, motions, dof))
+    first = np.eye(dof + 1, 1)[:, None]
+    torques = dynamics.inverse_dynamics(arm, np.broadcast_to(q, unit.shape), first * dq, unit)
+    return np.moveaxis(torques[1:], 0, -1), torques[0]
 
 
 def _law(task: MotionTask, *, as_printed: bool) -> _Law:
@@ -341,22 +349,25 @@ def _given_rates(law: _Law, q: np.ndarray, shape: tuple[int, ...], rates: np.nda
 
 def _transversal(law: _Law, q: np.ndarray, tolerance: float) -> np.ndarray:
     """Return postures (found, dof) at sample 0 from which motions with free starts end with nothing left."""
+    targets, dof = law.task.targets[0], q.shape[1]
+    best, step = np.full(len(q), np.inf), np.zeros_like(q)
     arrived = []
     for _ in range(ITERATIONS):
-        normal = _normal(law.task, q)
-        near = _neighbours(law.task, q, normal)
-        left = _left_over(law, near.reshape(-1, law.task.arm.dof), tolerance).reshape(near.shape)
-        sound = np.isfinite(left).all(axis=(1, 2))
-        done = np.abs(left[:, 0]).max(axis=1) <= AT_REST
-        arrived.append(q[sound & done])
-        q, normal, left = (part[sound & ~done] for part in (q, normal, left))
+        trial = _shifted(law.task, q + step, np.tile(targets, (len(q), 1)))
+        near = _neighbours(law.task, trial, normal := _normal(law.task, trial))
+        left = _left_over(law, near.reshape(-1, dof), tolerance).reshape(near.shape)
+        size = np.abs(left[:, 0]).max(axis=1)
+        arrived.append(trial[size <= AT_REST])
+        better = (size < best) & np.isfinite(left).all(axis=(1, 2))
+        slopes = np.swapaxes(left[better, 1:] - left[better, :1], 1, 2) / NEARBY
+        step /= 4  # where it has led nowhere better
+        step[better] = -(normal[better] @ np.linalg.pinv(slopes) @ left[better, 0, :, None])[..., 0]
+        step /= np.maximum(1.0, np.linalg.norm(step, axis=1, keepdims=True) / STRIDE)
+        q, best = np.where(better[:, None], trial, q), np.where(better, size, best)
+        going = (best > AT_REST) & (better | (np.abs(step).max(axis=1) > SHORTEST_STRIDE))
+        q, best, step = q[going], best[going], step[going]
         if len(q) == 0:
             break
-        slopes = np.swapaxes(left[:, 1:] - left[:, :1], 1, 2) / NEARBY
-        y = -np.linalg.pinv(slopes) @ left[:, 0, :, None]
-        y /= np.maximum(1.0, np.linalg.norm(y, axis=1, keepdims=True) / STRIDE)
-        moved = _shifted(law.task, q + (normal @ y)[..., 0], np.tile(law.task.targets[0], (len(q), 1)))
-        q = moved[np.isfinite(moved).all(axis=1)]
     return np.concatenate(arrived)
 
 

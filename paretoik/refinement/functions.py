@@ -89,16 +89,17 @@ def _add_total(found: Functions, what: str, given: Objective | Constraint, facto
         found.totals.append(Total(name=given.name, kind="whole", index=len(found.wholes), upper=upper))
         found.wholes.append(_whole(motion.task, what, given, factor))
         return
-    top = entry(motion.trace.tape, factor * value)
+    tape = motion.trace.tape
+    top, share = entry(tape, np.sign(factor) * value), tape.input()  # an input: other shares, the same program
+    motion.trace.data[share.index] = np.full(len(motion.time), abs(factor))
     if form == "integral":
         found.totals.append(Total(name=given.name, kind="sum", index=len(found.sums), upper=upper))
-        found.sums.append(top)
+        found.sums.append((share * Expression(tape, top)).index)
         return
-    tape = motion.trace.tape
     found.totals.append(Total(name=given.name, kind="peak", index=len(found.tops), upper=upper))
     sigma = tape.input()
     for piece in pieces(tape, top):
-        found.under.append((sigma - Expression(tape, piece)).index)
+        found.under.append((sigma - share * Expression(tape, piece)).index)
         found.over.append(len(found.tops))
     found.tops.append(sigma.index)
 

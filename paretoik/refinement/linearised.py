@@ -11,7 +11,6 @@ from scipy import sparse
 
 from paretoik.convex.models import Cone
 from paretoik.refinement.program import MotionProgram
-from paretoik.refinement.whole import Whole
 from paretoik.task.motion import steepest
 
 
@@ -119,14 +118,17 @@ class Linearised:
         p, dense, begun, cone = self.program, list[np.ndarray](), len(self.program.sides), 0
         totals = {total.index: factor for total, factor in zip(p.totals, factors, strict=True) if total.kind == "whole"}
         for k, each in enumerate(p.wholes):
-            if each.outer == "itself":
-                dense.append(np.array([totals[k]]))
-            elif each.outer == "largest":
-                dense.append(forces[begun : begun + each.parts])
-                begun += each.parts
-            else:
-                dense.append(each.factor * np.asarray(pulls[cone]) if pulls else np.zeros(each.parts))
+            own = np.zeros(each.parts)
+            for span in each.spans if len(each.groups) else ():
+                if span.stop - span.start == 1:
+                    own[span] = totals[k]
+                    continue
+                own[span] = forces[begun : begun + span.stop - span.start]
+                begun += span.stop - span.start
+            if not len(each.groups):
+                own = each.factor * np.asarray(pulls[cone]) if pulls else own
                 cone += 1
+            dense.append(own)
         return forces[: len(p.sides)], dense
 
     @cached_property
@@ -183,9 +185,8 @@ def linearised(program: MotionProgram, q: Float[np.ndarray, "time dof"], values:
     functions = program.sums + len(program.rows) + len(program.under) + _slack_rows(program)
     by_u = np.zeros((functions, len(program.variables), samples))
     by_u[program.slopes.function, program.slopes.variable] = found[functions:]
-    own = [each for each in program.wholes if each.outer != "itself"]
-    basis, columns = _basis(program, normal, len(own))
-    gradients, gaps, slopes, cones = _wholes(program, known, own, basis, columns)
+    basis, columns = _basis(program, normal, sum(each.tops for each in program.wholes))
+    gradients, gaps, slopes, cones = _wholes(program, known, basis, columns)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
             of_u = (by_u[total.index] * task.weights).ravel()
@@ -257,7 +258,7 @@ def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[spa
 
 
 def _wholes(
-    program: MotionProgram, known: Values, own: list[Whole], basis: sparse.csr_array, columns: int
+    program: MotionProgram, known: Values, basis: sparse.csr_array, columns: int
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
     """Return gradients of all totals, as far as wholes go, and the gaps, slopes and cones that come with wholes."""
     gradients = np.zeros((len(program.totals), columns))
@@ -265,24 +266,27 @@ def _wholes(
     if not program.wholes:
         return gradients, gaps, slopes, cones
     by, u = whole_basis(program, basis), whole_inputs(program, known.inputs)
+    column = columns - sum(each.tops for each in program.wholes)
     for k, total in enumerate(program.totals):
         if total.kind != "whole":
             continue
         each, parts = program.wholes[total.index], known.parts[total.index]
         rows = sparse.csr_array(each.slopes(u) @ by)
-        if each.outer == "itself":
-            gradients[k] = rows.toarray()[0]
-            continue
-        column = columns - len(own) + own.index(each)
-        gradients[k, column] = 1.0
-        if each.outer == "length":
+        if not len(each.groups):
+            gradients[k, column] = 1.0
             cones.append(Cone(column=column, values=each.factor * parts, rows=sparse.csr_array(each.factor * rows)))
+            column += 1
             continue
-        ahead = sparse.coo_array(
-            (np.ones(each.parts), (np.arange(each.parts), np.full(each.parts, column))), shape=(each.parts, columns)
-        )
-        gaps.append(known.totals[k] - parts)
-        slopes.append(sparse.csr_array(ahead - rows))
+        for span in each.spans:
+            if span.stop - span.start == 1:
+                gradients[k] += rows[[span.start]].toarray()[0]
+                continue
+            gradients[k, column] = 1.0
+            ahead = np.zeros((span.stop - span.start, columns))
+            ahead[:, column] = 1.0
+            gaps.append(parts[span].max() - parts[span])
+            slopes.append(sparse.csr_array(ahead - rows[span].toarray()))
+            column += 1
     return gradients, gaps, slopes, cones
 
 

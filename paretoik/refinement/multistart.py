@@ -76,7 +76,7 @@ def planned(
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     q = coarse_starts(task, starts=starts, seed=seed, given=given)
-    found, levels = descended(task, q, np.ones(1), np.full(1, np.inf), sizes(task, q), observe)
+    found, levels = descended(task, q, np.ones(1), np.full(1, np.inf), sizes(task, q), observe, ease=True)
     return Plan(optima=_optima(task, found), levels=levels)
 
 
@@ -102,10 +102,13 @@ def descended(
     caps: Float[np.ndarray, " n_obj"],
     divisors: Float[np.ndarray, " n_obj"],
     observe: Callable[[int, int, int], object] | None = None,
+    *,
+    ease: bool = False,
 ) -> tuple[Polished, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of Σ factors · objectives / divisors below caps, and samples and optima of each level.
 
-    ``q`` are coarse starts; ``caps`` are divided by the divisors too.
+    ``q`` are coarse starts; ``caps`` are divided by the divisors too. Where limits are violated at the end, ``ease``
+    has a look at whether they can hold at all.
     """
     counts, levels = level_samples(len(task.times)), list[tuple[int, int]]()
     level, rules = task.subsampled(counts[0]), [COLD[i % len(COLD)] for i in range(len(q))]
@@ -114,7 +117,7 @@ def descended(
         rest = len(program.totals) - len(factors)
         weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
         found = polish(program, q, weights[None], below[None], rules=rules)
-        if len(levels) + 1 == len(counts) and not found.converged.any() and found.violation.max() > HOLDS:
+        if ease and len(levels) + 1 == len(counts) and not found.converged.any() and found.violation.max() > HOLDS:
             found = _eased(program, found, weights, below)
         most = KEPT if len(levels) + 1 < len(counts) else len(found)
         found = found[_distinct(level, found, found.totals @ weights, most=most)]

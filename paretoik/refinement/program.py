@@ -8,9 +8,9 @@ sample. What looks from one sample at another is a function of the whole motion 
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from paretoik.task.motion_task import MotionTask
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 PROBES = 64  # places at which slopes are looked at for kinks
+REMEMBERED = 16  # programs: levels of samples and scalings of objectives share them
 SPREAD = (2.0, 1.0, 3.0, 10.0)  # rad, rad/s, ... at the probes
 
 
@@ -127,12 +128,85 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
     """
     shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
     asked = functions(task, shares)
-    tape, n = asked.motion.trace.tape, task.arm.dof
-    plain = _without_kinks(asked)
-    sums, rows, under = _split(plain.functions, len(asked.sums), len(asked.rows))
-    every = [*sums, *rows, *under, *plain.rows]
     path = _path(asked)
-    multipliers = len(tape.inputs) + np.cumsum([0, len(path), len(sums)])
+    known = _derived(asked, path)
+    samples, extra = len(task.times), known.slacks + len(asked.tops)
+    orders = _orders(task, known.slopes.variable[known.slopes.variable < 4 * task.arm.dof], asked.wholes)
+    gone = (4 - orders) * task.arm.dof  # rates that nothing looks at are left out
+    inputs = np.zeros((known.inputs, samples))
+    for i, values in asked.motion.trace.data.items():
+        inputs[asked.motion.trace.tape.entries[i][1]] = values
+    ties = len(asked.under) + known.ties
+    bounds = [*asked.bounds, *[np.tile([0.0, np.inf], (samples, 1))] * ties]
+    limited, sides, limits, ranges = _limits(task, orders, extra, bounds)
+    return MotionProgram(
+        task=task,
+        stencil=stencil(task, orders),
+        totals=tuple(asked.totals),
+        inputs=inputs,
+        variables=np.append(np.arange(orders * task.arm.dof), known.extra),
+        slacks=known.slacks,
+        peaks=len(asked.tops),
+        multipliers=known.multipliers,
+        sums=len(asked.sums),
+        rows=tuple(asked.names),
+        under=len(asked.rows) + np.arange(len(asked.under)),
+        over=np.array(asked.over, dtype=np.int64),
+        slack=known.slack,
+        value=known.value,
+        slope=known.slope,
+        slopes=_closed_up(known.slopes, task.arm.dof, gone, by_functions=True),
+        curvature=known.curvature,
+        second=_closed_up(known.second, task.arm.dof, gone),
+        track=known.track,
+        limited=limited,
+        sides=sides,
+        bounds=limits,
+        ranges=ranges,
+        kinks=ties * samples,
+        wholes=tuple(asked.wholes),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Derived:
+    """The programs of functions and path equations; see ``MotionProgram``. Variables: all four orders, v, σ."""
+
+    slacks: int
+    ties: int
+    inputs: int
+    extra: Int[np.ndarray, " extra"]
+    multipliers: Int[np.ndarray, 3]
+    slack: Program
+    value: Program
+    slope: Program
+    slopes: Slopes
+    curvature: Program
+    second: Slopes
+    track: Program
+
+
+_KNOWN: OrderedDict[Any, _Derived] = OrderedDict()
+
+
+def _derived(asked: Functions, path: list[int]) -> _Derived:
+    """Return the programs of functions and path: those that are known where the same was written down before."""
+    tape, parts = asked.motion.trace.tape, (asked.sums, asked.rows, asked.under, asked.tops, path)
+    sides = [tuple(np.isfinite(bounds).any(axis=0)) for bounds in asked.bounds]
+    key = (tuple(tape.entries), tuple(tape.values.items()), tuple(map(tuple, parts)), tuple(sides))
+    if key not in _KNOWN:
+        _KNOWN[key] = _differentiated(asked, path)
+        if len(_KNOWN) > REMEMBERED:
+            _KNOWN.popitem(last=False)
+    _KNOWN.move_to_end(key)
+    return _KNOWN[key]
+
+
+def _differentiated(asked: Functions, path: list[int]) -> _Derived:
+    tape, n = asked.motion.trace.tape, asked.motion.arm.dof
+    plain = _without_kinks(asked)
+    every = [*plain.functions, *plain.rows]
+    multipliers = len(tape.inputs) + np.cumsum([0, len(path), len(asked.sums)])
     factors = [tape.input() for _ in range(len(path) + len(every))]
     lagrangian: Any = 0.0
     for factor, f in zip(factors, (*path, *every), strict=True):
@@ -143,40 +217,19 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
     slopes = [(k, j, slope) for k, row in enumerate(first) for j, slope in enumerate(row) if slope != nothing]
     second = hessian(tape, entry(tape, lagrangian), [*u, *plain.slacks])
     jacobian = [slope for h in path for slope in gradient(tape, h, u[:n])]
-    orders = _orders(task, [j for _, j, _ in slopes if j < 4 * n], asked.wholes)
-    moved = np.append(np.arange(4 * n), orders * n + np.arange(len(extra)))  # rates that nothing looks at are left out
-    inputs = np.zeros((len(tape.inputs), len(task.times)))
-    for i, values in asked.motion.trace.data.items():
-        inputs[tape.entries[i][1]] = values
-    bounds = [*asked.bounds, *[np.tile([0.0, np.inf], (len(task.times), 1))] * (len(under) + len(plain.rows))]
-    limited, sides, limits, ranges = _limits(task, orders, len(extra), bounds)
-    kinks = (len(under) + len(plain.rows)) * len(task.times)
-    return MotionProgram(
-        task=task,
-        stencil=stencil(task, orders),
-        totals=tuple(asked.totals),
-        inputs=inputs,
-        variables=np.array([*range(orders * n), *(tape.entries[i][1] for i in extra)], dtype=np.int64),
+    return _Derived(
         slacks=len(plain.slacks),
-        peaks=len(asked.tops),
+        ties=len(plain.rows),
+        inputs=len(tape.inputs),
+        extra=np.array([tape.entries[i][1] for i in extra], dtype=np.int64),
         multipliers=multipliers,
-        sums=len(sums),
-        rows=tuple(asked.names),
-        under=len(rows) + np.arange(len(under)),
-        over=np.array(asked.over, dtype=np.int64),
         slack=program(tape, plain.nodes),
         value=program(tape, every),
         slope=program(tape, [*every, *(slope for *_, slope in slopes)]),
-        slopes=_places([(k, int(moved[j])) for k, j, _ in slopes]),
+        slopes=_places([(k, j) for k, j, _ in slopes]),
         curvature=program(tape, list(second.values())),
-        second=_places([(int(moved[i]), int(moved[j])) for i, j in second]),
+        second=_places(list(second)),
         track=program(tape, [*path, *jacobian]),
-        limited=limited,
-        sides=sides,
-        bounds=limits,
-        ranges=ranges,
-        kinks=kinks,
-        wholes=tuple(asked.wholes),
     )
 
 
@@ -212,16 +265,11 @@ def _path(asked: Functions) -> list[int]:
     return path
 
 
-def _orders(task: MotionTask, used: list[int], wholes: Sequence[Whole]) -> int:
+def _orders(task: MotionTask, used: np.ndarray, wholes: Sequence[Whole]) -> int:
     """Return how many of position, velocity, acceleration and jerk anything looks at."""
     n, samples = task.arm.dof, len(task.times)
-    local = [j // n for j in used] + [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
+    local = [int(j) // n for j in used] + [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
     return 1 + max([1, *local, *(int(by) // (n * samples) for each in wholes for by in each.by)])
-
-
-def _split(entries: list[int], *counts: int) -> list[list[int]]:
-    ends = np.cumsum([0, *counts, len(entries) - sum(counts)])
-    return [entries[a:b] for a, b in pairwise(ends)]
 
 
 def _limits(
@@ -238,6 +286,12 @@ def _limits(
         which, sample, side = which[moves], sample[moves], side[moves]
     width = widths(both[sample, which, 0], both[sample, which, 1])
     return np.stack([which, sample], axis=1), 1.0 - 2.0 * side, both[sample, which, side], width
+
+
+def _closed_up(pairs: Slopes, dof: int, gone: int, *, by_functions: bool = False) -> Slopes:
+    """Return places without the orders that are not there."""
+    rows, columns = (np.where(part >= 4 * dof, part - gone, part) for part in (pairs.function, pairs.variable))
+    return Slopes(function=pairs.function if by_functions else rows, variable=columns)
 
 
 def _places(pairs: list[tuple[int, int]]) -> Slopes:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
+from paretoik.convex.criticality import criticality
 from paretoik.convex.models import Constraints
 from paretoik.convex.stepping import Step, step
 from paretoik.errors import EvaluationFailed
@@ -31,7 +32,7 @@ MORE = 1.3  # times the promised gain
 SHORTEST = 1e-10  # rad or m
 LONGEST = 0.4  # rad or m that a joint may move in one step: too little to reach another branch unseen
 SETTLED = 1e-15  # gain, as a share of the merit function, that is none
-NOISE = 1e-9  # gain that the solver of the model may promise in vain
+CRITICAL = 5e-7  # first-order gain where a model's rounding may end a search
 
 
 class Found(NamedTuple):
@@ -80,7 +81,7 @@ def sequential(
         model = _model(program, local, at, caps)
         hessian = share * _curvature(program, local, model, factors, multipliers)
         gradient = factors @ local.gradients
-        accepted, first = False, np.inf
+        accepted = False
         while not accepted and length > SHORTEST:
             try:
                 taken = step(gradient, hessian, model.constraints, yielding=model.yielding, radius=length, price=price)
@@ -90,7 +91,6 @@ def sequential(
             before = float(factors @ at.values.totals) + price * at.violation
             curved = 0.5 * float(taken.step @ (hessian @ taken.step))
             promised = price * (at.violation - taken.violation) - float(gradient @ taken.step) - curved
-            first = promised if np.isinf(first) else first
             residual = float(np.linalg.norm((hessian @ taken.step)[: local.unknowns])) * np.sqrt(len(q))
             moved = float(np.abs(taken.step[: local.unknowns]).max(initial=0.0))
             if promised <= SETTLED * (1 + abs(before)) and moved < length * 0.99:
@@ -107,11 +107,11 @@ def sequential(
             if not accepted:
                 length = min(length, moved) / 4
         if status == CONVERGED or not accepted:
-            small = status == CONVERGED or first <= NOISE * (1 + abs(before))
+            critical = status == CONVERGED or _critical(local, model, gradient)
             if at.violation > tolerance and price < DEAREST:
                 price, length, status = 10 * price, max(radius, length), CAPPED
                 continue
-            status = (CONVERGED if small else STUCK) if at.violation <= tolerance else VIOLATED
+            status = (CONVERGED if critical else STUCK) if at.violation <= tolerance else VIOLATED
             break
         assert trial is not None
         at, multipliers = trial, taken
@@ -237,6 +237,12 @@ def _corrected(
     if np.abs(change).max() > np.abs(taken.step[: local.unknowns]).max(initial=0.0):
         return None
     return _moved(program, local, at, further, caps)
+
+
+def _critical(local: Linearised, model: _Model, gradient: np.ndarray) -> bool:
+    """Return whether no direction gains more than rounding, to first order."""
+    radius = np.sqrt(local.unknowns / local.normal.shape[2])
+    return criticality(gradient[None], model.constraints, radius).value <= CRITICAL
 
 
 def _worth(factors: np.ndarray, price: float, point: _Point | None) -> float:

@@ -1,13 +1,14 @@
 """Functions of a whole motion, which look from one sample at another: dense derivatives.
 
-Such a function is one number, the largest of several, or a factor times the length of a vector: its ``parts`` are
-smooth. Derivatives are taken by all positions and rates of all samples; second ones along directions.
+Such a function is a sum of the largest of some numbers, or of one, or a factor times the length of a vector: these
+numbers, its ``parts``, are smooth. Derivatives are taken by all positions and rates of all samples; second ones along
+directions.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -16,19 +17,20 @@ from scipy import sparse
 from paretoik.calculus.differentiation import gradient, tangents, used
 from paretoik.calculus.expressions import Op, Tape, entry
 from paretoik.calculus.machine import Program, program
-from paretoik.calculus.rewriting import pieces, squares
+from paretoik.calculus.rewriting import addends, pieces, squares
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whole:
-    """A function of all u (orders · time · dof), in this order: see the module for ``outer``.
+    """A function of all u (orders · time · dof), in this order: the sum of the largest of each group, or a length.
 
+    ``groups`` says where each group's parts begin; it is empty where the function is ``factor`` times their length.
     ``slope`` gives derivatives of parts ``part`` by inputs ``by``. ``curvature``, after u, takes a direction in u and
     a multiplier for each part, and gives the rate of change of Σ multiplier · slope along it by inputs ``by_second``.
     """
 
     name: str
-    outer: Literal["itself", "largest", "length"]
+    groups: Int[np.ndarray, " groups"]
     factor: float
     parts: int
     value: Program
@@ -41,9 +43,19 @@ class Whole:
 
     def worth(self, values: Float[np.ndarray, parts * batch]) -> Float[np.ndarray, "*batch"]:
         """Return the function's value for values of its parts."""
-        if self.outer == "length":
+        if not len(self.groups):
             return self.factor * np.sqrt(np.sum(values**2, axis=0))
-        return np.max(values, axis=0)
+        return np.sum(np.maximum.reduceat(values, self.groups, axis=0), axis=0)
+
+    @property
+    def spans(self) -> list[slice]:
+        """The parts of every group."""
+        return [slice(a, b) for a, b in pairwise([*self.groups.tolist(), self.parts])]
+
+    @property
+    def tops(self) -> int:
+        """How many columns of its own the function takes: one for every group of several parts, one for a length."""
+        return sum(span.stop - span.start > 1 for span in self.spans) if len(self.groups) else 1
 
     def slopes(self, u: Float[np.ndarray, " inputs"]) -> sparse.csr_array:
         """Return the derivatives (parts, inputs) of the parts."""
@@ -69,7 +81,8 @@ def whole_function(tape: Tape, name: str, value: object) -> Whole:
     """Return a function that was written on a tape whose inputs are all u."""
     top, count = entry(tape, value), len(tape.inputs)
     known = squares(tape, top)
-    parts = pieces(tape, top) if known is None else known[1]
+    groups = _groups(tape, top) if known is None else []
+    parts = [part for group in groups for part in group] if known is None else known[1]
     nothing, entries = tape.constant(0.0), []
     for k, part in enumerate(parts):
         mine = [i for i in used(tape, [part]) if tape.entries[i][0] is Op.INPUT]
@@ -86,7 +99,7 @@ def whole_function(tape: Tape, name: str, value: object) -> Whole:
     table = np.array([(k, j) for k, j, _ in entries], dtype=np.int64).reshape(-1, 2)
     return Whole(
         name=name,
-        outer="length" if known is not None else "largest" if len(parts) > 1 else "itself",
+        groups=np.cumsum([0, *map(len, groups)], dtype=np.int64)[:-1] if groups else np.empty(0, dtype=np.int64),
         factor=1.0 if known is None else known[0],
         parts=len(parts),
         value=program(tape, parts),
@@ -97,3 +110,15 @@ def whole_function(tape: Tape, name: str, value: object) -> Whole:
         by_second=np.array([j for j, _ in curved], dtype=np.int64),
         inputs=count,
     )
+
+
+def _groups(tape: Tape, top: int) -> list[list[int]]:
+    """Return the pieces of every addend with kinks, after what is smooth as one."""
+    smooth, groups = tape.constant(0.0), list[list[int]]()
+    for term in addends(tape, top):
+        found = pieces(tape, term)
+        if len(found) > 1:
+            groups.append(found)
+        else:
+            smooth = tape.apply(Op.ADD, smooth, term)
+    return [[smooth], *groups]
