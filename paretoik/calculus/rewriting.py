@@ -48,8 +48,12 @@ def pieces(tape: Tape, i: int, side: int = 1) -> list[int]:
 
 
 def addends(tape: Tape, i: int) -> list[int]:
-    """Return entries whose sum is entry i, taken apart as far as sums and differences go."""
+    """Return entries whose sum is entry i, taken apart as far as sums, differences and multiples go."""
     op, a, b, _ = tape.entries[i]
+    if op is Op.MULTIPLY and (a in tape.values or b in tape.values):
+        factor, other = (a, b) if a in tape.values else (b, a)
+        terms = addends(tape, other)
+        return [tape.apply(op, factor, term) for term in terms] if len(terms) > 1 else [i]
     if op is Op.NEGATE:
         return _negated(tape, addends(tape, a)) if tape.entries[a][0] in (Op.ADD, Op.SUBTRACT) else [i]
     if op is Op.ADD:

@@ -27,10 +27,11 @@ from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion, steepest
 from paretoik.task.motion_task import START_TOLERANCE, MotionTask
-from paretoik.task.retraction import ACCEPTED, retract, task_errors
+from paretoik.task.retraction import retract, task_errors
 from paretoik.task.task import Task
 
 TOLERANCE = 1e-9  # of positions and velocities (relative past 1), each step
+FINEST, COARSEST = 1e-13, 1e-3  # tolerances that mean something
 KNOTS = 2000  # of the splines that paths are differentiated by
 FIRST, SHORTEST = 1e-2, 1e-5  # steps, as shares of the duration; shorter ones are those of a motion into a singularity
 NEARBY = 1e-4  # rad or m: of the differences that Newton's method takes
@@ -90,16 +91,14 @@ def variational(
     Infeasible
         Where a motion ends in a singularity, with sample and time.
     """
-    law = _law(task, as_printed=as_printed)
+    law = _law(task, tolerance, as_printed=as_printed)
     q = _starts(task, start)
     flat = q.reshape(-1, task.arm.dof)
     dq = law.least_rates(flat) if rates is None else _given_rates(law, flat, q.shape, rates)
     return _followed(law, flat, dq, tolerance, q.shape[:-1])
 
 
-def shooting(
-    task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, tolerance: float = TOLERANCE
-) -> Extremal:
+def shooting(task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, tolerance: float = TOLERANCE) -> Extremal:
     """Return the distinct motions of stationary kinetic energy with both ends free, by Newton's method from postures.
 
     What is sought is the posture at sample 0 from which no momentum is left in the self-motion at the end. The motions
@@ -110,12 +109,12 @@ def shooting(
     """
     if task.start is not None:
         raise InvalidInput("shooting: wants a free start, but the task has a start of its own; variational takes it")
-    law = _law(task, as_printed=False)
+    law = _law(task, tolerance, as_printed=False)
     q = _transversal(law, _starts(task, starts).reshape(-1, task.arm.dof), tolerance)
     if len(q) == 0:
         raise Infeasible("shooting: no start led to a motion that leaves no momentum in the self-motion at its end")
     found = _followed(law, q, law.least_rates(q), tolerance, q.shape[:1])
-    kept = _distinct(task, q, found.energy)
+    kept = np.array(_distinct(task, q, found.energy))
     motion, dq = found.motion[kept], found.dq[kept]
     return Extremal(motion=motion, dq=dq, minimum=_is_minimum(law, motion.q, tolerance))
 
@@ -169,7 +168,9 @@ def _dynamics(arm: Arm, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.n
     return np.moveaxis(torques[1:], 0, -1), torques[0]
 
 
-def _law(task: MotionTask, *, as_printed: bool) -> _Law:
+def _law(task: MotionTask, tolerance: float, *, as_printed: bool) -> _Law:
+    if not FINEST <= tolerance <= COARSEST:
+        raise InvalidInput(f"variational: tolerance must be {FINEST:g} to {COARSEST:g}, got {tolerance:g}")
     if task.cyclic:
         raise InvalidInput("variational: wants an open motion, got a cyclic one")
     probe = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
@@ -354,6 +355,7 @@ def _transversal(law: _Law, q: np.ndarray, tolerance: float) -> np.ndarray:
     arrived = []
     for _ in range(ITERATIONS):
         trial = _shifted(law.task, q + step, np.tile(targets, (len(q), 1)))
+        trial = np.where(np.isfinite(trial), trial, q)
         near = _neighbours(law.task, trial, normal := _normal(law.task, trial))
         left = _left_over(law, near.reshape(-1, dof), tolerance).reshape(near.shape)
         size = np.abs(left[:, 0]).max(axis=1)
@@ -420,11 +422,14 @@ def _is_minimum(law: _Law, q: Float[np.ndarray, "motions time dof"], tolerance: 
     normal = charts(task, q).normal
     near = _neighbours(task, q[:, 0], normal[:, 0]).reshape(-1, dof)
     states = _integrated(law, np.concatenate([near, law.least_rates(near)], axis=1), task.times, tolerance)
-    paths, left = states[..., :dof].reshape(count, -1, samples, dof), _self_motion(law, states[:, -1]).reshape(count, -1, dof)
+    paths, left = (
+        states[..., :dof].reshape(count, -1, samples, dof),
+        _self_motion(law, states[:, -1]).reshape(count, -1, dof),
+    )
     fan = np.einsum("mtdk,mrtd->mtkr", normal, paths[:, 1:] - paths[:, :1]) / NEARBY
     gained = np.swapaxes(left[:, 1:] - left[:, :1], 1, 2) / NEARBY
     inertia = dynamics.inertia_matrix(law.arm, q[:, -1])
     bend = np.swapaxes(normal[:, -1] @ fan[:, -1], 1, 2) @ inertia @ gained
     clear = (np.linalg.det(fan) > 0).all(axis=1)
-    upward: np.ndarray = np.linalg.eigvalsh(bend + np.swapaxes(bend, 1, 2)).min(axis=1) > 0
+    upward: np.ndarray = np.linalg.eigvalsh(np.nan_to_num(bend + np.swapaxes(bend, 1, 2))).min(axis=1) > 0
     return clear & upward

@@ -6,7 +6,6 @@ dominated points; Haimes et al. 1971.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -47,19 +46,20 @@ def epsilon_points(
 ) -> Points:
     """Return at least two and at most about ``points`` motions spread over the front, its ends among them.
 
-    Two objectives: ε goes down evenly, then into the widest gaps. More: a grid of ε. Every ε is started from the optima
-    of the single objectives and from its neighbours' motions. ``observe`` is called with points found and wanted.
+    First the ends, and what many starts lead to below some ε; of two objectives every branch is then followed through
+    falling and rising ε. The rest goes into the widest gaps: ε halfway between two neighbours, started from those near
+    it. ``observe`` is called with points found and wanted.
 
     Raises as ``planned`` does.
     """
     pool, ends, ranges = _ends(task, starts=starts, seed=seed)
     program = motion_program(task, ranges)
     cold = coarse_starts(task, starts=starts, seed=seed)
-    found = _Found(program, np.concatenate([pool, *_between(task, cold, ends, ranges)]), ends, ranges, observe, points)
-    if len(ranges) == 2:
-        _fill_gaps(found, points)
-    elif len(ranges) > 2:
-        _fill_grid(found, points)
+    between = _between(task, cold, ends, ranges)
+    found = _Found(program, np.concatenate([pool, *(got.q for got in between)]), ends, ranges, observe, points)
+    for got in between:
+        found.add_all(got)
+    _fill_gaps(found, points)
     q, values = found.front()
     return Points(q=q, values=values * ranges, ranges=ranges)
 
@@ -80,15 +80,12 @@ class _Found:
         self.q, self.values = ends.q, ends.totals
         self.observe, self.wanted = observe, wanted
 
-    def add(self, main: int, caps: np.ndarray, *, cold: bool) -> bool:
-        """Minimise objective ``main`` below caps from the nearest points, and ``cold`` also from the pool.
-
-        Returns whether that is a new point.
-        """
-        got = self._best(main, caps, self._nearest(caps), cold=cold)
+    def add(self, main: int, caps: np.ndarray) -> bool:
+        """Minimise objective ``main`` below caps from the nearest points; return whether that is a new one."""
+        got = self._best(main, caps, self._nearest(caps))
         if got is None or _known(got.totals[0], self.values):
             return False
-        self._store(got)
+        self.add_all(got)
         return True
 
     def traced(self, levels: np.ndarray) -> None:
@@ -113,10 +110,11 @@ class _Found:
                     got = polish(self.program, q, factors, caps, WARM)
                     got = got[got.converged]
                     got = got[_apart(self.program.task, got)]
-                    self._store(got)
+                    self.add_all(got)
                     q = got.q
 
-    def _store(self, got: Polished) -> None:
+    def add_all(self, got: Polished) -> None:
+        """Keep points: whether they are part of the front is seen later."""
         self.q = np.concatenate([self.q, got.q])
         self.values = np.concatenate([self.values, got.totals])
         if self.observe is not None:
@@ -127,15 +125,13 @@ class _Found:
         apart = np.abs(values - np.where(np.isfinite(caps), caps, values)).max(axis=1)
         return np.argsort(apart, kind="stable")[:NEAREST]
 
-    def _best(self, main: int, caps: np.ndarray, nearest: np.ndarray, *, cold: bool) -> Polished | None:
-        """Return the best motion below caps that these points' motions, and ``cold`` the pool's, lead to."""
-        pool = self.pool if cold else self.pool[:0]
-        rules = [WARM] * len(nearest) + [COLD] * len(pool)
+    def _best(self, main: int, caps: np.ndarray, nearest: np.ndarray) -> Polished | None:
+        """Return the best motion below caps that these points' motions lead to."""
         factors, below = np.zeros((1, len(self.program.totals))), np.full((1, len(self.program.totals)), np.inf)
         factors[0, : len(caps)] = YIELD  # a weak point is not enough
         factors[0, main] = 1.0
         below[0, : len(caps)] = caps
-        got = polish(self.program, np.concatenate([self.q[nearest], pool]), factors, below, rules)
+        got = polish(self.program, self.q[nearest], factors, below, WARM)
         if not got.converged.any():
             return None
         best = int(np.argmin(np.where(got.converged, got.totals[:, main], np.inf)))
@@ -204,51 +200,54 @@ def _ends(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, Poli
     return np.stack(unique), ends, ranges
 
 
-def _between(task: MotionTask, cold: np.ndarray, ends: Polished, ranges: np.ndarray) -> list[np.ndarray]:
+def _between(task: MotionTask, cold: np.ndarray, ends: Polished, ranges: np.ndarray) -> list[Polished]:
     """Return the optima that many starts lead to below some ε: a branch may belong to no objective's own optimum."""
     count = len(ranges)
     ideal, nadir = ends.totals[:, :count].min(axis=0), ends.totals[:, :count].max(axis=0)
     found = []
-    for share in INNER:
+    for share in INNER if count == 2 else INNER[1:2]:
         for main in range(count):
             caps = nadir + share * (ideal - nadir)
             caps[main] = np.inf
             factors = np.full(count, YIELD)
             factors[main] = 1.0
             got, _ = descended(task, cold, factors, caps, ranges)
-            found.append(got.q[got.converged][:POOL])
+            found.append(got[got.converged][:POOL])
     return found
 
 
 def _fill_gaps(found: _Found, points: int) -> None:
-    """Two objectives: half of the points evenly in the second, the rest where neighbours are farthest apart."""
-    high, low = found.values[0, 1], found.values[1, 1]
-    found.traced(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
+    """Add points where neighbours on the front are farthest apart.
+
+    Two objectives: before that, half of the points along every branch, evenly in the second objective.
+    """
+    count = len(found.program.task.objectives)
+    if count == 2:
+        high, low = found.values[0, 1], found.values[1, 1]
+        found.traced(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
     closed: set[tuple[float, ...]] = set()
     while True:
         _, values = found.front()
         if len(values) >= points:
             return
-        gaps = np.linalg.norm(np.diff(values, axis=0), axis=1)
-        open_gaps = [i for i in np.argsort(-gaps) if (*values[i], *values[i + 1]) not in closed and gaps[i] > 10 * SAME]
-        if not open_gaps:
+        gaps = [pair for pair in _gaps(values) if (*values[pair[0]], *values[pair[1]]) not in closed]
+        if not gaps:
             return
-        i = open_gaps[0]
-        middle, along = (values[i] + values[i + 1]) / 2, np.abs(values[i + 1] - values[i])
+        i, j = gaps[0]
         # First across the longer side; a front with a jump may have a point for one ε and none for the other.
-        tries = [(1, np.array([middle[0], np.inf])), (0, np.array([np.inf, middle[1]]))]
-        if not any(found.add(main, caps, cold=False) for main, caps in (tries if along[0] > along[1] else tries[::-1])):
-            closed.add((*values[i], *values[i + 1]))
+        mains = np.argsort(np.abs(values[i] - values[j]), kind="stable").tolist()
+        middle = (values[i] + values[j]) / 2
+        if not any(found.add(main, np.where(np.arange(count) == main, np.inf, middle)) for main in mains):
+            closed.add((*values[i], *values[j]))
 
 
-def _fill_grid(found: _Found, points: int) -> None:
-    """Three objectives and more: a grid of ε between the ends for all but the first."""
-    ideal, nadir = found.values.min(axis=0), found.values.max(axis=0)
-    count = len(found.program.task.objectives)
-    side = int(np.ceil((2.0 * points) ** (1.0 / (count - 1))))
-    levels = [np.linspace(nadir[k], ideal[k], side + 1)[1:] for k in range(1, count)]
-    for caps in itertools.product(*levels):
-        found.add(0, np.array([np.inf, *caps]), cold=True)
+def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
+    """Return pairs of neighbours, the farthest apart first: no other point lies in the ball between the two."""
+    square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
+    inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): k between i and j
+    first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * SAME) ** 2), 1))
+    order = np.argsort(-square[first, second], kind="stable")
+    return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
 
 
 def _apart(task: MotionTask, got: Polished) -> Int[np.ndarray, " kept"]:

@@ -100,6 +100,7 @@ LOCAL = {
     "reduce": lambda q, v, r: np.add.reduce(q, axis=-1) + np.maximum.reduce(r, axis=-1).sum(-1),
     "product": lambda q, v, r: np.prod(q, axis=-1) + q.prod(-1),
     "mean": lambda q, v, r: np.mean(q, axis=-1) + r.mean(axis=(1, 2)) + q.mean(-1, keepdims=True)[..., 0],
+    "variance": lambda q, v, r: np.var(q, axis=-1) + np.std(r, axis=(1, 2), ddof=1) + np.ptp(q, axis=-1),
     "extremes": lambda q, v, r: np.max(q, axis=-1) + q.min(axis=-1) + np.amin(v, -1) + np.amax(v, axis=1),
     "norm": lambda q, v, r: np.linalg.norm(q, axis=-1) + np.linalg.norm(r, axis=(-2, -1)),
     "norms": lambda q, v, r: np.linalg.norm(q, 1, -1) + np.linalg.norm(v, np.inf, 1) + np.linalg.norm(v, 2, axis=-1),

@@ -1,0 +1,60 @@
+"""The command: ``python -m studies.tringali_2020 [--quick] [--json FILE] [--out FOLDER]``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from studies.reporting import Row, report
+from studies.tringali_2020.candidates import Decline, declines, figure_1
+from studies.tringali_2020.pictures import draw
+from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, simulated, tables, told
+from studies.tringali_2020.trade_off import TradeOff, figure_14, traded
+from studies.tringali_2020.validation import matched, table_4
+
+
+def studied(
+    *, starts: int, points: int, most: int, seeds: int, finer: int | None
+) -> tuple[list[Row], dict[str, list[Simulation]], list[Decline], list[TradeOff]]:
+    """Return all rows, and what the pictures show: simulations, declines and trade-offs of both arms.
+
+    ``starts`` a plan, ``points`` of the front, at ``most`` candidates of so many ``seeds`` for Figure 1, and a number
+    of samples to which Table 4 is repeated.
+    """
+    simulations = {masses: [simulated(number, masses, starts=starts) for number in NUMBERS] for masses in MASSES}
+    names = matched(simulations["fitted"][0])
+    rows: list[Row] = []
+    for first, *_ in simulations.values():
+        repeated = None if finer is None else simulated(1, first.masses, starts=starts, samples=finer)
+        rows += table_4(first, names, repeated)
+    rows += [row for one in simulations.values() for simulation in one for row in tables(simulation)]
+    rows += [row for one in simulations.values() for row in told(one)]
+    falling = declines(most=most, seeds=seeds)
+    rows += [row for decline in falling for row in figure_1(decline)]
+    trades = [traded(masses, points=points, starts=starts) for masses in MASSES]
+    rows += [row for trade_off in trades for row in figure_14(trade_off)]
+    return rows, simulations, falling, trades
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Regenerate the paper's tables and figures, report the rows and draw the pictures."""
+    parser = argparse.ArgumentParser(prog="python -m studies.tringali_2020", description="Tringali & Cocuzza 2020.")
+    parser.add_argument("--quick", action="store_true", help="24 starts, 8 points of the front, 3 seeds of Figure 1")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    parser.add_argument("--out", type=Path, default=Path("runs/tringali_2020"), help="folder for the pictures")
+    given = parser.parse_args(arguments)
+    if given.quick:
+        found = studied(starts=24, points=8, most=3000, seeds=3, finer=None)
+    else:
+        found = studied(starts=48, points=20, most=round(10**4.5), seeds=12, finer=401)
+    rows, simulations, falling, trades = found
+    names = matched(simulations["fitted"][0])
+    report(rows, json_file=given.json)
+    pictures = draw(given.out, simulations, falling, trades, names)
+    print(f"{len(pictures)} pictures in {given.out}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""What more candidates are worth: Figure 1, the best of so many roll-outs beside the best optimum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+import paretoik as pk
+from paretoik.redundancy.self_motion import candidates
+from problems import tringali_2020
+from studies.reporting import Row
+from studies.tringali_2020.reported import beside
+from studies.tringali_2020.simulations import MASSES, with_arm
+
+SAMPLES = 13
+FITTED_FROM = SAMPLES * 3  # candidates: as many as there are parameters, where the paper's line begins
+POINTS = 60
+RATE = "2/6 were due near a minimum in six parameters, one of the start and five of the weights"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decline:
+    """Best candidates' cost above the best optimum (seeds, points) [J s], of so many candidates (points,), one arm."""
+
+    masses: str
+    counts: Int[np.ndarray, " points"]
+    above: Float[np.ndarray, "seeds points"]
+    optimum: float
+
+    @property
+    def lines(self) -> Float[np.ndarray, "seeds 2"]:
+        """Exponent and logarithm of the factor of each seed's power law, from ``FITTED_FROM`` candidates on."""
+        kept = self.counts >= FITTED_FROM
+        found: np.ndarray = np.polyfit(np.log(self.counts[kept]), np.log(self.above[:, kept]).T, 1).T
+        return found
+
+
+def declines(*, most: int, seeds: int) -> list[Decline]:
+    """Return the decline with up to so many candidates for each arm; both weigh the same roll-outs."""
+    problems = {masses: with_arm(tringali_2020.simulation_1(), masses, SAMPLES) for masses in MASSES}
+    best = {masses: pk.plan(problem).best.objective for masses, problem in problems.items()}
+    lowest: dict[str, list[np.ndarray]] = {masses: [] for masses in MASSES}
+    for seed in range(seeds):
+        q = candidates(problems["fitted"].task, most, np.random.default_rng(seed))
+        for masses, problem in problems.items():
+            lowest[masses].append(np.minimum.accumulate(pk.kinetic_energy(problem.task.motion(q))))
+    fewest = min(len(costs) for costs in lowest["fitted"])
+    counts = np.unique(np.geomspace(1, fewest, POINTS).round().astype(int))
+    return [
+        Decline(
+            masses=masses,
+            counts=counts,
+            above=np.stack([costs[counts - 1] for costs in lowest[masses]]) - best[masses],
+            optimum=best[masses],
+        )
+        for masses in MASSES
+    ]
+
+
+def figure_1(decline: Decline) -> list[Row]:
+    """Return the power law of one arm, mean and deviation over seeds, beside the paper's."""
+    (exponent, factor), spread = decline.lines.mean(axis=0), decline.lines.std(axis=0, ddof=1)
+    seeds, most = len(decline.above), int(decline.counts[-1])
+    least, worst = decline.lines[:, 0].min(), decline.lines[:, 0].max()
+    setting = f"{seeds} seeds, to {most} candidates of {SAMPLES} samples 1/12 s apart (0.08 s does not divide 1 s)"
+    name, table = "least kinetic energy", "Figure 1"
+    spread_note = f"± {spread[0]:.2f}, {least:.2f} to {worst:.2f}: a seed's curve is a staircase; {setting}; {RATE}"
+    last = float(np.median(decline.above[:, -1]))
+    return [
+        beside(table, decline.masses, name, "exponent", "", float(exponent), spread_note),
+        beside(table, decline.masses, name, "logarithm of the factor", "", float(factor), f"± {spread[1]:.2f}"),
+        beside(table, decline.masses, name, "best candidate above the optimum", "J s", last, f"median; {most} of them"),
+    ]

@@ -1,0 +1,172 @@
+"""The five simulations with either arm, planned: Tables 5 and 6, and what section 4.2 says of the motions."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.refinement.multistart import Optimum
+from problems import tringali_2020
+from studies.reporting import Row
+from studies.tringali_2020.reported import beside
+
+MASSES = ("fitted", "printed")
+NUMBERS = (1, 2, 3, 4, 5)
+AT_LIMIT = 1e-4  # share of a limit: what comes nearer is at it
+THEIRS = "theirs: Intel i7 of the ninth generation, 6 cores, Matlab 2019b"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simulation:
+    """A simulation of Table 3 with the arm of these masses, its plan, and the seconds that took."""
+
+    number: int
+    masses: str
+    problem: pk.Tracking
+    plan: pk.Plan
+    seconds: float
+
+    @property
+    def name(self) -> str:
+        """As the rows call it."""
+        return f"simulation {self.number}"
+
+    @property
+    def motion(self) -> pk.Motion:
+        """The best motion found."""
+        return self.plan.best.motion
+
+
+def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None) -> pk.Tracking:
+    """Return the same problem for the arm with "printed" or "fitted" masses, at so many samples if not its own."""
+    task = problem.task if samples is None else problem.task.resampled(samples)
+    return pk.Tracking(
+        pk.tringali_3r(masses="fitted" if masses == "fitted" else "printed"),
+        task.tasks,
+        objectives=task.objectives,
+        limits=pk.Limits(**{kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}),
+        cyclic=task.cyclic,
+        coefficients=min(12, len(task.times) - 2),
+    )
+
+
+def simulated(number: int, masses: str, *, starts: int, samples: int | None = None) -> Simulation:
+    """Return one simulation, planned; a plan before it, which compiles, is not timed."""
+    problem = with_arm(getattr(tringali_2020, f"simulation_{number}")(), masses, samples)
+    with suppress(pk.ParetoikError):  # so few starts may find nothing
+        pk.plan(problem, starts=2)
+    started = time.perf_counter()
+    plan = pk.plan(problem, starts=starts)
+    seconds = time.perf_counter() - started
+    return Simulation(number=number, masses=masses, problem=problem, plan=plan, seconds=seconds)
+
+
+def machine() -> str:
+    """Return in words what computes here."""
+    name = platform.machine()
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), name)
+    return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def limit_use(simulation: Simulation, motion: pk.Motion) -> tuple[float, str]:
+    """Return how much of the limit that is used most is used, 1 being all of it, and which it is; limits are ±."""
+    task = simulation.problem.task
+    uses = 1 + 2 * task.violations(motion)
+    return float(uses.max()), task.limit_names[int(uses.argmax())]
+
+
+def tables(simulation: Simulation) -> list[Row]:
+    """Return the rows of a simulation in Table 5 or 6: those of the paper, then its optima and limits."""
+    table = "Table 6" if simulation.number == 5 else "Table 5"
+    motion, plan, masses, name = simulation.motion, simulation.plan, simulation.masses, simulation.name
+    low = "as printed, masses give energies 27 % low" if masses == "printed" else ""
+    goal = simulation.problem.task.objectives[0].name
+    energy_note, torque_note = (low, _why(simulation)) if goal == "kinetic_energy" else (_why(simulation), low)
+    rows = [
+        beside(table, masses, name, "kinetic energy", "J s", float(pk.kinetic_energy(motion)), energy_note),
+        beside(table, masses, name, "torque norm", "N²m²s", float(pk.torque_norm(motion)), torque_note),
+        beside(table, masses, name, "time", "s", simulation.seconds, f"ours: {machine()}; {THEIRS}"),
+    ]
+    if simulation.number == 5:
+        torque, power = (float(np.abs(series).max()) for series in (motion.torque, motion.power))
+        rows.append(beside(table, masses, name, "peak torque", "N m", torque))
+        rows.append(beside(table, masses, name, "peak power", "W", power, "of one joint"))
+    labels = ", ".join(f"{o.label} {o.objective:.5f}" for o in plan.optima)
+    rows.append(beside(table, masses, name, "distinct optima", "", len(plan.optima), f"bends and {goal}: {labels}"))
+    if simulation.problem.task.limit_names:
+        use, which = limit_use(simulation, motion)
+        rows.append(beside(table, masses, name, "worst limit use", "", use, f"1 is all of it; {which}"))
+    return rows
+
+
+def _why(simulation: Simulation) -> str:
+    if simulation.number == 1:
+        return "not what is minimised"
+    if simulation.number == 2:
+        return "not what is minimised: the samples where the velocity limit sets in and ends count for much"
+    if simulation.number == 5:
+        return "not what is minimised: velocities turn sharply where limits set in and end"
+    return "not what is minimised, and flat: near the best torque norm it changes most"
+
+
+def told(simulations: list[Simulation]) -> list[Row]:
+    """Return what section 4.2 tells of the motions of the five simulations of one arm, in their order."""
+    first, second, third, fourth, fifth = simulations
+    masses, table = first.masses, "Section 4.2"
+    speeds, torque = np.abs(first.motion.dq).max(axis=0), float(np.abs(first.motion.torque[:, 0]).max())
+    rows = [
+        beside(table, masses, first.name, f"peak speed of joint {j + 1}", "rad/s", float(speeds[j])) for j in range(3)
+    ]
+    rows.append(beside(table, masses, first.name, "peak torque of joint 1", "N m", torque))
+    span = second.motion.time[at_limit(second, "velocity")[:, 2]]
+    if len(span):
+        ends = {"from": float(span[0]), "until": float(span[-1])}
+        rows += [
+            beside(table, masses, second.name, f"joint 3 at its velocity limit {end}", "s", t)
+            for end, t in ends.items()
+        ]
+    for what, objective in (("torque norm", pk.torque_norm), ("kinetic energy", pk.kinetic_energy)):
+        more = 100 * float(objective(fourth.motion) / objective(third.motion) - 1)
+        note = "the paper: a difference around 1 %; by its Table 5 0.4 % in torque norm, 1.6 % in energy"
+        rows.append(beside(table, masses, fourth.name, f"{what} above simulation 3", "%", more, note))
+    rows += _torque_and_power(fourth)
+    together = int(at_limit(fifth, "velocity").sum(axis=1).max())
+    rows.append(beside(table, masses, fifth.name, "joints at their velocity limit at once", "", together))
+    return rows
+
+
+def at_limit(simulation: Simulation, kind: str) -> np.ndarray:
+    """Return whether each joint (time, dof) of the best motion is at its limit of a kind."""
+    values = {"velocity": "dq", "torque": "torque", "power": "power"}[kind]
+    upper = simulation.problem.task.bounds[kind][..., 1]
+    return np.asarray(np.abs(getattr(simulation.motion, values)) >= (1 - AT_LIMIT) * upper)
+
+
+def _torque_and_power(simulation: Simulation) -> list[Row]:
+    rows, (table, masses, name) = [], ("Section 4.2", simulation.masses, simulation.name)
+    torque, power = (at_limit(simulation, kind).any(axis=1) for kind in ("torque", "power"))
+    for kind, reached in (("torque", torque), ("power", power)):
+        values = np.abs(getattr(simulation.motion, kind))
+        use = float((values / simulation.problem.task.bounds[kind][..., 1]).max())
+        times = simulation.motion.time[reached]
+        note = f"reached from {times[0]:.2f} s to {times[-1]:.2f} s" if len(times) else "never reached"
+        rows.append(beside(table, masses, name, f"use of the {kind} limit", "", use, note))
+    both = simulation.motion.time[torque & power]
+    if len(both):
+        column = "torque and power at their limits at"
+        rows.append(beside(table, masses, name, column, "s", float(both[0])))
+    return rows
+
+
+def best_of_label(simulation: Simulation, label: str) -> Optimum | None:
+    """Return the best optimum whose joints are bent as the label says, None where there is none."""
+    return next((o for o in simulation.plan.optima if o.label == label), None)

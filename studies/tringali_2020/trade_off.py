@@ -1,0 +1,93 @@
+"""Kinetic energy against torque norm, joint positions and velocities limited: Figure 14."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+
+import paretoik as pk
+from paretoik.redundancy.branches import labels
+from problems import tringali_2020
+from studies.reporting import Row
+from studies.tringali_2020.reported import beside, paper
+from studies.tringali_2020.simulations import machine, with_arm
+
+TABLE = "Figure 14"
+OFF = 1e-3  # of the front's range: points farther above the hull are found by no weights
+DRAWN = "the paper draws its front, without numbers"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TradeOff:
+    """The front with the arm of these masses, and the seconds it took."""
+
+    masses: str
+    front: pk.Front
+    seconds: float
+
+
+def traded(masses: str, *, points: int, starts: int) -> TradeOff:
+    """Return the front of one arm; a first short one, which compiles, is not timed."""
+    problem = with_arm(tringali_2020.energy_torque(), masses)
+    pk.epsilon_front(problem, points=2, starts=starts)
+    started = time.perf_counter()
+    front = pk.epsilon_front(problem, points=points, starts=starts)
+    return TradeOff(masses=masses, front=front, seconds=time.perf_counter() - started)
+
+
+def figure_14(trade_off: TradeOff) -> list[Row]:
+    """Return the rows of one arm: the ends, beside the simulations that minimise the same, and what certifies it."""
+    front, masses, (energy, torque) = trade_off.front, trade_off.masses, trade_off.front.objectives.T
+    certificates = front.certificates
+    assert certificates is not None and front.motions is not None
+    rows = []
+    for name, end, simulation in (("energy end", 0, 2), ("torque end", -1, 3)):
+        for column, unit, values in (("kinetic energy", "J s", energy), ("torque norm", "N²m²s", torque)):
+            theirs = paper()["Table 5", f"simulation {simulation}", column]
+            note = f"{100 * (values[end] / theirs - 1):+.2f} %; beside it: simulation {simulation}; {DRAWN}"
+            rows.append(_row(masses, name, column, unit, float(values[end]), note, theirs))
+    minima, bends = int(np.sum(certificates.status == "minimum")), sorted(set(labels(front.motions)))
+    off = int(off_hull(front).sum())
+    weights = "the paper: ε-constraints find what weights cannot, where the front is not convex"
+    worst, between = float(certificates.violation.max()), float(certificates.violation_between.max())
+    inequality = "ε as an inequality: held as an equality, as Eqs. 21 and 22 print it, it returns dominated points"
+    rows += [
+        _row(masses, "front", "points", "", len(front), f"{inequality}; bends {', '.join(bends)}"),
+        _row(masses, "front", "certified minima", "", minima, "by second-order certificates; locally"),
+        _row(masses, "front", "worst criticality", "", float(certificates.kkt_residual.max()), "share of the ranges"),
+        _row(masses, "front", "worst violation", "", max(worst, 0.0), f"{between:.1e} between samples"),
+        _row(masses, "front", "points off the convex hull", "", off, weights),
+        _row(masses, "front", "time", "s", trade_off.seconds, f"ours: {machine()}"),
+    ]
+    return rows
+
+
+def _row(masses: str, row: str, column: str, unit: str, ours: float, note: str, theirs: float | None = None) -> Row:
+    table = beside(TABLE, masses, row, column, unit, ours).table
+    return Row(table=table, row=row, column=column, unit=unit, ours=ours, paper=theirs, note=note)
+
+
+def hull(front: pk.Front) -> list[int]:
+    """Return which points, in order of the first objective, are on the lower convex hull: weights find only these."""
+    points = front.shares
+    kept: list[int] = []
+    for i in np.argsort(points[:, 0], kind="stable").tolist():
+        while len(kept) > 1 and _turn(points[kept[-2]], points[kept[-1]], points[i]) <= 0:
+            kept.pop()
+        kept.append(i)
+    return kept
+
+
+def _turn(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:
+    (a, b), (c, d) = here - before, after - here
+    return float(a * d - b * c)
+
+
+def off_hull(front: pk.Front) -> Bool[np.ndarray, " points"]:
+    """Return which points lie above the lower convex hull by more than ``OFF`` of the range."""
+    corners = front.shares[hull(front)]
+    below = np.interp(front.shares[:, 0], corners[:, 0], corners[:, 1])
+    return np.asarray(front.shares[:, 1] > below + OFF)
