@@ -133,9 +133,7 @@ class _Law:
         q, dq = np.split(state, 2, axis=1)
         jacobian, _, wanted = self.rows(t, q, dq)
         inertia, torque = _dynamics(self.arm, q, dq)
-        free = self.sign * _solved(inertia, torque[..., None])
-        wanted = wanted[..., None] - jacobian @ free
-        return np.concatenate([dq, (free + _spread(jacobian, inertia, wanted))[..., 0]], axis=1)
+        return np.concatenate([dq, _balanced(inertia, jacobian, self.sign * torque, wanted)], axis=1)
 
     def least_rates(self, q: np.ndarray) -> np.ndarray:
         """Return the velocities J_B⁺ẋ (motions, dof) of least kinetic energy at sample 0."""
@@ -144,9 +142,8 @@ class _Law:
     def led(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return the velocities nearest to dq, in the metric of the inertia, that follow the path."""
         jacobian, wanted, _ = self.rows(t, q, dq)
-        missing = wanted[..., None] - jacobian @ dq[..., None]
-        led: np.ndarray = dq + _spread(jacobian, dynamics.inertia_matrix(self.arm, q), missing)[..., 0]
-        return led
+        inertia = dynamics.inertia_matrix(self.arm, q)
+        return _balanced(inertia, jacobian, (inertia @ dq[..., None])[..., 0], wanted)
 
     def rows(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return J (motions, rows, dof), what J q̇ must be, and what J q̈ must be (motions, rows)."""
@@ -228,16 +225,14 @@ def _skew(vector: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 
     return np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=-1).reshape(*x.shape, 3, 3)
 
 
-def _spread(jacobian: np.ndarray, inertia: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return J_B⁺ times columns: the least motion, in the metric of the inertia, that J maps onto them."""
-    across = _solved(inertia, np.swapaxes(jacobian, -1, -2))
-    return across @ _solved(jacobian @ across, wanted)
-
-
-def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the solutions of positive definite systems; NaN where one is not."""
-    regular = np.linalg.det(matrix) > 0
-    found: np.ndarray = np.linalg.solve(np.where(regular[:, None, None], matrix, np.nan), right)
+def _balanced(inertia: np.ndarray, jacobian: np.ndarray, force: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return x with J x = ``wanted`` and M x = ``force`` + Jᵀλ, which is J_B⁺ wanted + (I − J_B⁺J) M⁻¹ force."""
+    rows, dof = jacobian.shape[1:]
+    whole = np.zeros((len(jacobian), dof + rows, dof + rows))
+    whole[:, :dof, :dof], whole[:, dof:, :dof] = inertia, jacobian
+    whole[:, :dof, dof:] = np.swapaxes(jacobian, 1, 2)
+    whole[np.linalg.det(whole) == 0] = np.nan  # as at a singularity, where there is no x
+    found: np.ndarray = np.linalg.solve(whole, np.concatenate([force, wanted], axis=1)[..., None])[:, :dof, 0]
     return found
 
 

@@ -161,7 +161,7 @@ def evaluated(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Value
         if total.kind == "sum"
         else float(inputs[own[program.slacks + total.index], 0])
         if total.kind == "peak"
-        else float(program.wholes[total.index].worth(parts[total.index]))
+        else program.wholes[total.index].worth(parts[total.index])
         for total in program.totals
     ]
     every = np.concatenate([inputs[program.variables], found[program.sums :]])

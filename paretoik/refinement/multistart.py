@@ -118,7 +118,8 @@ def descended(
         weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
         found = polish(program, q, weights[None], below[None], rules=rules)
         if ease and len(levels) + 1 == len(counts) and not found.converged.any() and found.violation.max() > HOLDS:
-            found = _eased(program, found, weights, below)
+            least = _distinct(level, found, found.totals @ weights, most=KEPT)
+            found = _eased(program, found[least], weights, below)
         most = KEPT if len(levels) + 1 < len(counts) else len(found)
         found = found[_distinct(level, found, found.totals @ weights, most=most)]
         levels.append((len(level.times), len(found)))

@@ -41,11 +41,11 @@ class Whole:
     by_second: Int[np.ndarray, " second"]
     inputs: int
 
-    def worth(self, values: Float[np.ndarray, parts * batch]) -> Float[np.ndarray, "*batch"]:
+    def worth(self, values: Float[np.ndarray, " parts"]) -> float:
         """Return the function's value for values of its parts."""
         if not len(self.groups):
-            return self.factor * np.sqrt(np.sum(values**2, axis=0))
-        return np.sum(np.maximum.reduceat(values, self.groups, axis=0), axis=0)
+            return self.factor * float(np.linalg.norm(values))
+        return float(np.maximum.reduceat(values, self.groups).sum())
 
     @property
     def spans(self) -> list[slice]:

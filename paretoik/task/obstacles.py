@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -18,7 +18,11 @@ from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import ArrayLike, Pose, finite_array
 
-Components: TypeAlias = Sequence[np.ndarray]  # x, y and, in space, z, each an array of its own
+if TYPE_CHECKING:
+    Numbers: TypeAlias = np.ndarray
+else:
+    Numbers = Any  # where derivatives are taken, expressions come in and go out
+Components: TypeAlias = Sequence[Numbers]  # x, y and, in space, z, each an array of its own
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -139,7 +143,7 @@ def signed_distance(
     return distances.reshape(starts.shape[:-1])
 
 
-def to_surface(obstacle: Obstacle, start: Components, end: Components) -> np.ndarray:
+def to_surface(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
     """Return what ``signed_distance`` does, of components: plain NumPy, so that derivatives can be taken of it."""
     if isinstance(obstacle, Box):
         place = _components(obstacle.pose.position[None])
@@ -153,14 +157,14 @@ def to_surface(obstacle: Obstacle, start: Components, end: Components) -> np.nda
     return _point_to_segment(center, start[: len(center)], end[: len(center)]) - obstacle.radius
 
 
-def _point_to_segment(point: Components, start: Components, end: Components) -> np.ndarray:
+def _point_to_segment(point: Components, start: Components, end: Components) -> Numbers:
     step = _minus(end, start)
     there = _minus(point, start)
     share = _share(_dot(there, step), _dot(step, step))
     return _length([r - share * d for r, d in zip(there, step, strict=True)])
 
 
-def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> np.ndarray:
+def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> Numbers:
     """Distance of two segments: at an end of one, or where their lines are nearest if that is within both."""
     step, other_step, there = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
     common = _cross(step, other_step)  # products with it keep their digits for nearly parallel segments
@@ -178,7 +182,7 @@ def _between_segments(start: Components, end: Components, other_start: Component
     return least
 
 
-def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> np.ndarray:
+def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> Numbers:
     """Signed distance of a segment to the box of half sizes ``halves`` about the origin.
 
     Outside, the squared distance is convex along the segment and quadratic between the places where the segment crosses
@@ -211,7 +215,7 @@ def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> n
     return distances
 
 
-def _depth(start: Components, step: Components, halves: np.ndarray) -> np.ndarray:
+def _depth(start: Components, step: Components, halves: np.ndarray) -> Numbers:
     """Signed distance of segments that enter the box: the least, along them, of the largest of |p| - half size.
 
     That is the largest of one rising and one falling line for each axis, least at an end or where a rising line crosses
@@ -228,7 +232,7 @@ def _depth(start: Components, step: Components, halves: np.ndarray) -> np.ndarra
     return least
 
 
-def _share(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+def _share(part: Numbers, whole: Numbers) -> Numbers:
     """Return part / whole within [0, 1], and 0 where there is no whole."""
     there = whole > 0
     with np.errstate(over="ignore", invalid="ignore"):
@@ -245,7 +249,7 @@ def _minus(left: Components, right: Components) -> Components:
     return [a - b for a, b in zip(left, right, strict=True)]
 
 
-def _dot(left: Components, right: Components) -> np.ndarray:
+def _dot(left: Components, right: Components) -> Numbers:
     return sum((a * b for a, b in zip(left, right, strict=True)), start=np.zeros(()))
 
 
@@ -254,7 +258,7 @@ def _cross(left: Components, right: Components) -> Components:
     return [b * z - c * y, c * x - a * z, a * y - b * x]
 
 
-def _length(vector: Components) -> np.ndarray:
+def _length(vector: Components) -> Numbers:
     length: np.ndarray = np.sqrt(_dot(vector, vector))
     return length
 

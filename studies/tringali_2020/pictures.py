@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from paretoik.review.plots import ACCENTS, INK, QUIET, STYLE, stroboscopic
 from studies.tringali_2020.candidates import FITTED_FROM, Decline
@@ -47,7 +48,7 @@ def draw(
     for decline in falling:
         write(1, decline.masses, (6.0, 4.2), lambda figure, d=decline: _candidates(figure, d))  # type: ignore[misc]
     for masses, one in simulations.items():
-        size = (2.6 * max(len(one[0].plan.optima), 2) + 0.6, 3.6)
+        size = (2.6 * max(len(one[0].plan.optima), 2) + 0.6, 3.4)
         write(3, masses, size, lambda figure, s=one[0]: _optima(figure, s, names))  # type: ignore[misc]
         for s in one:
             write(2 + 2 * s.number, masses, (8.0, 9.0), lambda figure, s=s: _motion(figure, s))  # type: ignore[misc]
@@ -60,7 +61,7 @@ def draw(
 @contextmanager
 def _figure(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
     with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
-        figure = Figure(figsize=size, dpi=125, layout="constrained")
+        figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
         FigureCanvasAgg(figure)
         yield figure
         figure.savefig(file)
@@ -103,7 +104,8 @@ def _optima(figure: Figure, simulation: Simulation, names: Mapping[str, str]) ->
 
 
 def _motion(figure: Figure, simulation: Simulation) -> None:
-    above, below = figure.subfigures(2, 1, height_ratios=[1.0, 1.35])
+    parts: Any = figure.subfigures(2, 1, height_ratios=[1.0, 1.35])
+    above, below = parts
     motion, bounds = simulation.motion, simulation.problem.task.bounds
     axes = above.subplots(subplot_kw={"aspect": "equal"})
     stroboscopic(axes, motion)
@@ -116,6 +118,7 @@ def _motion(figure: Figure, simulation: Simulation) -> None:
             _limits(panel, bounds[kind][0], unlike=kind == "position")
     for panel in panels[1]:
         panel.set_xlabel("time [s]")
+    below.align_ylabels()
     lines, words = panels[0, 0].get_legend_handles_labels()
     below.legend(lines, words, loc="outside upper center", ncols=4, frameon=False)
     _title(figure, simulation, 2)
@@ -129,14 +132,22 @@ def _series(axes: Axes, time: np.ndarray, values: np.ndarray, label: str) -> Non
 
 def _limits(axes: Axes, bounds: np.ndarray, *, unlike: bool) -> None:
     """Draw limits (dof, 2) dashed; where they differ between joints, say whose they are, in degrees."""
-    for value in np.unique(bounds):
-        axes.axhline(value, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
+    for number, value in enumerate(np.unique(bounds)):
+        dashed = axes.axhline(value, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
+        if number == 0:
+            dashed.set_label("limit")
         if unlike:
             joints = [str(j + 1) for j in range(len(bounds)) if value in bounds[j]]
-            whose = f"{np.rad2deg(value):+.0f}°, joint{'s' if len(joints) > 1 else ''} {' and '.join(joints)}"
-            place = (0.99, value), (0, 2 if value > 0 else -2)
-            where: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "fontsize": 7.5}
-            axes.annotate(whose, *place, ha="right", va="bottom" if value > 0 else "top", **where)
+            whose = f"{abs(np.rad2deg(value)):.0f}°, joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
+            axes.annotate(
+                whose,
+                (1.0, value),
+                (4, 0),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                va="center",
+                fontsize=8,
+            )
     axes.margins(y=0.12)
 
 
@@ -152,13 +163,16 @@ def _energies(figure: Figure, simulation: Simulation) -> None:
     }
     panels = figure.subplots(2, 2, sharex=True)
     for axes, (label, (values, column)) in zip(panels.flat, series.items(), strict=True):
-        axes.plot(motion.time, values, color=ACCENTS[1], linewidth=1.6, label="ours")
+        axes.plot(motion.time, values, color=ACCENTS[1], linewidth=1.6)
         axes.set_ylabel(label)
         if column is not None:
             theirs = paper()[table, simulation.name, column]
-            axes.axhline(theirs, color=ACCENTS[0], linestyle=":", label=f"the paper's whole, {theirs:g}")
-            axes.legend(frameon=False, loc="lower right")
+            axes.axhline(theirs, color=ACCENTS[0], linestyle="--", linewidth=1.2)
+            words = f"the paper's at the end: {theirs:g}"
+            axes.annotate(words, (0.0, theirs), (0, 3), textcoords="offset points", color=ACCENTS[0], va="bottom")
+            axes.margins(y=0.1)
             axes.set_xlabel("time [s]")
+    figure.align_ylabels()
     _title(figure, simulation, 3)
 
 

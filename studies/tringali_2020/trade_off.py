@@ -42,7 +42,8 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
     """Return the rows of one arm: the ends, beside the simulations that minimise the same, and what certifies it."""
     front, masses, (energy, torque) = trade_off.front, trade_off.masses, trade_off.front.objectives.T
     certificates = front.certificates
-    assert certificates is not None and front.motions is not None
+    assert certificates is not None
+    assert isinstance(front.motions, pk.Motion)
     rows = []
     for name, end, simulation in (("energy end", 0, 2), ("torque end", -1, 3)):
         for column, unit, values in (("kinetic energy", "J s", energy), ("torque norm", "N²m²s", torque)):

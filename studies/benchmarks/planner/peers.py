@@ -1,0 +1,288 @@
+"""CasADi's FATROP and IPOPT, with CasADi's own evaluation or compiled by a C compiler, on both cores.
+
+Compiled, stages are calls of one small function in a loop and the Hessian is put together from stages' blocks: seconds
+of compilation where all written out takes minutes, and as fast.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import casadi
+import numpy as np
+
+import paretoik as pk
+from paretoik.task.motion_task import MotionTask
+from problems import tringali_2020
+from studies.benchmarks.planner.programs import ENERGY, INERTIA, TORQUE, Program, inertia, optimal_control, over_joints
+
+Settings: TypeAlias = tuple[tuple[str, float], ...]
+
+CORES = 2
+TOLERANCE, CAP = 1e-8, 100  # of stationarity; iterations
+BEGINNINGS: tuple[Settings, ...] = tuple((("mu_init", mu),) for mu in (0.1, 0.01, 0.001))
+# what a warm start is pushed off its bounds by drives it elsewhere
+PUSHES = ("bound_push", "bound_frac")
+COMPILER = shutil.which("gcc") or shutil.which("cc")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What is asked of whom: a problem of Tringali & Cocuzza at so many samples, ``library`` where it is compiled."""
+
+    solver: str  # "fatrop" or "ipopt"
+    problem: str
+    samples: int
+    main: str = ""
+    capped: str = ""
+    library: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solved:
+    """Where a start led: joint angles (samples, 3), objective, whether the solver is content, what it took."""
+
+    q: np.ndarray
+    value: float
+    solved: bool
+    seconds: float
+    iterations: int
+
+
+def tracking(name: str, masses: str = "printed", samples: int = 101) -> pk.Tracking:
+    """Return a problem of Tringali & Cocuzza for either arm, at any number of samples."""
+    task = getattr(tringali_2020, name)().task
+    path = tringali_2020.round_trip(samples) if task.cyclic else tringali_2020.straight(samples)
+    limits = pk.Limits(**{kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()})
+    arm = pk.tringali_3r(masses)  # type: ignore[arg-type]
+    return pk.Tracking(arm, path, objectives=task.objectives, limits=limits, cyclic=task.cyclic)
+
+
+class Peer:
+    """A solver at a task's samples."""
+
+    def __init__(self, question: Question, settings: Settings) -> None:
+        self.program = program_of(question)
+        self.dt = 1.0 / (question.samples - 1)
+        options: dict[str, Any] = {"print_time": False, "error_on_fail": False, question.solver: _own(question, settings)}
+        if question.solver == "fatrop":
+            equality = [kind for run in self.program.runs for kind in run.equality * run.count]
+            options |= {"structure_detection": "auto", "equality": equality}
+        what = question.library or written_out(self.program)
+        self.solver = casadi.nlpsol("peer", question.solver, what, options)
+        self.sums = casadi.Function("sums", *_of(written_out(self.program))) if len(self.program.sum_at) else None
+        self.bounds = {
+            "lbx": casadi.DM(self.program.lower),
+            "lbg": casadi.DM(self.program.rows("lower")),
+        }
+
+    def start(self, q: np.ndarray, masses: str) -> np.ndarray:
+        """Return x of joint angles."""
+        x = self.program.packed(q, self.dt)
+        if self.sums is not None:
+            # with sums of nought, what their gaps lack is a stage's share; they come fourth after q and the velocity
+            rows = np.asarray(self.sums(x, inertia(masses))[1]).ravel()
+            width = [run.lower.shape[0] for run in self.program.runs for _ in range(run.count)]
+            begins = np.cumsum([0, *width])[: len(self.program.sum_at)]
+            x[self.program.sum_at] = np.cumsum(-rows[begins + 6])
+        return x
+
+    def solve(self, q: np.ndarray, masses: str = "printed", cap: float = np.inf) -> Solved:
+        """Return where joint angles (samples, 3) lead."""
+        x0, program = casadi.DM(self.start(q, masses)), self.program
+        upper, upper_rows = program.upper.copy(), program.rows("upper")
+        if program.capped and len(program.sum_at):
+            upper[program.sum_at[-1]] = cap
+        elif program.capped:
+            upper_rows[-1] = cap
+        bounds = {**self.bounds, "ubx": casadi.DM(upper), "ubg": casadi.DM(upper_rows)}
+        p = casadi.DM(inertia(masses))
+        started = time.perf_counter()
+        found = self.solver(x0=x0, p=p, **bounds)
+        seconds = time.perf_counter() - started
+        stats = self.solver.stats()
+        motion = np.asarray(found["x"]).ravel()[program.joints_at]
+        if len(motion) < len(q):
+            motion = np.concatenate([motion, motion[:1]])
+        return Solved(
+            q=motion,
+            value=float(found["f"]),
+            solved=bool(stats["success"]),
+            seconds=seconds,
+            iterations=int(stats["iter_count"]),
+        )
+
+
+def _own(question: Question, settings: Settings) -> dict[str, Any]:
+    chosen = dict(settings)
+    if question.solver == "fatrop":
+        return {"tolerance": TOLERANCE, "max_iter": CAP, "print_level": 0, **chosen}
+    quiet = {"print_level": 0, "sb": "yes", "bound_relax_factor": 0.0}
+    renamed = {"tol" if name == "tolerance" else name: value for name, value in chosen.items()}
+    if "bound_push" in chosen:
+        renamed |= {f"slack_{name}": chosen["bound_push"] for name in PUSHES}
+    return {**quiet, "tol": TOLERANCE, "max_iter": CAP, **renamed}
+
+
+def program_of(question: Question) -> Program:
+    """Return the program of a question."""
+    task: MotionTask = tracking(question.problem, samples=question.samples).task
+    main = question.main or task.objectives[0].name
+    assert {main, question.capped} <= {ENERGY, TORQUE, ""}
+    return (optimal_control if question.solver == "fatrop" else over_joints)(task, main, question.capped)
+
+
+def written_out(program: Program) -> dict[str, Any]:
+    """Return the program with every stage written out, as CasADi itself evaluates it fastest."""
+    x, p = casadi.SX.sym("x", len(program.lower)), casadi.SX.sym("p", INERTIA)
+    totals, rows = casadi.SX.zeros(program.totals), []
+    for run in program.runs:
+        for places in run.places.T:
+            total, row = run.stage(x[places.tolist()], p)
+            totals += total
+            rows.append(row)
+    return {"x": x, "p": p, "f": totals[0], "g": casadi.vertcat(*rows, *casadi.vertsplit(totals)[1:])}
+
+
+def looped(program: Program) -> dict[str, Any]:
+    """Return the program with the stages of a run as one call over a matrix."""
+    x, p = casadi.MX.sym("x", len(program.lower)), casadi.MX.sym("p", INERTIA)
+    totals, rows = casadi.MX.zeros(program.totals), []
+    for run in program.runs:
+        total, row = run.stage.map(run.count)(_gathered(x, run), casadi.repmat(p, 1, run.count))
+        totals += casadi.sum2(total)
+        rows.append(casadi.vec(row))
+    return {"x": x, "p": p, "f": totals[0], "g": casadi.vertcat(*rows, *casadi.vertsplit(totals)[1:])}
+
+
+def _gathered(x: Any, run: Any) -> Any:
+    return casadi.reshape(x[run.places.T.ravel().tolist()], *run.places.shape)
+
+
+def blockwise(program: Program, like: Any) -> Any:
+    """Return the Lagrangian's Hessian put together from stages' blocks, a function with the names of ``like``."""
+    x, p, factor, multipliers = (casadi.MX.sym(f"v{i}", *like.size_in(i)) for i in range(4))
+    # a multiplier of a row that is a total belongs to every stage
+    shared = casadi.vertcat(factor, *casadi.vertsplit(multipliers)[program.rows("lower").size - program.totals + 1 :])
+    elements, row_at, column_at, begin = [], [], [], 0
+    for run in program.runs:
+        z, q, t, m = (casadi.SX.sym("z", n) for n in (run.places.shape[0], INERTIA, program.totals, len(run.lower)))
+        total, row = run.stage(z, q)
+        H = casadi.hessian(casadi.dot(t, total) + casadi.dot(m, row), z)[0]
+        block = casadi.Function("block", [z, q, t, m], [H])
+        own = casadi.reshape(multipliers[begin : begin + run.lower.size], *run.lower.shape)
+        begin += run.lower.size
+        every = [casadi.repmat(v, 1, run.count) for v in (p, shared)]
+        elements.append(block.map(run.count)(_gathered(x, run), *every, own).nz[:])
+        i, j = (np.array(side, dtype=int) for side in H.sparsity().get_triplet())
+        row_at.append(run.places.T[:, i].ravel())
+        column_at.append(run.places.T[:, j].ravel())
+    size = len(program.lower)
+    keys, where = np.unique(np.concatenate(column_at) * size + np.concatenate(row_at), return_inverse=True)
+    pattern = casadi.Sparsity.triplet(size, size, (keys % size).tolist(), (keys // size).tolist())
+    adding = casadi.Sparsity.triplet(len(keys), len(where), where.tolist(), list(range(len(where))))
+    H = casadi.MX(pattern, casadi.DM(adding, 1.0) @ casadi.vertcat(*elements))
+    values = {"hess_gamma_x_x": H, "triu_hess_gamma_x_x": casadi.triu(H)}
+    if "grad_gamma_x" in like.name_out():
+        f, g = casadi.Function("both", *_of(looped(program)))(x, p)
+        values["grad_gamma_x"] = casadi.gradient(factor * f + casadi.dot(multipliers, g), x)
+    outputs = [values[name] for name in like.name_out()]
+    return casadi.Function("nlp_hess_l", [x, p, factor, multipliers], outputs, like.name_in(), like.name_out())
+
+
+def _of(problem: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+    return [problem["x"], problem["p"]], [problem["f"], problem["g"]]
+
+
+def compiled(question: Question, folder: Path) -> tuple[Question, float]:
+    """Return the question with its functions compiled into a library there, and the seconds that took."""
+    assert COMPILER is not None
+    started, program = time.perf_counter(), program_of(question)
+    problem = looped(program)
+    name = "_".join(part for part in (question.solver, question.problem, question.main, str(question.samples)) if part)
+    options: dict[str, Any] = {"print_time": False, question.solver: {"print_level": 0}}
+    solver = casadi.nlpsol("peer", question.solver, problem, options)
+    generator = casadi.CodeGenerator(f"{name}.c")
+    generator.add(casadi.Function("nlp", *_of(problem), ["x", "p"], ["f", "g"]))
+    for part in solver.get_function():
+        function = solver.get_function(part)
+        generator.add(blockwise(program, function) if part == "nlp_hess_l" else function)
+    source = generator.generate(f"{folder}{os.sep}")
+    library = folder / f"{name}.so"
+    subprocess.run([COMPILER, "-O2", "-fPIC", "-shared", source, "-o", library], check=True)
+    return replace(question, library=str(library)), time.perf_counter() - started
+
+
+@lru_cache(maxsize=64)
+def peer(question: Question, settings: Settings = ()) -> Peer:
+    """Return a peer, built once a process."""
+    return Peer(question, settings)
+
+
+def solved(
+    question: Question, settings: Settings, masses: str, starts: np.ndarray, caps: np.ndarray | None = None
+) -> list[Solved]:
+    """Return where starts (any, samples, 3) lead."""
+    asked, caps = peer(question, settings), np.full(len(starts), np.inf) if caps is None else caps
+    return [asked.solve(q, masses, float(cap)) for q, cap in zip(starts, caps, strict=True)]
+
+
+class Cores:
+    """Both cores: two processes, each with solvers of its own that stay built."""
+
+    def __enter__(self) -> Cores:
+        self._workers = [ProcessPoolExecutor(1, mp_context=get_context("spawn")) for _ in range(CORES)]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for worker in self._workers:
+            worker.shutdown()
+
+    def built(self, question: Question, settings: Settings, starts: np.ndarray, masses: str = "printed") -> float:
+        """Have both build what the question takes, and try it on one start; return the seconds of that."""
+        begin = time.perf_counter()
+        self._all(question, settings, masses, [starts[:1]] * CORES, [None] * CORES)
+        return time.perf_counter() - begin
+
+    def solve(
+        self,
+        question: Question,
+        settings: Settings,
+        masses: str,
+        starts: np.ndarray,
+        caps: np.ndarray | None = None,
+    ) -> list[Solved]:
+        """Return where starts lead, each core its half."""
+        shares = [slice(w, None, CORES) for w in range(CORES)]
+        parts = self._all(
+            question,
+            settings,
+            masses,
+            [starts[share] for share in shares],
+            [None if caps is None else caps[share] for share in shares],
+        )
+        return [parts[i % CORES][i // CORES] for i in range(len(starts))]
+
+    def _all(
+        self,
+        question: Question,
+        settings: Settings,
+        masses: str,
+        starts: Sequence[np.ndarray],
+        caps: Sequence[np.ndarray | None],
+    ) -> list[list[Solved]]:
+        asked = [
+            worker.submit(solved, question, settings, masses, q, cap)
+            for worker, q, cap in zip(self._workers, starts, caps, strict=True)
+        ]
+        return [future.result() for future in asked]
