@@ -11,6 +11,7 @@ from jaxtyping import Float
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 
+WEAK = 1e-6  # share of all objectives' weight below which one has none
 STATUSES = ("minimum", "saddle", "undetermined")
 
 
@@ -21,8 +22,9 @@ class Certificates:
     ``violation`` is the worst of all limits at the samples, ``violation_between`` on a grid four times finer, as shares
     of a limit's range; ``kkt_residual`` is the criticality χ, what all objectives could still gain at once, as shares
     of their ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over their ranges, their sum
-    1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others held, in natural units, NaN where f_j does not count;
-    ``status`` is "minimum", "saddle" or "undetermined".
+    1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others held, in natural units, NaN where f_j does not count,
+    and ``exchange_intervals`` [p, i, j] its least and largest value where multipliers are not unique; ``status`` is
+    "minimum", "saddle" or "undetermined".
     """
 
     violation: Values
@@ -30,6 +32,7 @@ class Certificates:
     kkt_residual: Values
     weights: Float[np.ndarray, "points n_obj"]
     exchange_rates: Float[np.ndarray, "points n_obj n_obj"]
+    exchange_intervals: Float[np.ndarray, "points n_obj n_obj 2"]
     status: np.ndarray
 
     def __post_init__(self) -> None:
@@ -43,6 +46,11 @@ class Certificates:
         unknown = set(self.status.tolist()) - set(STATUSES)
         if unknown:
             raise InvalidInput(f"certificates: a status among {', '.join(STATUSES)} wanted, got {sorted(unknown)[0]!r}")
+
+    @property
+    def weak(self) -> np.ndarray:
+        """Which points (points,) may be only weakly optimal: some objective has no weight there."""
+        return np.asarray(self.weights.min(axis=1) < WEAK)
 
     def __len__(self) -> int:
         return len(self.violation)

@@ -28,7 +28,7 @@ FORMAT = 1
 RUN, TABLE, MOTIONS = "run.json", "front.parquet", "motions.npz"
 OWN_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFIED = ("violation_between", "kkt_residual")
-TRADED = ("weights", "exchange_rates")
+TRADED = ("weights", "exchange_rates", "exchange_intervals")
 
 
 def save(front: Front, folder: Path) -> None:

@@ -30,14 +30,15 @@ from paretoik.task.motion_task import START_TOLERANCE, MotionTask
 from paretoik.task.retraction import retract, task_errors
 from paretoik.task.task import Task
 
-TOLERANCE = 1e-9  # of positions and velocities (relative past 1), each step
+TOLERANCE = 1e-8  # of positions and velocities (relative past 1), each step
 FINEST, COARSEST = 1e-13, 1e-3  # tolerances that mean something
 KNOTS = 2000  # of the splines that paths are differentiated by
 FIRST, SHORTEST = 1e-2, 1e-5  # steps, as shares of the duration; shorter ones are those of a motion into a singularity
 NEARBY = 1e-4  # rad or m: of the differences that Newton's method takes
+FLAT = 1e-4  # share of the steepest slope: differences cannot tell less from nothing
 STRIDE, SHORTEST_STRIDE = 0.2, 1e-3  # rad or m: steps of Newton's method along the self-motion
 ITERATIONS = 20
-AT_REST = 1e-6  # rad/s or m/s of self-motion at a free end
+AT_REST = 1e3  # times the tolerance: rad/s or m/s of self-motion at a free end
 APART = 1e-4  # rad or m: motions whose starts are nearer are one
 
 
@@ -354,14 +355,14 @@ def _transversal(law: _Law, q: np.ndarray, tolerance: float) -> np.ndarray:
         near = _neighbours(law.task, trial, normal := _normal(law.task, trial))
         left = _left_over(law, near.reshape(-1, dof), tolerance).reshape(near.shape)
         size = np.abs(left[:, 0]).max(axis=1)
-        arrived.append(trial[size <= AT_REST])
+        arrived.append(trial[size <= AT_REST * tolerance])
         better = (size < best) & np.isfinite(left).all(axis=(1, 2))
         slopes = np.swapaxes(left[better, 1:] - left[better, :1], 1, 2) / NEARBY
         step /= 4  # where it has led nowhere better
-        step[better] = -(normal[better] @ np.linalg.pinv(slopes) @ left[better, 0, :, None])[..., 0]
+        step[better] = -(normal[better] @ np.linalg.pinv(slopes, rcond=FLAT) @ left[better, 0, :, None])[..., 0]
         step /= np.maximum(1.0, np.linalg.norm(step, axis=1, keepdims=True) / STRIDE)
         q, best = np.where(better[:, None], trial, q), np.where(better, size, best)
-        going = (best > AT_REST) & (better | (np.abs(step).max(axis=1) > SHORTEST_STRIDE))
+        going = (best > AT_REST * tolerance) & (better | (np.abs(step).max(axis=1) > SHORTEST_STRIDE))
         q, best, step = q[going], best[going], step[going]
         if len(q) == 0:
             break

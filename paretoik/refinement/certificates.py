@@ -14,14 +14,13 @@ from scipy.linalg import null_space
 from paretoik.convex.criticality import Criticality, criticality
 from paretoik.convex.models import Cone, Constraints
 from paretoik.front.certificates import Certificates
+from paretoik.refinement.exchange import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
 from paretoik.refinement.linearised import Linearised, linearised
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 BETWEEN = 4  # times finer than the samples
-COUNTS = 1e-6  # share of all objectives' weight from which on one counts
-ACTIVE = 1e-7  # of a limit's range: nearer than that it is reached
 CURVED = 1e-7  # second derivative along a direction of length one, in ranges, below which it is taken for none
 CRITICAL = 1e-6  # χ up to which a point counts as critical, so that its curvature says something
 STEPS = (1e-2, 1e-3, 1e-4)  # rad (RMS) along a direction of descent
@@ -37,27 +36,17 @@ def certify(
     program, motions = motion_program(task), task.motion(q)
     every = [_certified(program, motion, ranges) for motion in q]
     signs = np.array([o.sign for o in task.objectives])
-    weights = np.array([found.weights for found, _ in every]).reshape(len(q), len(ranges))
+    weights = np.array([found.weights for found, *_ in every]).reshape(len(q), len(ranges))
+    ratios = np.array([ratio for *_, ratio in every]).reshape(len(q), len(ranges), len(ranges), 2)
     return Certificates(
         violation=np.maximum(task.violations(motions).max(axis=1, initial=0.0), 0.0),
         violation_between=violation_between(task, motions),
-        kkt_residual=np.array([found.value for found, _ in every]),
+        kkt_residual=np.array([found.value for found, *_ in every]),
         weights=weights,
         exchange_rates=exchange_rates(weights, ranges, signs),
-        status=np.array([status for _, status in every], dtype=np.str_),
+        exchange_intervals=exchange_intervals(ratios, ranges, signs),
+        status=np.array([status for _, status, _ in every], dtype=np.str_),
     )
-
-
-def exchange_rates(
-    weights: Float[np.ndarray, "points n_obj"], ranges: Float[np.ndarray, " n_obj"], signs: Float[np.ndarray, " n_obj"]
-) -> Float[np.ndarray, "points n_obj n_obj"]:
-    """Return ∂f_j/∂f_i = −λ_i/λ_j, the others held, in natural units and the objectives' own signs; diagonal 1."""
-    counts = np.where(weights >= COUNTS, weights, np.nan)
-    natural = ranges * signs
-    rates = -weights[:, :, None] / counts[:, None, :] * natural[None, None, :] / natural[None, :, None]
-    i = np.arange(len(ranges))
-    rates[:, i, i] = 1.0
-    return rates
 
 
 def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " points"]:
@@ -67,7 +56,7 @@ def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " 
     return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)
 
 
-def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str]:
+def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str, np.ndarray]:
     at, count = linearised(program, q), len(ranges)
     radius = np.sqrt(at.unknowns / at.normal.shape[2])
     bounded = np.flatnonzero(np.isfinite(program.caps))
@@ -79,7 +68,8 @@ def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tup
     )
     found = criticality(at.gradients[:count] / ranges[:, None], constraints, radius)
     critical = found.value <= CRITICAL
-    return found, _status(at, found, constraints, ranges, radius) if critical else "undetermined"
+    ratios = weight_ratios(at.gradients[:count] / ranges[:, None], constraints, found.weights)
+    return found, _status(at, found, constraints, ranges, radius) if critical else "undetermined", ratios
 
 
 def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges: np.ndarray, radius: float) -> str:

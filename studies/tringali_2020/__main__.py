@@ -29,7 +29,7 @@ def studied(
     for first, *_ in simulations.values():
         repeated = None if finer is None else simulated(1, first.masses, starts=starts, samples=finer)
         rows += table_4(first, names, repeated)
-    rows += [row for one in simulations.values() for simulation in one for row in tables(simulation)]
+    rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
     rows += [row for one in simulations.values() for row in told(one)]
     falling = declines(most=most, seeds=seeds)
     rows += [row for decline in falling for row in figure_1(decline)]

@@ -17,7 +17,7 @@ from studies.tringali_2020.simulations import MASSES, with_arm
 SAMPLES = 13
 FITTED_FROM = SAMPLES * 3  # candidates: as many as there are parameters, where the paper's line begins
 POINTS = 60
-RATE = "2/6 were due near a minimum in six parameters, one of the start and five of the weights"
+RATE = "-1/3 where six parameters, one of the start and five of the weights, come near a minimum"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

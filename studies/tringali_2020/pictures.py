@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,15 +47,15 @@ def draw(
             paint(figure)
 
     for decline in falling:
-        write(1, decline.masses, (6.0, 4.2), lambda figure, d=decline: _candidates(figure, d))  # type: ignore[misc]
-    for masses, one in simulations.items():
-        size = (2.6 * max(len(one[0].plan.optima), 2) + 0.6, 3.4)
-        write(3, masses, size, lambda figure, s=one[0]: _optima(figure, s, names))  # type: ignore[misc]
-        for s in one:
-            write(2 + 2 * s.number, masses, (8.0, 9.0), lambda figure, s=s: _motion(figure, s))  # type: ignore[misc]
-            write(3 + 2 * s.number, masses, (8.0, 5.4), lambda figure, s=s: _energies(figure, s))  # type: ignore[misc]
+        write(1, decline.masses, (6.0, 4.2), partial(_candidates, decline=decline))
+    for masses, (first, *others) in simulations.items():
+        width = 2.6 * max(len(first.plan.optima), 2) + 0.6
+        write(3, masses, (width, 3.4), partial(_optima, simulation=first, names=names))
+        for simulation in (first, *others):
+            write(2 + 2 * simulation.number, masses, (8.0, 9.0), partial(_motion, simulation=simulation))
+            write(3 + 2 * simulation.number, masses, (8.0, 5.4), partial(_energies, simulation=simulation))
     for trade_off in trades:
-        write(14, trade_off.masses, (6.6, 4.6), lambda figure, t=trade_off: _front(figure, t))  # type: ignore[misc]
+        write(14, trade_off.masses, (6.6, 4.6), partial(_front, trade_off=trade_off))
     return drawn
 
 
@@ -138,7 +139,7 @@ def _limits(axes: Axes, bounds: np.ndarray, *, unlike: bool) -> None:
             dashed.set_label("limit")
         if unlike:
             joints = [str(j + 1) for j in range(len(bounds)) if value in bounds[j]]
-            whose = f"{abs(np.rad2deg(value)):.0f}°, joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
+            whose = f"joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}"
             axes.annotate(
                 whose,
                 (1.0, value),

@@ -19,7 +19,8 @@ from studies.tringali_2020.reported import beside
 MASSES = ("fitted", "printed")
 NUMBERS = (1, 2, 3, 4, 5)
 AT_LIMIT = 1e-4  # share of a limit: what comes nearer is at it
-FREE = "not what is minimised; near its optimum the torque norm hardly depends on it"
+FREE = "not what is minimised: near the optimum 4 % of energy change torque norm by 0.3 %"
+LOW = "masses as printed: energies come out 27 % low, torque norms half"
 THEIRS = "theirs: Intel i7 of the ninth generation, 6 cores, Matlab 2019b"
 
 
@@ -46,6 +47,8 @@ class Simulation:
 
 def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None) -> pk.Tracking:
     """Return the same problem for the arm with "printed" or "fitted" masses, at so many samples if not its own."""
+    if masses == "printed" and samples is None:
+        return problem
     task = problem.task if samples is None else problem.task.resampled(samples)
     limits = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     return pk.Tracking(
@@ -95,10 +98,11 @@ def tables(simulation: Simulation) -> list[Row]:
     """Return the rows of a simulation in Table 5 or 6: those of the paper, then its optima and limits."""
     table = "Table 6" if simulation.number == 5 else "Table 5"
     motion, plan, masses, name = simulation.motion, simulation.plan, simulation.masses, simulation.name
-    low = "energies come out 27 % low with the masses as printed" if masses == "printed" else ""
     goal = simulation.problem.task.objectives[0].name
     free = "not what is minimised" if goal == "kinetic_energy" else FREE
-    energy_note, torque_note = (low, free) if goal == "kinetic_energy" else (free, low)
+    energy_note, torque_note = ("", free) if goal == "kinetic_energy" else (free, "")
+    if masses == "printed":
+        energy_note = torque_note = LOW
     rows = [
         beside(table, masses, name, "kinetic energy", "J s", float(pk.kinetic_energy(motion)), energy_note),
         beside(table, masses, name, "torque norm", "N²m²s", float(pk.torque_norm(motion)), torque_note),
@@ -127,11 +131,9 @@ def told(simulations: list[Simulation]) -> list[Row]:
     rows.append(beside(table, masses, first.name, "peak torque of joint 1", "N m", torque))
     span = second.motion.time[at_limit(second, "velocity")[:, 2]]
     if len(span):
-        ends = {"from": float(span[0]), "until": float(span[-1])}
-        rows += [
-            beside(table, masses, second.name, f"joint 3 at its velocity limit {end}", "s", t)
-            for end, t in ends.items()
-        ]
+        column, note = "joint 3 at its velocity limit", "a backward difference counts at its later sample"
+        rows.append(beside(table, masses, second.name, f"{column} from", "s", float(span[0]), note))
+        rows.append(beside(table, masses, second.name, f"{column} until", "s", float(span[-1]), note))
     for what, objective in (("torque norm", pk.torque_norm), ("kinetic energy", pk.kinetic_energy)):
         more = 100 * float(objective(fourth.motion) / objective(third.motion) - 1)
         note = "the paper: a difference around 1 %; by its Table 5 0.4 % in torque norm, 1.6 % in energy"

@@ -73,8 +73,11 @@ def _compared(
     """Return what an optimum has beside the motions ``k`` of Eq. 20 corrected and as printed, from the same start."""
     energy, other = (float(pk.kinetic_energy(found.motion[k])) for found in (right, wrong))
     apart = np.abs(optimum.motion.q - right.motion.q[k])
-    where = "not in the paper" if name.startswith("further") else "the paper's that is nearest in energy"
-    bends = f"bends {optimum.label}" + (f"; {where}" if simulation.masses == "fitted" else "")
+    bends = f"bends {optimum.label}"
+    if name.startswith("further"):
+        bends += "; not in the paper"
+    elif simulation.masses == "fitted":
+        bends += "; the paper's that is nearest in energy"
     if "~" in optimum.label:
         bends += "; ~ where links align on the way, as the paper shows of its second"
     sampled = f"summed as the planner's; in continuous time {right.energy[k]:.5f}"
@@ -86,7 +89,12 @@ def _compared(
     return [
         row("Nedungadi", "J s", energy, sampled),
         row("planner", "J s", optimum.objective, bends),
-        row("mean |Δq|", "rad", float(apart.mean()), f"largest {apart.max():.2g} rad"),
+        row(
+            "mean |Δq|",
+            "rad",
+            float(apart.mean()),
+            f"largest {apart.max():.2g} rad; the paper does not say how it integrates",
+        ),
         row("Nedungadi, sign as printed", "J s", other, sign),
     ]
 

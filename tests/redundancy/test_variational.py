@@ -109,21 +109,18 @@ def test_a_torque_drives_it_with_the_sign_as_printed():
     assert found.energy > 2 * best().energy
 
 
-@pytest.mark.parametrize("shape", [1, 2, 3])
-def test_the_energy_is_stationary_and_least_and_with_the_sign_as_printed_it_is_not(shape):
-    task, steps = paper(101), 1e-3 * np.array([-1.0, 0.0, 1.0])
-    slopes = []
-    for as_printed in (False, True):
-        base = variational(task, np.array(BEST), as_printed=as_printed).motion.q[None]
-        y = steps[:, None, None] * np.sin(shape * np.pi * task.times)[:, None] ** 2
+@pytest.mark.parametrize("as_printed", [False, True])
+def test_the_energy_is_stationary_and_least_but_not_with_the_sign_as_printed(as_printed):
+    task = paper(101)
+    base = variational(task, np.array(BEST), as_printed=as_printed).motion.q[None]
+    for shape in (1, 2, 3):
+        y = 1e-3 * np.array([-1.0, 0.0, 1.0])[:, None, None] * np.sin(shape * np.pi * task.times)[:, None] ** 2
         q, on_path = charts(task, base).at(task, np.zeros(3, dtype=int), y)
         assert on_path.all()
         energy = smooth_energy(task.motion(q))
-        slopes.append((energy[2] - energy[0]) / 2e-3)
-        if not as_printed:
-            assert energy[1] < min(energy[0], energy[2])
-    assert abs(slopes[0]) < 1e-5
-    assert abs(slopes[1]) > 1e3 * abs(slopes[0])
+        slope = (energy[2] - energy[0]) / 2e-3
+        assert abs(slope) > 1e-3 if as_printed else abs(slope) < 1e-5
+        assert (energy[1] < min(energy[0], energy[2])) == (not as_printed)
 
 
 def test_the_planner_s_optimum_comes_nearer_with_every_halving_of_its_steps():
@@ -187,7 +184,7 @@ def test_a_finer_tolerance_hardly_changes_the_motion():
 
 def test_samples_are_only_where_the_motion_is_looked_at():
     np.testing.assert_allclose(best(26).motion.q, best(51).motion.q[::2], atol=1e-7)
-    assert best(26).energy == pytest.approx(best(51).energy, rel=1e-5)
+    assert float(best(26).energy) == pytest.approx(float(best(51).energy), rel=1e-4)
 
 
 def test_each_motion_of_a_batch_is_what_it_is_alone():
@@ -216,44 +213,59 @@ def test_shapes_and_types_hold_where_they_are_checked():
 
     jaxtyping.config.update("jaxtyping_disable", False)
     task = paper(5)
-    assert variational(task, np.array([BEST])).motion.q.shape == (1, 5, 3)
-    assert shooting(task, np.array([BEST])).minimum.all()
+    assert variational(task, led(task, [BEST]), tolerance=1e-4).motion.q.shape == (1, 5, 3)
+    assert shooting(task, led(task, [BEST]), tolerance=1e-6).minimum.all()
 
 
-def test_shooting_finds_minima_and_saddles_and_knows_which_is_which():
+@cache
+def shot():
     task = paper(26)
-    found = shooting(task, led(task, [(-0.42, 0.62, 0.0), (0.0, 0.33, -0.75), (0.36, -0.71, 0.32), (-0.4, 0.55, 0.1)]))
-    np.testing.assert_allclose(found.motion.q[0, 0], BEST, atol=1e-5)
-    assert found.minimum.tolist() == [True, True, False]
+    near = [(-0.4, 0.55, 0.1), (0.0, 0.33, -0.75), (0.37, -0.7, 0.29), (-0.38, 0.5, 0.22)]
+    return task, shooting(task, led(task, near), tolerance=1e-7)
+
+
+def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
+    task, found = shot()
+    np.testing.assert_allclose(found.motion.q[0, 0], BEST, atol=1e-4)
     assert (np.diff(found.energy) > 0).all()
     inertia, normal = dynamics.inertia_matrix(task.arm, found.motion.q), charts(task, found.motion.q).normal
     momentum = np.abs(np.einsum("mtd,mtde,mter->mt", found.dq, inertia, normal))
-    assert momentum[:, [0, -1]].max() < 1e-6
-    assert (momentum.max(axis=1) > 1e-3).all()
+    assert (momentum[:, [0, -1]].max(axis=1) < 3e-3 * momentum.max(axis=1)).all()
 
 
-@pytest.mark.parametrize("which", [0, 1])
-def test_energy_rises_beside_a_minimum_and_falls_somewhere_beside_a_saddle(which):
-    task = paper(26)
-    base = shooting(task, led(task, [(-0.4, 0.55, 0.1), (0.0, 0.33, -0.75)][which : which + 1]))
-    assert bool(base.minimum[0]) == (which == 0)
-    rises = []
-    around = charts(task, base.motion.q)
-    for shape in range(4):
-        y = 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None] * np.cos(shape * np.pi * task.times)[:, None]
-        energy = smooth_energy(task.motion(around.at(task, np.zeros(3, dtype=int), y)[0]))
-        rises.append(energy[0] + energy[2] - 2 * energy[1])
-    assert (min(rises) > 0) == (which == 0)
+def test_energy_rises_all_around_a_minimum_and_falls_somewhere_beside_a_saddle():
+    task, found = shot()
+    assert found.minimum.tolist() == [True, True, False]
+    around, steps = charts(task, found.motion.q), 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None]
+    for i, minimum in enumerate(found.minimum):
+        rises = []
+        for shape in range(4):
+            y = steps * np.cos(shape * np.pi * task.times)[:, None]
+            energy = smooth_energy(task.motion(around.at(task, np.full(3, i), y)[0]))
+            rises.append(energy[0] + energy[2] - 2 * energy[1])
+        assert (min(rises) > 0) == minimum
 
 
-def test_the_panda_s_minimum_is_below_all_that_start_beside_it():
-    task = task_of(panda(), line([0.45, -0.1, 0.3], [0.45, 0.1, 0.3], duration=0.5, samples=13))
-    found = shooting(task, posture(task), tolerance=1e-7)
-    assert found.minimum.tolist() == [True]
-    shifts = np.random.default_rng(0).normal(size=(12, 7)) * 0.05
-    beside = variational(task, led(task, found.motion.q[0, 0] + shifts), tolerance=1e-7)
-    assert (beside.energy > found.energy[0]).all()
-    assert beside.motion.tracking_error.max() < 1e-9
+def test_shooting_takes_any_degree_of_redundancy():
+    arm = Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4, inertias=[0.01] * 4)
+    task = paper(13, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
+    q = posture(task, 30)
+    promising = np.argsort(variational(task, q, tolerance=1e-5).energy)[:2]
+    found = shooting(task, q[promising], tolerance=1e-7)
+    beside = led(task, found.motion.q[0, 0] + 0.03 * np.random.default_rng(0).normal(size=(12, 4)))
+    assert found.minimum[0]
+    assert (variational(task, beside, tolerance=1e-7).energy > found.energy[0]).all()
+
+
+def test_self_motion_of_the_panda_costs_energy_either_way():
+    task = task_of(panda(), line([0.45, -0.05, 0.3], [0.45, 0.05, 0.3], duration=0.3, samples=13))
+    q, z = posture(task)[0], 0.05 * np.random.default_rng(1).normal(size=(6, 4))
+    slopes = task_errors(task.arm, task.tasks, q[None], task.targets[:1])[1][..., 0]
+    away = z @ np.linalg.svd(slopes)[2][3:]
+    rates = np.concatenate([np.zeros((1, 7)), away, -away])
+    found = variational(task, np.tile(q, (13, 1)), rates=rates, tolerance=1e-7)
+    assert found.motion.tracking_error.max() < 1e-9
+    assert (found.energy[1:7] + found.energy[7:] > 2 * found.energy[0]).all()
 
 
 def test_tasks_and_arms_that_have_no_such_motion_are_refused():
@@ -262,7 +274,7 @@ def test_tasks_and_arms_that_have_no_such_motion_are_refused():
     around = task_of(tringali_3r(), circle([0.4178, 0.0], 0.05, duration=1.0, samples=31), cyclic=True)
     with pytest.raises(InvalidInput, match="wants an open motion"):
         variational(around, np.array(BEST))
-    with pytest.raises(InvalidInput, match="tolerance must be 1e-13 to 0.001, got 1"):
+    with pytest.raises(InvalidInput, match=r"tolerance must be 1e-13 to 0\.001, got 1"):
         variational(paper(), np.array(BEST), tolerance=1.0)
 
 
@@ -270,7 +282,7 @@ def test_starts_that_cannot_be_used_are_refused():
     start = best().motion.q[0]
     with pytest.raises(InvalidInput, match="the task has no start of its own"):
         variational(paper())
-    with pytest.raises(InvalidInput, match="start 1 is 0.0[0-9]+ m"):
+    with pytest.raises(InvalidInput, match=r"start 1 is 0\.0[0-9]+ m"):
         variational(paper(), np.stack([start, start + 0.1]))
     with pytest.raises(InvalidInput, match=r"finite postures \(..., 3\), got shape \(2,\)"):
         variational(paper(), start[:2])

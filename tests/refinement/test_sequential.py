@@ -91,7 +91,7 @@ def nearby(task, q, count):
 def test_values_are_the_motions_and_slopes_those_of_differences(objectives):
     task = problem_of(*objectives).task
     program, q = motion_program(task), coarse_starts(task, starts=3, seed=2)[1]
-    at, step = linearised(program, q), 1e-6
+    at, step = linearised(program, q), 1e-8
     assert at.values.totals == pytest.approx([float(o(task.motion(q))) for o in objectives], rel=1e-12)
     rng = np.random.default_rng(1)
     for _ in range(5):

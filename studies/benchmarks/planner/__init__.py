@@ -1,0 +1,1 @@
+"""The planner beside CasADi + FATROP and CasADi + IPOPT, losses first."""

@@ -1,0 +1,65 @@
+"""The planner beside CasADi + FATROP and CasADi + IPOPT; losses first.
+
+    python -m studies.benchmarks.planner [--quick] [--seed N] [--json FILE]
+
+Simulations 1 to 5 of Tringali & Cocuzza 2020, the energy-torque front, and growth with the samples, in one run: the
+same discretisation, the same starts and levels, ours and theirs in turn, medians of repeats. FATROP gets optimal
+control, IPOPT joint angles alone; both lean closed-form dynamics, an iteration cap, the first barrier that serves them
+best, and both cores (a process each), with CasADi's own evaluation and compiled (-O2; compilation not timed but told).
+
+Their time to the best optimum is what is expected of independent starts: the time of all, shared by both cores,
+divided by how many end there; building the program and making the starts are not counted. Ours is a whole ``plan`` from
+nothing but the problem; a first one, which compiles, is not timed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from studies.benchmarks.planner.growth import growth
+from studies.benchmarks.planner.peers import COMPILER, Cores
+from studies.benchmarks.planner.simulations import NAMES, Effort, compared, forms, summed
+from studies.benchmarks.planner.sweep import sweeps
+from studies.benchmarks.planner.verdicts import losses_first, tell
+from studies.reporting import Row, report
+
+HALF = 0.5
+
+
+def simulated(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
+    """Return the rows of all simulations on all arms."""
+    rows: list[Row] = []
+    each: dict[str, list] = {arm: [] for arm in arms}
+    for name in NAMES:
+        tell(f"{name}: peers")
+        peers = forms(cores, name, effort, folder)
+        for arm in arms:
+            tell(f"{name}, {arm}: side by side")
+            each[arm].append(compared(cores, name, arm, peers, effort))
+            rows += each[arm][-1].rows
+    return [row for arm in arms for row in summed(arm, each[arm], HALF)] + rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="12 starts, the arm as printed, short sweeps")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    given = parser.parse_args(arguments)
+    if COMPILER is None:
+        tell("no C compiler: peers run with CasADi's own evaluation alone")
+    effort = Effort(starts=12, repeats=1, seed=given.seed) if given.quick else Effort(seed=given.seed)
+    arms = ("printed",) if given.quick else ("printed", "fitted")
+    with tempfile.TemporaryDirectory() as folder, Cores() as cores:
+        rows = simulated(cores, arms, effort, Path(folder))
+        rows += sweeps(cores, Path(folder), effort, quick=given.quick)
+    rows += growth(NAMES[:1] if given.quick else (NAMES[0], NAMES[2]), seed=given.seed, repeats=effort.repeats + 2)
+    report(losses_first(rows), json_file=given.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""One solve over ever more samples: from the same start, to the same tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from paretoik.refinement.compiled.interior_point import Rules
+from paretoik.refinement.multistart import coarse_starts
+from paretoik.refinement.polish import polish
+from paretoik.refinement.program import motion_program
+from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, tracking
+from studies.benchmarks.planner.verdicts import tell, timed, versus
+from studies.reporting import Row
+
+SAMPLES = (51, 101, 201, 401)
+TABLE = "growth"
+NEAR_LINEAR = 1.15  # exponent of the seconds that an iteration takes
+
+
+def growth(problems: Sequence[str], *, seed: int, repeats: int, samples: Sequence[int] = SAMPLES) -> list[Row]:
+    """Return seconds and iterations at all samples, and the exponents of their growth."""
+    return [row for name in problems for row in _one(name, seed=seed, repeats=repeats, samples=samples)]
+
+
+def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[Row]:
+    whole = tracking(name, samples=max(samples)).task
+    starts = coarse_starts(whole, starts=6, seed=seed)
+    coarse = whole.subsampled(starts.shape[1])
+    seconds, iterations, rows = [], [], []
+    chosen = 0
+    for count in samples:
+        tell(f"growth: {name}, {count} samples")
+        task = tracking(name, samples=count).task
+        q = np.asarray(coarse.motion(starts).at(task.times))
+        program = motion_program(task, np.array([float(task.objectives[0](task.motion(q[0])))]))
+        theirs = peer(Question(solver="fatrop", problem=name, samples=count))
+        if not seconds:
+            both = [polish(program, one[None], np.ones((1, 1))).converged[0] and theirs.solve(one).solved for one in q]
+            assert any(both), f"growth wants a start of {name} that leads both to an optimum"
+            chosen = both.index(True)
+        start = q[chosen]
+        taken = []
+        for _ in range(repeats):
+            found, ours = timed(lambda: polish(program, start[None], np.ones((1, 1)), rules=Rules(tolerance=TOLERANCE)))
+            other = theirs.solve(start)
+            taken.append((ours, other.seconds))
+        seconds.append(np.median(taken, axis=0))
+        iterations.append((int(found.iterations[0]), other.iterations))
+        ended = "" if found.converged[0] and other.solved else "; NOT converged"
+        rows.append(
+            versus(
+                table=TABLE,
+                row=name,
+                column=f"{count} samples, FATROP",
+                unit="s",
+                ours=float(seconds[-1][0]),
+                theirs=float(seconds[-1][1]),
+                note=f"iterations {iterations[-1][0]} and {iterations[-1][1]}{ended}",
+            )
+        )
+    for what, values, goal in (
+        ("exponent of the seconds", np.array(seconds), None),
+        ("exponent of an iteration's seconds", np.array(seconds) / np.array(iterations), NEAR_LINEAR),
+    ):
+        slopes = np.polyfit(np.log(samples), np.log(values), 1)[0]
+        lost = goal is not None and slopes[0] > goal
+        said = "" if goal is None else f"{'LOSS: ' if lost else ''}goal {goal:g}"
+        rows.append(
+            Row(
+                table=TABLE,
+                row=name,
+                column=what,
+                unit="",
+                ours=float(slopes[0]),
+                paper=float(slopes[1]),
+                note=said,
+            )
+        )
+    return rows

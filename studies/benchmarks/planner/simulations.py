@@ -1,0 +1,275 @@
+"""Simulations 1 to 5, an arm at a time: the optima of all, and what they take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.refinement.compiled.interior_point import Rules
+from paretoik.refinement.multistart import APART, COLD, Plan, coarse_starts, distance, sizes
+from paretoik.refinement.polish import polish
+from paretoik.refinement.program import motion_program
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.planner.peers import (
+    BEGINNINGS,
+    COMPILER,
+    PUSHES,
+    Cores,
+    Question,
+    Settings,
+    Solved,
+    compiled,
+    peer,
+    tracking,
+)
+from studies.benchmarks.planner.verdicts import LOSS, tell, timed, versus
+from studies.reporting import Row
+
+NAMES = tuple(f"simulation_{i}" for i in range(1, 6))
+COARSE, SAMPLES = 26, 101
+SAME = 1e-5  # relative: a peer that stops its barrier's width above the best optimum has found it
+BELOW = 1e-7  # relative: by so much a peer's best may be below ours
+AGREED = 1e-9  # relative: optima of one basin
+LABELS = {"fatrop": "FATROP", "ipopt": "IPOPT"}
+WARMS: tuple[Settings, ...] = tuple(
+    (("mu_init", mu), *((name, push) for name in PUSHES)) for mu, push in ((1e-3, 1e-2), (1e-4, 1e-4), (1e-5, 1e-6))
+)
+TIGHT: Settings = (("mu_init", 1e-8), ("tolerance", 1e-11), *((name, 1e-9) for name in PUSHES))
+SUMMED = "sum of the five"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How much is run: starts, repeats that medians are of, and the seed of the starts."""
+
+    starts: int = 48
+    repeats: int = 3
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peered:
+    """A form of a peer: its name here, its questions at all samples and at coarse ones, what a cold start begins with."""
+
+    name: str
+    fine: Question
+    coarse: Question
+    settings: Settings
+    compilation: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compared:
+    """What became of one simulation: rows, our time to the best optimum and that of every form."""
+
+    rows: list[Row]
+    ours: float
+    theirs: dict[str, float]
+
+
+def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[Peered]:
+    """Return FATROP and IPOPT, evaluated and compiled, each with the first barrier that serves it best."""
+    task = tracking(name).task
+    starts = _fine_starts(task, coarse_starts(task, starts=effort.starts, seed=effort.seed))
+    found = []
+    for solver, label in LABELS.items():
+        fine = Question(solver=solver, problem=name, samples=SAMPLES)
+        chosen, coarse, seconds = fine, replace(fine, samples=COARSE), 0.0
+        compiling = []
+        if COMPILER:
+            compiling = [compiled(question, folder) for question in (fine, coarse)]
+            chosen, seconds = compiling[0][0], compiling[0][1]
+        tries = {settings: cores.solve(chosen, settings, "printed", starts) for settings in BEGINNINGS}
+        best = min(one.value for each in tries.values() for one in each if one.solved)
+        settings = min(BEGINNINGS, key=lambda s: (_expected(tries[s], best), sum(one.seconds for one in tries[s])))
+        found.append(Peered(name=label, fine=fine, coarse=coarse, settings=settings, compilation=0.0))
+        if compiling:
+            questions = [question for question, _ in compiling]
+            found.append(
+                Peered(
+                    name=f"{label} compiled",
+                    fine=questions[0],
+                    coarse=questions[1],
+                    settings=settings,
+                    compilation=seconds,
+                )
+            )
+    return found
+
+
+def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effort: Effort) -> Compared:
+    """Return the rows of one simulation on one arm."""
+    problem = tracking(name, masses)
+    task, row = problem.task, f"{name}, {masses}"
+    pk.plan(problem, starts=2)  # compiles
+    q = coarse_starts(task, starts=effort.starts, seed=effort.seed)
+    starts = _fine_starts(task, q)
+    for one in peers:
+        cores.built(one.fine, one.settings, starts, masses)
+        cores.built(one.coarse, one.settings, q, masses)
+    plans, found = list[tuple[Plan, float]](), {one.name: list[list[Solved]]() for one in peers}
+    for _ in range(effort.repeats):
+        plans.append(timed(lambda: pk.plan(problem, starts=effort.starts, seed=effort.seed)))
+        for one in peers:
+            found[one.name].append(cores.solve(one.fine, one.settings, masses, starts))
+    plan, seconds = plans[0][0], float(np.median([taken for _, taken in plans]))
+    values = {form: min(s.value for s in each[0] if s.solved) for form, each in found.items()}
+    best = min(plan.best.objective, *values.values())
+    ours = seconds if plan.best.objective <= best * (1 + SAME) else np.inf
+    theirs = {form: float(np.median([_expected(each, best) for each in tries])) for form, tries in found.items()}
+    rows = []
+    for one in peers:
+        first = found[one.name][0]
+        hits, solved = _hits(first, best), sum(s.solved for s in first)
+        note = (
+            f"hit {hits} of {len(first)} times, {solved} converged; first barrier {dict(one.settings)['mu_init']:g}"
+            + (f"; compiled in {one.compilation:.2g} s" if one.compilation else "")
+        )
+        rows.append(_time(row, f"to the best optimum, {one.name}", ours, theirs[one.name], None, note))
+    rows += _optima(row, task, plan, {one: found[one.name][0] for one in peers if "compiled" not in one.name}, masses)
+    rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
+    rows += _warm(row, task, plan, peers, masses)
+    return Compared(rows=rows, ours=ours, theirs=theirs)
+
+
+def summed(arm: str, each: Sequence[Compared], goal: float) -> list[Row]:
+    """Return the rows of all simulations together."""
+    ours = float(sum(one.ours for one in each))
+    return [
+        _time(
+            f"{SUMMED}, {arm}",
+            f"to the best optimum, {form}",
+            ours,
+            float(sum(one.theirs[form] for one in each)),
+            goal if form.startswith(LABELS["fatrop"]) else None,
+            "",
+        )
+        for form in each[0].theirs
+    ]
+
+
+def _time(row: str, column: str, ours: float, theirs: float, goal: float | None, note: str) -> Row:
+    return versus(table="time", row=row, column=column, unit="s", ours=ours, theirs=theirs, goal=goal, note=note)
+
+
+def _fine_starts(task: MotionTask, q: np.ndarray) -> np.ndarray:
+    return np.asarray(task.subsampled(q.shape[1]).motion(q).at(task.times))
+
+
+def _hits(found: Sequence[Solved], best: float) -> int:
+    return sum(one.solved and one.value <= best * (1 + SAME) for one in found)
+
+
+def _expected(found: Sequence[Solved], best: float) -> float:
+    """Return the seconds that independent starts on all cores are expected to take to the best optimum."""
+    hits, cores = _hits(found, best), 2
+    return sum(one.seconds for one in found) / cores / hits if hits else np.inf
+
+
+def _optima(
+    row: str, task: MotionTask, plan: Plan, found: Mapping[Peered, Sequence[Solved]], masses: str
+) -> list[Row]:
+    """Return the best objectives, the optima of one basin side by side, and how many there are."""
+    rows = []
+    program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
+    for one, each in found.items():
+        theirs = _distinct(task, [s for s in each if s.solved])
+        below = plan.best.objective / theirs[0].value - 1
+        rows.append(
+            Row(
+                table="best optimum",
+                row=row,
+                column=f"objective, {one.name}",
+                unit="",
+                ours=plan.best.objective,
+                paper=theirs[0].value,
+                note=(LOSS if below > BELOW else "") + f"relative gap {below:.1e}, goal {BELOW:g}",
+            )
+        )
+        tight = peer(one.fine, TIGHT)
+        basins = [optimum.motion.q for optimum in plan.optima] + [s.q for s in theirs]
+        gaps = []
+        for start in basins:
+            end = tight.solve(start, masses)
+            again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
+            if end.solved and again.converged[0] and distance(task, end.q, again.q[0]) < APART:
+                gaps.append(float(again.totals[0, 0]) * plan.best.objective / end.value - 1)
+        worst = max(np.abs(gaps), default=np.inf)
+        rows.append(
+            Row(
+                table="optima of one basin",
+                row=row,
+                column=f"relative difference, {one.name}",
+                unit="",
+                ours=float(worst),
+                note=(LOSS if worst > AGREED else "") + f"goal {AGREED:g}; {len(gaps)} of {len(basins)} ended in one",
+            )
+        )
+        lost = len(plan.optima) < len(theirs) and row.startswith(NAMES[0])
+        rows.append(
+            Row(
+                table="distinct optima",
+                row=row,
+                column=one.name,
+                unit="",
+                ours=len(plan.optima),
+                paper=len(theirs),
+                note=LOSS if lost else "",
+            )
+        )
+    return rows
+
+
+def _distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
+    """Return one of every optimum, best first, told apart as ``plan`` does."""
+    kept: list[Solved] = []
+    for one in sorted(found, key=lambda s: s.value):
+        if not kept or distance(task, one.q, np.stack([other.q for other in kept])).min() > APART:
+            kept.append(one)
+    return kept
+
+
+def _coarse(
+    cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[Peered], masses: str, repeats: int
+) -> list[Row]:
+    """Return what all starts take at coarse samples."""
+    program, factors = motion_program(task.subsampled(COARSE), sizes(task, q)), np.ones((1, 1))
+    rules = [COLD[i % len(COLD)] for i in range(len(q))]
+    taken, found = list[float](), {one.name: list[list[Solved]]() for one in peers}
+    for _ in range(repeats):
+        ours, seconds = timed(lambda: polish(program, q, factors, rules=rules))
+        taken.append(seconds)
+        for one in peers:
+            found[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
+    rows = []
+    for form, tries in found.items():
+        theirs = float(np.median([sum(s.seconds for s in each) for each in tries])) / 2
+        note = f"converged {int(ours.converged.sum())} and {sum(s.solved for s in tries[0])}"
+        goal = 1.0 if form == LABELS["fatrop"] else None
+        column = f"{len(q)} starts at {COARSE} samples, {form}"
+        rows.append(_time(row, column, float(np.median(taken)), theirs, goal, note))
+    return rows
+
+
+def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masses: str) -> list[Row]:
+    """Return what one solve takes from the best motion of half the samples."""
+    best = plan.best
+    rough = np.asarray(task.subsampled((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
+    program, factors = motion_program(task, np.array([best.objective])), np.ones((1, 1))
+    rows = []
+    for one in peers:
+        tries = {settings: [peer(one.fine, settings).solve(rough, masses) for _ in range(3)][-1] for settings in WARMS}
+        settings = min(WARMS, key=lambda s: (_hits([tries[s]], best.objective) == 0, tries[s].seconds))
+        taken = []
+        for _ in range(11):
+            _, ours = timed(lambda: polish(program, rough[None], factors, rules=Rules(barrier=1e-4)))
+            taken.append((ours, peer(one.fine, settings).solve(rough, masses).seconds))
+        middle = np.median(taken, axis=0)
+        note = f"theirs ends {tries[settings].value / best.objective - 1:.1e} above"
+        goal = 2.0 if one.name == LABELS["fatrop"] else None
+        rows.append(_time(row, f"one warm solve, {one.name}", float(middle[0]), float(middle[1]), goal, note))
+    return rows

@@ -1,0 +1,58 @@
+"""Ours beside a peer's: ratios, goals, and what is lost before what is won."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from studies.reporting import Row
+
+LOSS = "LOSS: "
+
+
+def versus(
+    *,
+    table: str,
+    row: str,
+    column: str,
+    unit: str,
+    ours: float,
+    theirs: float,
+    goal: float | None = None,
+    note: str = "",
+) -> Row:
+    """Return a row whose note has the ratio of ours to theirs and the goal, if there is one; less is better."""
+    ratio = ours / theirs if np.isfinite(theirs) and theirs > 0 else (0.0 if np.isfinite(ours) else np.inf)
+    lost = goal is not None and not ratio <= goal
+    said = [f"ratio {ratio:.3g}", *([f"goal {goal:g}"] if goal is not None else []), *([note] if note else [])]
+    beside = float(theirs) if np.isfinite(theirs) else None
+    return Row(
+        table=table,
+        row=row,
+        column=column,
+        unit=unit,
+        ours=float(ours),
+        paper=beside,
+        note=(LOSS if lost else "") + ", ".join(said),
+    )
+
+
+def losses_first(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows, tables with a loss first and losses first in each."""
+    return sorted(rows, key=lambda row: not row.note.startswith(LOSS))
+
+
+def timed(work: Callable[[], Any]) -> tuple[Any, float]:
+    """Return what work returns, and its seconds."""
+    started = time.perf_counter()
+    found = work()
+    return found, time.perf_counter() - started
+
+
+def tell(what: str) -> None:
+    """Say on stderr what is being done."""
+    print(what, file=sys.stderr, flush=True)
