@@ -296,12 +296,9 @@ def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) 
     motion = int(np.argmin(complete.all(axis=1)))
     sample = max(0, int(np.argmin(complete[motion])) - 1)
     where = f"motion {motion} runs into a singularity past sample {sample} ({task.times[sample]:.3g} s)"
-    slopes = task_errors(task.arm, task.tasks, q[motion, [sample]], task.targets[[sample]])[1]
-    raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {_condition(slopes):.3g}")
-
-
-def _condition(slopes: np.ndarray) -> float:
-    return float(np.linalg.cond(slopes[..., 0]))
+    slopes = task_errors(task.arm, task.tasks, q[motion, [sample]], task.targets[[sample]])[1][..., 0]
+    condition = f"{np.linalg.cond(slopes):.3g}" if np.isfinite(slopes).all() else "infinite"
+    raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {condition}")
 
 
 def _shifted(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
@@ -418,10 +415,8 @@ def _is_minimum(law: _Law, q: Float[np.ndarray, "motions time dof"], tolerance: 
     normal = charts(task, q).normal
     near = _neighbours(task, q[:, 0], normal[:, 0]).reshape(-1, dof)
     states = _integrated(law, np.concatenate([near, law.least_rates(near)], axis=1), task.times, tolerance)
-    paths, left = (
-        states[..., :dof].reshape(count, -1, samples, dof),
-        _self_motion(law, states[:, -1]).reshape(count, -1, dof),
-    )
+    paths = states[..., :dof].reshape(count, -1, samples, dof)
+    left = _self_motion(law, states[:, -1]).reshape(count, -1, dof)
     fan = np.einsum("mtdk,mrtd->mtkr", normal, paths[:, 1:] - paths[:, :1]) / NEARBY
     gained = np.swapaxes(left[:, 1:] - left[:, :1], 1, 2) / NEARBY
     inertia = dynamics.inertia_matrix(law.arm, q[:, -1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from studies.reporting import Row, report
@@ -16,24 +17,25 @@ from studies.tringali_2020.validation import matched, table_4
 
 
 def studied(
-    *, starts: int, points: int, most: int, seeds: int, finer: int | None
+    *, starts: int, points: int, most: int, seeds: int, finer: int | None, rehearsed: bool = True
 ) -> tuple[list[Row], dict[str, list[Simulation]], list[Decline], list[TradeOff]]:
     """Return all rows, and what the pictures show: simulations, declines and trade-offs of both arms.
 
     ``starts`` a plan, ``points`` of the front, at ``most`` candidates of so many ``seeds`` for Figure 1, and a number
-    of samples to which Table 4 is repeated.
+    of samples to which Table 4 is repeated. ``rehearsed``, times are taken with everything compiled.
     """
-    simulations = {masses: [simulated(number, masses, starts=starts) for number in NUMBERS] for masses in MASSES}
+    plan = partial(simulated, starts=starts, rehearsed=rehearsed)
+    simulations = {masses: [plan(number, masses) for number in NUMBERS] for masses in MASSES}
     names = matched(simulations["fitted"][0])
     rows: list[Row] = []
     for first, *_ in simulations.values():
-        repeated = None if finer is None else simulated(1, first.masses, starts=starts, samples=finer)
+        repeated = None if finer is None else plan(1, first.masses, samples=finer)
         rows += table_4(first, names, repeated)
     rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
     rows += [row for one in simulations.values() for row in told(one)]
     falling = declines(most=most, seeds=seeds)
     rows += [row for decline in falling for row in figure_1(decline)]
-    trades = [traded(masses, points=points, starts=starts) for masses in MASSES]
+    trades = [traded(masses, points=points, starts=starts, rehearsed=rehearsed) for masses in MASSES]
     rows += [row for trade_off in trades for row in figure_14(trade_off)]
     return rows, simulations, falling, trades
 

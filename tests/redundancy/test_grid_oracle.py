@@ -14,7 +14,9 @@ import paretoik as pk
 from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, marcos_nr, torque_norm, tringali_3r
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.redundancy import grid_oracle as module
+from paretoik.redundancy import grid_terms
 from paretoik.redundancy.grid_oracle import grid_oracle
+from paretoik.redundancy.layers import Layers, best_way
 from paretoik.redundancy.self_motion import candidates, postures
 from paretoik.task.motion_task import motion_task
 from paretoik.task.obstacles import Circle
@@ -104,7 +106,7 @@ def test_the_best_way_of_a_graph_is_that_of_all_its_ways(cyclic, seed, states, s
     costs = np.where(rng.random((steps, states, states)) < share, rng.random((steps, states, states)), np.inf)
     start = rng.random(states)
     kept = [np.nonzero(np.isfinite(cost)) for cost in costs]  # (end, source), sorted by the end
-    graph = module._Layers(
+    graph = Layers(
         start=start,
         offsets=[np.searchsorted(ends, np.arange(states + 1)) for ends, _ in kept],
         sources=[sources for _, sources in kept],
@@ -113,7 +115,7 @@ def test_the_best_way_of_a_graph_is_that_of_all_its_ways(cyclic, seed, states, s
     )
     ways = [w for w in itertools.product(range(states), repeat=steps + 1) if not cyclic or w[0] == w[-1]]
     values = [start[w[0]] + sum(costs[s, w[s + 1], w[s]] for s in range(steps)) for w in ways]
-    best, way = module._best(graph, cyclic)
+    best, way = best_way(graph, cyclic)
     assert best == pytest.approx(min(values))
     if np.isfinite(best):
         assert values[ways.index(tuple(way))] == pytest.approx(best)
@@ -281,7 +283,7 @@ def test_a_resolution_that_is_no_distance_is_refused(resolution):
 
 
 def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(module, "LARGEST", 1000)
+    monkeypatch.setattr(grid_terms, "LARGEST", 1000)
     with pytest.raises(InvalidInput, match="make it coarser"):
         grid_oracle(task_of(short()), resolution=0.01)
 

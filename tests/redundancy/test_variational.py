@@ -24,7 +24,7 @@ FROM, TO = [0.4678, 0.0], [0.0983, 0.1526]  # m, the paper's line
 BEST = (-0.387576, 0.516724, 0.195441)  # rad, near where the best optimum starts
 
 
-def paper(samples=51, *, ends=(FROM, TO), arm=None, **changed) -> MotionTask:
+def paper(samples=26, *, ends=(FROM, TO), arm=None, **changed) -> MotionTask:
     path = line(*ends, duration=1.0, samples=samples)
     return task_of(arm or tringali_3r("fitted"), path, objectives=[kinetic_energy], **changed)
 
@@ -91,8 +91,8 @@ def smooth_energy(motion):
 
 
 @cache
-def best(samples=51):
-    return variational(paper(samples), np.array(BEST))
+def best(samples=26, tolerance=1e-7):
+    return variational(paper(samples), np.array(BEST), tolerance=tolerance)
 
 
 @pytest.mark.parametrize("make", TASKS.values(), ids=TASKS.keys())
@@ -123,21 +123,17 @@ def test_the_energy_is_stationary_and_least_but_not_with_the_sign_as_printed(as_
         assert (energy[1] < min(energy[0], energy[2])) == (not as_printed)
 
 
-def test_the_planner_s_optimum_comes_nearer_with_every_halving_of_its_steps():
+def test_the_planner_s_optimum_comes_nearer_as_its_steps_are_halved():
     apart, differ = [], []
-    for samples in (26, 51, 101):
-        problem = Tracking(
-            tringali_3r("fitted"), line(FROM, TO, duration=1.0, samples=samples), objectives=[kinetic_energy]
-        )
-        planned = plan(problem, starts=12).best
-        found = variational(paper(samples), planned.motion.q[0])
+    for samples in (26, 51):
+        path = line(FROM, TO, duration=1.0, samples=samples)
+        planned = plan(Tracking(tringali_3r("fitted"), path, objectives=[kinetic_energy]), starts=12).best
+        found = variational(paper(samples), planned.motion.q[0], tolerance=1e-7)
         apart.append(np.abs(found.motion.q - planned.motion.q).mean())
         differ.append(float(kinetic_energy(found.motion) - planned.objective))
-        assert differ[-1] > 0  # the planner's is the least of its discretisation
     assert 1.7 < apart[0] / apart[1] < 2.4
-    assert 1.7 < apart[1] / apart[2] < 2.4
-    assert differ[0] > 2 * differ[1] > 4 * differ[2]
-    assert abs(planned.objective - found.energy) < 3e-3 * found.energy
+    assert differ[0] > 2 * differ[1] > 0  # the planner's is the least of its discretisation
+    assert abs(planned.objective - found.energy) < 5e-3 * found.energy
 
 
 def gantry() -> Arm:
@@ -171,41 +167,34 @@ def test_a_gantry_moves_in_proportion_to_its_path():
 
 
 def test_a_motion_run_backwards_is_a_motion_of_the_path_run_backwards():
-    there = best()
-    back = variational(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1])
-    np.testing.assert_allclose(back.motion.q[::-1], there.motion.q, atol=1e-6)
-    np.testing.assert_allclose(back.dq[::-1], -there.dq, atol=1e-5)
+    there = best(51, 1e-9)
+    back = variational(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1], tolerance=1e-9)
+    np.testing.assert_allclose(back.motion.q[::-1], there.motion.q[::2], atol=1e-6)
+    np.testing.assert_allclose(back.dq[::-1], -there.dq[::2], atol=1e-5)
 
 
-def test_a_finer_tolerance_hardly_changes_the_motion():
-    finer = variational(paper(), np.array(BEST), tolerance=1e-11)
-    np.testing.assert_allclose(finer.motion.q, best().motion.q, atol=1e-7)
-
-
-def test_samples_are_only_where_the_motion_is_looked_at():
-    np.testing.assert_allclose(best(26).motion.q, best(51).motion.q[::2], atol=1e-7)
-    assert float(best(26).energy) == pytest.approx(float(best(51).energy), rel=1e-4)
+def test_finer_steps_and_other_samples_hardly_change_the_motion():
+    finer = best(51, 1e-9)
+    np.testing.assert_allclose(best().motion.q, finer.motion.q[::2], atol=2e-6)
+    np.testing.assert_allclose(best().dq, finer.dq[::2], atol=2e-5)
+    assert float(best().energy) == pytest.approx(float(finer.energy), rel=1e-4)
 
 
 def test_each_motion_of_a_batch_is_what_it_is_alone():
-    task = paper(26)
+    task = paper(11)
     q = posture(task, 4).reshape(2, 2, 3)
-    together = variational(task, q)
-    assert together.motion.q.shape == (2, 2, 26, 3)
+    together = variational(task, q, tolerance=1e-6)
+    assert together.motion.q.shape == (2, 2, 11, 3)
     assert together.energy.shape == (2, 2)
-    alone = variational(task, q[1, 0])
+    alone = variational(task, q[1, 0], tolerance=1e-6)
     np.testing.assert_allclose(together.motion.q[1, 0], alone.motion.q, atol=1e-9)
     assert together.energy[1, 0] == pytest.approx(float(alone.energy))
 
 
-def test_gravity_and_limits_play_no_part():
+def test_gravity_plays_no_part_and_a_start_of_the_task_s_own_is_taken():
     hung = tringali_3r("fitted").mounted(gravity=(0.0, -9.81, 0.0))
-    np.testing.assert_array_equal(variational(paper(arm=hung), np.array(BEST)).motion.q, best().motion.q)
-
-
-def test_a_start_of_the_task_s_own_is_taken():
-    start = best().motion.q[0]
-    np.testing.assert_allclose(variational(paper(start=start)).motion.q, best().motion.q, atol=1e-9)
+    found = variational(paper(arm=hung, start=best().motion.q[0]), tolerance=1e-7)
+    np.testing.assert_allclose(found.motion.q, best().motion.q, atol=1e-9)
 
 
 def test_shapes_and_types_hold_where_they_are_checked():
@@ -213,15 +202,14 @@ def test_shapes_and_types_hold_where_they_are_checked():
 
     jaxtyping.config.update("jaxtyping_disable", False)
     task = paper(5)
-    assert variational(task, led(task, [BEST]), tolerance=1e-4).motion.q.shape == (1, 5, 3)
-    assert shooting(task, led(task, [BEST]), tolerance=1e-6).minimum.all()
+    assert shooting(task, led(task, [BEST]), tolerance=1e-5).minimum.tolist() == [True]
 
 
 @cache
 def shot():
     task = paper(26)
     near = [(-0.4, 0.55, 0.1), (0.0, 0.33, -0.75), (0.37, -0.7, 0.29), (-0.38, 0.5, 0.22)]
-    return task, shooting(task, led(task, near), tolerance=1e-7)
+    return task, shooting(task, led(task, near), tolerance=1e-6)
 
 
 def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
@@ -230,7 +218,7 @@ def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
     assert (np.diff(found.energy) > 0).all()
     inertia, normal = dynamics.inertia_matrix(task.arm, found.motion.q), charts(task, found.motion.q).normal
     momentum = np.abs(np.einsum("mtd,mtde,mter->mt", found.dq, inertia, normal))
-    assert (momentum[:, [0, -1]].max(axis=1) < 3e-3 * momentum.max(axis=1)).all()
+    assert (momentum[:, [0, -1]].max(axis=1) < 1e-2 * momentum.max(axis=1)).all()
 
 
 def test_energy_rises_all_around_a_minimum_and_falls_somewhere_beside_a_saddle():
@@ -250,11 +238,11 @@ def test_shooting_takes_any_degree_of_redundancy():
     arm = Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4, inertias=[0.01] * 4)
     task = paper(13, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
     q = posture(task, 30)
-    promising = np.argsort(variational(task, q, tolerance=1e-5).energy)[:2]
-    found = shooting(task, q[promising], tolerance=1e-7)
+    promising = np.argsort(variational(task, q, tolerance=1e-5).energy)[:1]
+    found = shooting(task, q[promising], tolerance=1e-6)
     beside = led(task, found.motion.q[0, 0] + 0.03 * np.random.default_rng(0).normal(size=(12, 4)))
     assert found.minimum[0]
-    assert (variational(task, beside, tolerance=1e-7).energy > found.energy[0]).all()
+    assert (variational(task, beside, tolerance=1e-6).energy > found.energy[0]).all()
 
 
 def test_self_motion_of_the_panda_costs_energy_either_way():
@@ -296,10 +284,13 @@ def test_starts_that_cannot_be_used_are_refused():
 
 def test_a_motion_into_a_singularity_is_refused_with_sample_and_time():
     ends = ([0.3, 0.1], [0.6, 0.1])
-    task = paper(41, ends=ends)
+    task = paper(21, ends=ends)
     beyond = np.linalg.norm(task.targets, axis=1) > 0.4895
     q = posture(task, 2)
     with pytest.raises(Infeasible, match=f"motion 0 runs into a singularity past sample {np.argmax(beyond) - 1} "):
-        variational(task, q)
+        variational(task, q, tolerance=1e-5)
     with pytest.raises(Infeasible, match="shooting: no start led to a motion"):
-        shooting(task, q)
+        shooting(task, q, tolerance=1e-5)
+    stretched = paper(21, ends=([0.4895, 0.0], [0.3, 0.1]))
+    with pytest.raises(Infeasible, match="motion 0 runs into a singularity past sample 0 "):
+        variational(stretched, np.zeros(3), tolerance=1e-5)

@@ -21,18 +21,16 @@ from pathlib import Path
 
 from studies.benchmarks.planner.growth import growth
 from studies.benchmarks.planner.peers import COMPILER, Cores
-from studies.benchmarks.planner.simulations import NAMES, Effort, compared, forms, summed
+from studies.benchmarks.planner.simulations import NAMES, Compared, Effort, compared, forms, summed
 from studies.benchmarks.planner.sweep import sweeps
-from studies.benchmarks.planner.verdicts import losses_first, tell
+from studies.benchmarks.planner.verdicts import HALF, losses_first, tell
 from studies.reporting import Row, report
-
-HALF = 0.5
 
 
 def simulated(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
     """Return the rows of all simulations on all arms."""
     rows: list[Row] = []
-    each: dict[str, list] = {arm: [] for arm in arms}
+    each: dict[str, list[Compared]] = {arm: [] for arm in arms}
     for name in NAMES:
         tell(f"{name}: peers")
         peers = forms(cores, name, effort, folder)

@@ -74,7 +74,11 @@ class Peer:
     def __init__(self, question: Question, settings: Settings) -> None:
         self.program = program_of(question)
         self.dt = 1.0 / (question.samples - 1)
-        options: dict[str, Any] = {"print_time": False, "error_on_fail": False, question.solver: _own(question, settings)}
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            question.solver: _own(question, settings),
+        }
         if question.solver == "fatrop":
             equality = [kind for run in self.program.runs for kind in run.equality * run.count]
             options |= {"structure_detection": "auto", "equality": equality}
@@ -210,6 +214,7 @@ def compiled(question: Question, folder: Path) -> tuple[Question, float]:
     started, program = time.perf_counter(), program_of(question)
     problem = looped(program)
     name = "_".join(part for part in (question.solver, question.problem, question.main, str(question.samples)) if part)
+    name += f"_below_{question.capped}" if question.capped else ""
     options: dict[str, Any] = {"print_time": False, question.solver: {"print_level": 0}}
     solver = casadi.nlpsol("peer", question.solver, problem, options)
     generator = casadi.CodeGenerator(f"{name}.c")
@@ -253,6 +258,11 @@ class Cores:
         begin = time.perf_counter()
         self._all(question, settings, masses, [starts[:1]] * CORES, [None] * CORES)
         return time.perf_counter() - begin
+
+    def compiled(self, questions: Sequence[Question], folder: Path) -> list[tuple[Question, float]]:
+        """Return questions compiled into libraries, and the seconds of each."""
+        asked = [self._workers[i % CORES].submit(compiled, one, folder) for i, one in enumerate(questions)]
+        return [future.result() for future in asked]
 
     def solve(
         self,

@@ -17,16 +17,16 @@ from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.planner.peers import (
     BEGINNINGS,
     COMPILER,
+    CORES,
     PUSHES,
     Cores,
     Question,
     Settings,
     Solved,
-    compiled,
     peer,
     tracking,
 )
-from studies.benchmarks.planner.verdicts import LOSS, tell, timed, versus
+from studies.benchmarks.planner.verdicts import LOSS, timed, versus
 from studies.reporting import Row
 
 NAMES = tuple(f"simulation_{i}" for i in range(1, 6))
@@ -53,9 +53,10 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class Peered:
-    """A form of a peer: its name here, its questions at all samples and at coarse ones, what a cold start begins with."""
+    """A form of a peer: its name, its questions at all samples and at coarse ones, what a cold start begins with."""
 
     name: str
+    label: str
     fine: Question
     coarse: Question
     settings: Settings
@@ -78,25 +79,17 @@ def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[Peered]
     found = []
     for solver, label in LABELS.items():
         fine = Question(solver=solver, problem=name, samples=SAMPLES)
-        chosen, coarse, seconds = fine, replace(fine, samples=COARSE), 0.0
-        compiling = []
+        kinds = {label: ((fine, 0.0), (replace(fine, samples=COARSE), 0.0))}
         if COMPILER:
-            compiling = [compiled(question, folder) for question in (fine, coarse)]
-            chosen, seconds = compiling[0][0], compiling[0][1]
-        tries = {settings: cores.solve(chosen, settings, "printed", starts) for settings in BEGINNINGS}
+            both = cores.compiled([question for question, _ in kinds[label]], folder)
+            kinds[f"{label} compiled"] = (both[0], both[1])
+        quickest = list(kinds.values())[-1][0][0]
+        tries = {settings: cores.solve(quickest, settings, "printed", starts) for settings in BEGINNINGS}
         best = min(one.value for each in tries.values() for one in each if one.solved)
         settings = min(BEGINNINGS, key=lambda s: (_expected(tries[s], best), sum(one.seconds for one in tries[s])))
-        found.append(Peered(name=label, fine=fine, coarse=coarse, settings=settings, compilation=0.0))
-        if compiling:
-            questions = [question for question, _ in compiling]
+        for form, ((question, seconds), (coarse, _)) in kinds.items():
             found.append(
-                Peered(
-                    name=f"{label} compiled",
-                    fine=questions[0],
-                    coarse=questions[1],
-                    settings=settings,
-                    compilation=seconds,
-                )
+                Peered(name=form, label=label, fine=question, coarse=coarse, settings=settings, compilation=seconds)
             )
     return found
 
@@ -130,10 +123,15 @@ def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effo
             + (f"; compiled in {one.compilation:.2g} s" if one.compilation else "")
         )
         rows.append(_time(row, f"to the best optimum, {one.name}", ours, theirs[one.name], None, note))
-    rows += _optima(row, task, plan, {one: found[one.name][0] for one in peers if "compiled" not in one.name}, masses)
+    rows += _optima(row, task, plan, {one: found[one.name][0] for one in quickest(peers)}, masses)
     rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
     rows += _warm(row, task, plan, peers, masses)
     return Compared(rows=rows, ours=ours, theirs=theirs)
+
+
+def quickest(peers: Sequence[Peered]) -> list[Peered]:
+    """Return the last form of every peer: compiled, where there is a compiler."""
+    return list({one.label: one for one in peers}.values())
 
 
 def summed(arm: str, each: Sequence[Compared], goal: float) -> list[Row]:
@@ -166,24 +164,22 @@ def _hits(found: Sequence[Solved], best: float) -> int:
 
 def _expected(found: Sequence[Solved], best: float) -> float:
     """Return the seconds that independent starts on all cores are expected to take to the best optimum."""
-    hits, cores = _hits(found, best), 2
-    return sum(one.seconds for one in found) / cores / hits if hits else np.inf
+    hits = _hits(found, best)
+    return sum(one.seconds for one in found) / CORES / hits if hits else np.inf
 
 
-def _optima(
-    row: str, task: MotionTask, plan: Plan, found: Mapping[Peered, Sequence[Solved]], masses: str
-) -> list[Row]:
+def _optima(row: str, task: MotionTask, plan: Plan, found: Mapping[Peered, Sequence[Solved]], masses: str) -> list[Row]:
     """Return the best objectives, the optima of one basin side by side, and how many there are."""
     rows = []
     program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
     for one, each in found.items():
-        theirs = _distinct(task, [s for s in each if s.solved])
+        theirs = distinct(task, [s for s in each if s.solved])
         below = plan.best.objective / theirs[0].value - 1
         rows.append(
             Row(
                 table="best optimum",
                 row=row,
-                column=f"objective, {one.name}",
+                column=f"objective, {one.label}",
                 unit="",
                 ours=plan.best.objective,
                 paper=theirs[0].value,
@@ -203,7 +199,7 @@ def _optima(
             Row(
                 table="optima of one basin",
                 row=row,
-                column=f"relative difference, {one.name}",
+                column=f"relative difference, {one.label}",
                 unit="",
                 ours=float(worst),
                 note=(LOSS if worst > AGREED else "") + f"goal {AGREED:g}; {len(gaps)} of {len(basins)} ended in one",
@@ -214,7 +210,7 @@ def _optima(
             Row(
                 table="distinct optima",
                 row=row,
-                column=one.name,
+                column=one.label,
                 unit="",
                 ours=len(plan.optima),
                 paper=len(theirs),
@@ -224,7 +220,7 @@ def _optima(
     return rows
 
 
-def _distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
+def distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
     """Return one of every optimum, best first, told apart as ``plan`` does."""
     kept: list[Solved] = []
     for one in sorted(found, key=lambda s: s.value):
@@ -247,7 +243,7 @@ def _coarse(
             found[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
     rows = []
     for form, tries in found.items():
-        theirs = float(np.median([sum(s.seconds for s in each) for each in tries])) / 2
+        theirs = float(np.median([sum(s.seconds for s in each) for each in tries])) / CORES
         note = f"converged {int(ours.converged.sum())} and {sum(s.solved for s in tries[0])}"
         goal = 1.0 if form == LABELS["fatrop"] else None
         column = f"{len(q)} starts at {COARSE} samples, {form}"
@@ -260,16 +256,19 @@ def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masse
     best = plan.best
     rough = np.asarray(task.subsampled((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
     program, factors = motion_program(task, np.array([best.objective])), np.ones((1, 1))
+    served = {}
+    for one in quickest(peers):
+        tries = {settings: [peer(one.fine, settings).solve(rough, masses) for _ in range(3)][-1] for settings in WARMS}
+        served[one.label] = min(WARMS, key=lambda s: (_hits([tries[s]], best.objective) == 0, tries[s].seconds))
     rows = []
     for one in peers:
-        tries = {settings: [peer(one.fine, settings).solve(rough, masses) for _ in range(3)][-1] for settings in WARMS}
-        settings = min(WARMS, key=lambda s: (_hits([tries[s]], best.objective) == 0, tries[s].seconds))
-        taken = []
+        settings, taken = served[one.label], []
+        ended = peer(one.fine, settings).solve(rough, masses).value / best.objective - 1
         for _ in range(11):
             _, ours = timed(lambda: polish(program, rough[None], factors, rules=Rules(barrier=1e-4)))
             taken.append((ours, peer(one.fine, settings).solve(rough, masses).seconds))
         middle = np.median(taken, axis=0)
-        note = f"theirs ends {tries[settings].value / best.objective - 1:.1e} above"
+        note = f"theirs ends {ended:.1e} above, first barrier {dict(settings)['mu_init']:g}"
         goal = 2.0 if one.name == LABELS["fatrop"] else None
         rows.append(_time(row, f"one warm solve, {one.name}", float(middle[0]), float(middle[1]), goal, note))
     return rows

@@ -12,6 +12,7 @@ import numpy as np
 from studies.reporting import Row
 
 LOSS = "LOSS: "
+HALF = 0.5
 
 
 def versus(

@@ -1,0 +1,111 @@
+"""What motions over a grid of postures cost and what they may not do, by how many consecutive samples it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.task.limits import Constraint, excess
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import series
+
+LARGEST = 40_000_000  # transitions: more don't fit the memory of a small machine
+BLOCK = 200_000  # samples evaluated at once
+HOLDS = 1e-9  # of limits
+
+Series = Callable[[Motion], np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terms:
+    """What is summed and what may not exceed 0 at every sample; ``second`` where one of them looks at accelerations."""
+
+    cost: Series
+    postures: list[Series]
+    rates: list[Series]
+    second: bool
+
+    def of(self, motion: Motion) -> np.ndarray:
+        """Return the cost of every sample, infinite where a limit on rates does not hold."""
+        held = self.held(motion, self.rates)
+        return np.where(held, self.cost(motion) * motion.weights, np.inf)
+
+    def held(self, motion: Motion, limits: list[Series]) -> np.ndarray:
+        """Return at which samples limits hold."""
+        return np.all([limit(motion) <= HOLDS for limit in limits], axis=0) | np.zeros(motion.q.shape[:-1], dtype=bool)
+
+
+def terms_of(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
+    """Return objectives and limits, sorted by what they look at."""
+    shares = [1.0] * len(task.objectives) if weights is None else list(weights)
+    if len(shares) != len(task.objectives):
+        raise InvalidInput(f"weights: one an objective wanted, {len(task.objectives)} in all, got {len(shares)}")
+    for kind, given, form in (("objective", task.objectives, "integral"), ("constraint", task.constraints, "peak")):
+        for one in given:
+            if one.form != form:
+                raise InvalidInput(f"grid_oracle: {kind} {one.name}: form {form!r} wanted, got {one.form!r}")
+
+    def cost(motion: Motion) -> np.ndarray:
+        values = [o.sign * series(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives]
+        return np.asarray(np.tensordot(shares, values, axes=1))
+
+    def joints(kind: str) -> Series:
+        return lambda motion: excess(kind, task.bounds[kind], motion).max(axis=-1)
+
+    def own(c: Constraint) -> Series:
+        def over(motion: Motion) -> np.ndarray:
+            values = series(f"constraint {c.name}", c.function, motion, c.form)
+            return np.maximum(values - c.upper, c.lower - values) / c.scale
+
+        return over
+
+    limits = [joints(kind) for kind in task.bounds] + [own(c) for c in task.constraints]
+    if task.obstacles:
+        limits.append(lambda motion: task.least_clearance - motion.clearance)
+    orders = [order(task, limit, probe) for limit in limits]
+    return Terms(
+        cost=cost,
+        postures=[limit for limit, order in zip(limits, orders, strict=True) if order == 0],
+        rates=[limit for limit, order in zip(limits, orders, strict=True) if order > 0],
+        second=max([order(task, cost, probe), *orders]) == 2,
+    )
+
+
+def order(task: MotionTask, term: Series, q: np.ndarray) -> int:
+    """Return the highest derivative that a function of motions looks at, by what becomes of it without them."""
+    for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
+        with np.errstate(all="ignore"):
+            if not np.isnan(term(instants(task, q, *rates))).any():
+                return order
+    raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")
+
+
+def instants(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
+    """Return rows (rows, time, dof) of postures with given rates; what comes before and after each is elsewhere."""
+    motion = replace(task, cyclic=False).motion(q)
+    rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # these stand in for what Motion would find from the row itself
+    vars(motion).update({name: np.broadcast_to(values, q.shape) for name, values in rates.items()})
+    return motion
+
+
+def priced(
+    task: MotionTask, term: Series, counts: Sequence[int], at: Callable[[int, np.ndarray], tuple[np.ndarray, ...]]
+) -> list[np.ndarray]:
+    """Return ``term`` of so many instants of every sample; ``at`` gives some of a sample's: (q, dq, ddq)."""
+    if sum(counts) > LARGEST:
+        raise InvalidInput(
+            f"resolution: at most {LARGEST:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
+        )
+    found = [np.empty(count) for count in counts]
+    rows, most = max(1, BLOCK // len(counts)), max(counts)
+    for first in range(0, most, rows):
+        picks = [np.minimum(np.arange(first, min(first + rows, most)), max(count - 1, 0)) for count in counts]
+        parts = [at(i, pick) for i, pick in enumerate(picks)]
+        values = term(instants(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))
+        for i, count in enumerate(counts):
+            found[i][first : first + rows] = values[: max(count - first, 0), i]
+    return found

@@ -1,0 +1,212 @@
+"""The certified energy-torque front beside sweeps of ε-constraints by the peers, of no less hypervolume.
+
+A sweep finds both ends by coarse starts that are carried on to all samples, as ours does, then goes down and up evenly
+spaced ceilings on the torque norm, each from its neighbour's motions (warm) and, where that is not enough, from the
+single objectives' optima (cold). Sweeps grow until one dominates as much as ours; its own time alone counts.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import moocore
+import numpy as np
+
+import paretoik as pk
+from paretoik.refinement.multistart import KEPT, coarse_starts
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.planner.peers import BEGINNINGS, COMPILER, CORES, Cores, Question, Solved, tracking
+from studies.benchmarks.planner.programs import ENERGY, TORQUE
+from studies.benchmarks.planner.simulations import COARSE, LABELS, SAMPLES, WARMS, Effort, distinct
+from studies.benchmarks.planner.verdicts import HALF, LOSS, tell, timed, versus
+from studies.benchmarks.reference_front import REFERENCE_POINT
+from studies.reporting import Row
+
+PROBLEM, TABLE = "energy_torque", "front"
+POINTS, QUICK_POINTS = 20, 8
+COLD, WARM = BEGINNINGS[1], WARMS[1]
+GROWING = (1.0, 1.3, 1.7, 2.2)  # levels, as a multiple of our points
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tenacity:
+    """How much a sweep does at a level: neighbour's motions followed, optima of single objectives tried, ways swept."""
+
+    followed: int
+    pool: int
+    ways: int
+
+
+LEAN, THOROUGH, ALL = (
+    Tenacity(followed=1, pool=0, ways=1),
+    Tenacity(followed=2, pool=2, ways=2),
+    Tenacity(followed=4, pool=8, ways=2),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Swept:
+    """A sweep's front (points, 2), its hypervolume, its seconds on all cores, and what it did."""
+
+    F: np.ndarray
+    volume: float
+    seconds: float
+    levels: int
+    tenacity: Tenacity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Questions:
+    """What a sweep asks: each objective alone at coarse samples and at all, and energy under a ceiling on torque."""
+
+    coarse: tuple[Question, Question]
+    fine: tuple[Question, Question]
+    capped: Question
+
+
+def questions(solver: str) -> Questions:
+    """Return a solver's questions."""
+    alone = [Question(solver=solver, problem=PROBLEM, samples=SAMPLES, main=main) for main in (ENERGY, TORQUE)]
+    return Questions(
+        coarse=(replace(alone[0], samples=COARSE), replace(alone[1], samples=COARSE)),
+        fine=(alone[0], alone[1]),
+        capped=replace(alone[0], capped=TORQUE),
+    )
+
+
+def libraries(cores: Cores, asked: Questions, folder: Path) -> Questions:
+    """Return the questions, compiled."""
+    found = [one for one, _ in cores.compiled([*asked.coarse, *asked.fine, asked.capped], folder)]
+    return Questions(coarse=(found[0], found[1]), fine=(found[2], found[3]), capped=found[4])
+
+
+def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[Row]:
+    """Return the rows of the front."""
+    points = QUICK_POINTS if quick else POINTS
+    problem = tracking(PROBLEM)
+    starts = coarse_starts(problem.task, starts=effort.starts, seed=effort.seed)
+    tell("front: ours")
+    pk.epsilon_front(problem, points=3, starts=2)  # compiles
+    taken, front = [], None
+    for _ in range(effort.repeats):
+        front, seconds = timed(lambda: pk.epsilon_front(problem, points=points, starts=effort.starts, seed=effort.seed))
+        taken.append(seconds)
+    ours, volume = float(np.median(taken)), _volume(front.objectives)
+    rows = []
+    for solver, label in LABELS.items():
+        asked = {label: questions(solver)}
+        if COMPILER:
+            asked = {**({} if quick else asked), f"{label} compiled": libraries(cores, asked[label], folder)}
+        for form, ask in asked.items():
+            tell(f"front: {form}")
+            tries = _grown(cores, ask, problem.task, starts, points, volume)
+            rows += _rows(form, ours, front, volume, tries)
+    return rows
+
+
+def _rows(form: str, ours: float, front: pk.Front, volume: float, tries: Sequence[Swept]) -> list[Row]:
+    enough = [one for one in tries if one.volume >= volume]
+    best = min(enough, key=lambda one: one.seconds) if enough else max(tries, key=lambda one: one.volume)
+    did = f"{best.levels} levels, {best.tenacity.followed} branches, {best.tenacity.pool} cold, {best.tenacity.ways} way(s)"
+    short = "" if enough else "; it NEVER dominates as much as ours, this is its best"
+    goal = HALF if form.startswith(LABELS["fatrop"]) else None
+    fewer = best.volume > volume * (1 + 1e-3)
+    return [
+        versus(
+            table=TABLE,
+            row=f"{len(front.objectives)} certified points",
+            column=f"time, {form}",
+            unit="s",
+            ours=ours,
+            theirs=best.seconds,
+            goal=goal,
+            note=f"theirs {len(best.F)} points by {did}{short}",
+        ),
+        Row(
+            table=TABLE,
+            row=f"{len(front.objectives)} certified points",
+            column=f"hypervolume, {form}",
+            unit="N²m²s J s",
+            ours=volume,
+            paper=best.volume,
+            note=f"{LOSS if fewer else ''}relative difference {volume / best.volume - 1:.1e}",
+        ),
+    ]
+
+
+def _grown(
+    cores: Cores, asked: Questions, task: MotionTask, starts: np.ndarray, points: int, volume: float
+) -> list[Swept]:
+    """Return sweeps of every tenacity, of ever more levels until they dominate as much as ours."""
+    ends = _ends(cores, asked, task, starts)
+    tries = []
+    for tenacity in (LEAN, THOROUGH, ALL):
+        for growing in GROWING:
+            tries.append(swept(cores, asked, task, ends, round(points * growing), tenacity))
+            if tries[-1].volume >= volume:
+                break
+            if len(tries) > 1 and tries[-1].tenacity == tries[-2].tenacity:
+                gained = tries[-1].volume - tries[-2].volume
+                if gained < 0.2 * (volume - tries[-1].volume):
+                    break  # more levels are not what it lacks
+    return tries
+
+
+def _ends(cores: Cores, asked: Questions, task: MotionTask, starts: np.ndarray) -> tuple[list[list[Solved]], float]:
+    """Return the distinct optima of each objective, best first, and the seconds they took."""
+    found, seconds = [], 0.0
+    level = task.subsampled(COARSE)
+    for coarse, fine in zip(asked.coarse, asked.fine, strict=True):
+        cores.built(coarse, COLD, starts)
+        rough = cores.solve(coarse, COLD, "printed", starts)
+        carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[:KEPT]])
+        q = np.asarray(level.motion(carried).at(task.times))
+        cores.built(fine, WARM, q)
+        polished = cores.solve(fine, WARM, "printed", q)
+        found.append(distinct(task, [one for one in polished if one.solved]))
+        seconds += sum(one.seconds for one in (*rough, *polished))
+    return found, seconds / CORES
+
+
+def swept(
+    cores: Cores,
+    asked: Questions,
+    task: MotionTask,
+    ends: tuple[list[list[Solved]], float],
+    levels: int,
+    tenacity: Tenacity,
+) -> Swept:
+    """Return a sweep over ``levels`` ceilings, ends included."""
+    alone, seconds = ends
+    F = [_values(task, one) for optima in alone for one in optima[:1]]
+    ceilings = np.linspace(F[0][1], F[1][1], levels)[1:-1]
+    pool = [one.q for pair in itertools.zip_longest(*alone) for one in pair if one is not None][: tenacity.pool]
+    at: list[list[Solved]] = [[] for _ in ceilings]
+    for way, order in list(enumerate((range(len(ceilings)), range(len(ceilings))[::-1])))[: tenacity.ways]:
+        before = [alone[way][0]]
+        for k in order:
+            warm = np.stack([one.q for one in before])
+            got = cores.solve(asked.capped, WARM, "printed", warm, np.full(len(warm), ceilings[k]))
+            failed = [q for q, one in zip(warm, got, strict=True) if not one.solved]
+            again = np.array(failed + (pool if not at[k] else []))
+            if len(again):
+                got += cores.solve(asked.capped, COLD, "printed", again, np.full(len(again), ceilings[k]))
+            seconds += sum(one.seconds for one in got) / CORES
+            at[k] = distinct(task, [*at[k], *(one for one in got if one.solved)])[: tenacity.followed]
+            before = at[k] or before
+    F += [_values(task, one) for optima in at for one in optima[:1]]
+    front = np.stack(F)
+    front = front[moocore.is_nondominated(front, keep_weakly=False)]
+    return Swept(F=front, volume=_volume(front), seconds=seconds, levels=levels, tenacity=tenacity)
+
+
+def _values(task: MotionTask, one: Solved) -> np.ndarray:
+    motion = task.motion(one.q)
+    return np.array([float(objective(motion)) for objective in task.objectives])
+
+
+def _volume(F: np.ndarray) -> float:
+    return float(moocore.hypervolume(F, ref=REFERENCE_POINT))

@@ -1,0 +1,274 @@
+"""Tringali & Cocuzza 2020, ours beside the paper's."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import matplotlib.image
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import paretoik as pk
+from problems import tringali_2020
+from studies.reporting import REPORTED, report
+from studies.tringali_2020 import __main__ as command
+from studies.tringali_2020 import trade_off
+from studies.tringali_2020.candidates import FITTED_FROM, Decline
+from studies.tringali_2020.pictures import draw
+from studies.tringali_2020.reported import beside, paper
+from studies.tringali_2020.simulations import limit_use, with_arm
+from studies.tringali_2020.validation import matched, named
+
+TABLES = ("Table 4", "Table 5", "Table 6", "Section 4.2", "Figure 1", "Figure 14")
+FIGURES = (1, *range(3, 15))
+
+
+@dataclass
+class Found:
+    """What a short study finds."""
+
+    rows: list
+    simulations: dict
+    falling: list
+    trades: list
+
+    def value(self, table, row, column, masses="fitted"):
+        (number,) = [
+            r.ours for r in self.rows if (r.table, r.row, r.column) == (f"{table}, {masses} masses", row, column)
+        ]
+        return number
+
+
+@pytest.fixture(scope="module")
+def found():
+    return Found(*command.studied(starts=16, points=3, most=300, seeds=2, finer=None, rehearsed=False))
+
+
+@pytest.fixture(scope="module")
+def pictures(found, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pictures") / "made"
+    names = matched(found.simulations["fitted"][0])
+    fitted = {"fitted": found.simulations["fitted"]}
+    return draw(folder, fitted, found.falling[:1], found.trades[:1], names)
+
+
+def reported():
+    with (REPORTED / "tringali_2020.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_table_has_rows_for_both_arms(found):
+    tables = {row.table for row in found.rows}
+    assert tables == {f"{table}, {masses} masses" for table in TABLES for masses in ("fitted", "printed")}
+
+
+def test_every_number_is_finite(found):
+    assert [row for row in found.rows if not np.isfinite(row.ours)] == []
+
+
+def test_no_two_rows_say_the_same(found):
+    places = [(row.table, row.row, row.column) for row in found.rows]
+    assert len(set(places)) == len(places)
+
+
+@pytest.mark.parametrize("masses", ["fitted", "printed"])
+def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(found, masses):
+    ours = {(row.table, row.row, row.column, row.unit): row.paper for row in found.rows}
+    missing = [
+        line
+        for line in reported()
+        if ours.get((f"{line['table']}, {masses} masses", line["row"], line["column"], line["unit"]))
+        != float(line["paper"])
+    ]
+    never_reached = {"torque at its limit from", "power at its limit until"} if masses == "printed" else set()
+    assert {line["column"] for line in missing} == never_reached
+
+
+@pytest.mark.parametrize(
+    ("table", "row", "column"),
+    [
+        *[("Table 4", f"optimum {number}", "planner") for number in (1, 2, 3)],
+        *[("Table 5", f"simulation {number}", "kinetic energy") for number in (1, 2, 3)],
+        ("Table 6", "simulation 5", "kinetic energy"),
+        *[("Table 5", f"simulation {number}", "torque norm") for number in (1, 2, 3, 4)],
+        ("Table 6", "simulation 5", "torque norm"),
+        ("Table 6", "simulation 5", "peak torque"),
+        ("Table 6", "simulation 5", "peak power"),
+    ],
+)
+def test_fitted_masses_bring_the_papers_numbers_within_two_percent(found, table, row, column):
+    assert found.value(table, row, column) == pytest.approx(paper()[table, row, column], rel=0.02)
+
+
+def test_as_printed_masses_give_a_quarter_less_energy_than_the_paper(found):
+    for number in (1, 2):
+        ours = found.value("Table 5", f"simulation {number}", "kinetic energy", "printed")
+        assert 0.70 < ours / paper()["Table 5", f"simulation {number}", "kinetic energy"] < 0.76
+
+
+def test_limits_never_help(found):
+    for one in found.simulations.values():
+        first, second, third, fourth, _ = (simulation.plan.best.objective for simulation in one)
+        assert first <= second * (1 + 1e-9)
+        assert third <= fourth * (1 + 1e-9)
+
+
+def test_simulation_1_has_the_three_optima_of_the_paper_and_more(found):
+    for masses in ("fitted", "printed"):
+        assert found.value("Table 5", "simulation 1", "distinct optima", masses) > 3
+        energies = [found.value("Table 4", f"optimum {number}", "planner", masses) for number in (1, 2, 3)]
+        assert energies == sorted(energies)
+
+
+def test_the_calculus_of_variations_starts_where_an_optimum_does_and_stays_near(found):
+    for number in (1, 2, 3):
+        planner, theirs = (found.value("Table 4", f"optimum {number}", by) for by in ("planner", "Nedungadi"))
+        assert planner <= theirs < 1.03 * planner
+        assert 0 < found.value("Table 4", f"optimum {number}", "mean |Δq|") < 0.03
+
+
+def test_the_sign_as_printed_costs_energy(found):
+    right, wrong = (found.value("Table 4", "optimum 1", f"Nedungadi{sign}") for sign in ("", ", sign as printed"))
+    assert wrong > 2 * right
+
+
+def test_no_limit_is_used_beyond_all_of_it(found):
+    used = [row for row in found.rows if row.column == "worst limit use"]
+    assert len(used) == 8
+    assert all(1 - 1e-6 < row.ours < 1 + 1e-7 for row in used)
+
+
+def test_limit_use_is_the_largest_share_of_any_limit(found):
+    simulation = found.simulations["fitted"][3]
+    motion, bounds = simulation.motion, simulation.problem.task.bounds
+    values = {"position": motion.q, "velocity": motion.dq, "torque": motion.torque, "power": motion.power}
+    shares = [np.abs(values[kind] / bounds[kind][..., 1]).max() for kind in bounds]
+    use, which = limit_use(simulation)
+    assert use == pytest.approx(max(shares), rel=1e-12)
+    assert "velocity of joint2" in which.split(", ")
+
+
+def test_the_ends_of_the_front_are_the_best_of_simulations_2_and_3(found):
+    for masses in ("fitted", "printed"):
+        energy = found.value("Figure 14", "energy end", "kinetic energy", masses)
+        torque = found.value("Figure 14", "torque end", "torque norm", masses)
+        assert energy == pytest.approx(found.value("Table 5", "simulation 2", "kinetic energy", masses), rel=1e-5)
+        assert torque == pytest.approx(found.value("Table 5", "simulation 3", "torque norm", masses), rel=1e-5)
+
+
+def test_every_point_of_the_front_is_certified(found):
+    for masses in ("fitted", "printed"):
+        points = found.value("Figure 14", "front", "points", masses)
+        assert found.value("Figure 14", "front", "certified minima", masses) == points >= 3
+        assert found.value("Figure 14", "front", "worst criticality", masses) <= 1e-6
+        assert found.value("Figure 14", "front", "worst violation", masses) <= 1e-8
+
+
+def test_json_is_strict(found, tmp_path, capsys):
+    report(found.rows, json_file=tmp_path / "rows.json")
+    constants = []
+    read = json.loads((tmp_path / "rows.json").read_text(), parse_constant=constants.append)
+    assert constants == []
+    assert len(read) == len(found.rows)
+    assert "Table 4, printed masses" in capsys.readouterr().out
+
+
+def test_a_picture_of_every_figure_is_written(pictures):
+    assert sorted(file.name for file in pictures) == [f"figure_{number:02d}_fitted.png" for number in FIGURES]
+
+
+def test_every_picture_is_large_and_shows_something(pictures):
+    for file in pictures:
+        pixels = matplotlib.image.imread(file)[..., :3]
+        assert min(pixels.shape[:2]) >= 400, file.name
+        paint = (pixels < 0.99).any(axis=2)
+        assert 0.005 < paint.mean() < 0.6, file.name
+        assert len(np.unique((255 * pixels).round() @ [1, 256, 256**2])) > 20, file.name
+
+
+def test_a_motions_picture_shows_three_joints_and_its_limits(pictures):
+    (file,) = [one for one in pictures if one.name == "figure_10_fitted.png"]
+    pixels = (255 * matplotlib.image.imread(file)[..., :3]).round().astype(int)
+    for colour in ((0x00, 0x72, 0xBD), (0xC9, 0x2A, 0x2A), (0xE0, 0xA1, 0x00), (0x1F, 0x29, 0x33)):
+        assert (np.abs(pixels - colour).max(axis=2) <= 2).sum() > 200
+
+
+def test_the_problem_with_the_printed_arm_is_the_problem_itself():
+    problem = tringali_2020.simulation_4()
+    assert with_arm(problem, "printed") is problem
+    fitted = with_arm(problem, "fitted")
+    assert fitted.task.arm.bodies[2].mass == 0.503
+    assert fitted.task.limit_names == problem.task.limit_names
+    for kind, bounds in problem.task.bounds.items():
+        np.testing.assert_array_equal(fitted.task.bounds[kind], bounds)
+    np.testing.assert_array_equal(fitted.task.targets, problem.task.targets)
+
+
+def test_optima_get_the_papers_names_by_their_bends_and_each_name_once():
+    optima = [SimpleNamespace(label=label) for label in ("b", "a", "c", "a")]
+    ours = named(optima, {"a": "optimum 1", "b": "optimum 2"})
+    assert list(ours) == ["optimum 1", "optimum 2", "further optimum 1", "further optimum 2"]
+    assert all(one is optima[k] for one, k in zip(ours.values(), (1, 0, 2, 3), strict=True))
+
+
+@settings(max_examples=30)
+@given(st.floats(-1, -0.05), st.floats(-8, 0))
+def test_a_power_law_is_found_again_whatever_comes_before_it(exponent, factor):
+    counts = np.unique(np.geomspace(1, 3000, 40).round().astype(int))
+    above = np.where(counts >= FITTED_FROM, np.exp(factor) * counts**exponent, 99.0)
+    decline = Decline(masses="fitted", counts=counts, above=np.stack([above, above]), optimum=0.05)
+    np.testing.assert_allclose(decline.lines, [[exponent, factor]] * 2, atol=1e-9)
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=12, unique=True), st.floats(0.01, 0.99)
+)
+def test_what_weights_find_is_on_the_hull(points, weight):
+    shares = np.array(sorted(points))
+    front = SimpleNamespace(shares=shares)
+    worth = shares @ [weight, 1 - weight]
+    assert worth[trade_off.hull(front)].min() == pytest.approx(worth.min(), abs=1e-12)
+
+
+def test_a_dent_in_a_front_is_off_its_hull():
+    front = SimpleNamespace(shares=np.array([[0.0, 1.0], [0.5, 0.6], [1.0, 0.0]]))
+    assert trade_off.hull(front) == [0, 2]
+    assert trade_off.off_hull(front).tolist() == [False, True, False]
+
+
+def test_a_number_says_how_far_it_is_from_the_papers():
+    row = beside("Table 5", "fitted", "simulation 1", "kinetic energy", "J s", 0.0528 * 1.01, "why")
+    assert (row.paper, row.note) == (0.0528, "+1.00 %; why")
+    alone = beside("Table 5", "fitted", "simulation 1", "distinct optima", "", 5, "why")
+    assert (alone.paper, alone.note) == (None, "why")
+
+
+@pytest.mark.parametrize(("quick", "starts"), [(True, 24), (False, 48)])
+def test_the_command_reports_its_rows_and_draws(found, monkeypatch, tmp_path, capsys, quick, starts):
+    asked = {}
+
+    def studied(**settings):
+        asked.update(settings)
+        return found.rows, found.simulations, found.falling, found.trades
+
+    monkeypatch.setattr(command, "studied", studied)
+    monkeypatch.setattr(command, "draw", lambda folder, *shown: [folder / "one.png"])
+    command.main(["--json", str(tmp_path / "rows.json"), "--out", str(tmp_path), *(["--quick"] if quick else [])])
+    assert asked["starts"] == starts
+    assert len(json.loads((tmp_path / "rows.json").read_text())) == len(found.rows)
+    assert f"1 pictures in {tmp_path}" in capsys.readouterr().err
+
+
+def test_both_arms_are_those_of_the_library(found):
+    for masses, one in found.simulations.items():
+        assert [simulation.number for simulation in one] == [1, 2, 3, 4, 5]
+        for simulation in one:
+            assert [b.mass for b in simulation.problem.task.arm.bodies] == [
+                b.mass for b in pk.tringali_3r(masses=masses).bodies
+            ]
