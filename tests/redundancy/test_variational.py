@@ -236,11 +236,11 @@ def test_energy_rises_all_around_a_minimum_and_falls_somewhere_beside_a_saddle()
 
 def test_shooting_takes_any_degree_of_redundancy():
     arm = Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4, inertias=[0.01] * 4)
-    task = paper(13, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
+    task = paper(26, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
     q = posture(task, 30)
     promising = np.argsort(variational(task, q, tolerance=1e-5).energy)[:1]
     found = shooting(task, q[promising], tolerance=1e-6)
-    beside = led(task, found.motion.q[0, 0] + 0.03 * np.random.default_rng(0).normal(size=(12, 4)))
+    beside = led(task, found.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
     assert found.minimum[0]
     assert (variational(task, beside, tolerance=1e-6).energy > found.energy[0]).all()
 
