@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
-from scipy.linalg import null_space
+from scipy.linalg import qr
 
 from paretoik.convex.criticality import Criticality, criticality
 from paretoik.convex.models import Cone, Constraints
@@ -88,10 +88,11 @@ def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges
         held.append(slope)
         table += np.linalg.norm(pull) * bent
     rows = np.concatenate(held)
-    free = null_space(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300), rcond=1e-9)
-    if free.shape[1] == 0:
+    free = _null_space(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300))
+    bent = free.T @ table @ free
+    if _definite(bent, CURVED / radius**2):
         return "minimum"
-    values, vectors = np.linalg.eigh(free.T @ table @ free)
+    values, vectors = np.linalg.eigh(bent)
     if values[0] * radius**2 >= -CURVED:
         return "minimum"
     direction = free @ vectors[:, 0]
@@ -101,6 +102,22 @@ def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges
         if fits and falls and _dominated(at, sign * direction * radius, count):
             return "saddle"
     return "undetermined"
+
+
+def _null_space(rows: np.ndarray) -> np.ndarray:
+    basis, triangle, _ = qr(rows.T, pivoting=True)
+    sizes = np.abs(np.diagonal(triangle))
+    kept: np.ndarray = basis[:, np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :]
+    return kept
+
+
+def _definite(table: np.ndarray, margin: float) -> bool:
+    """Return whether no direction has a second derivative below −margin; quickly, by trying."""
+    try:
+        np.linalg.cholesky(table + margin * np.eye(len(table)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:

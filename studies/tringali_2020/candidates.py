@@ -9,10 +9,9 @@ from jaxtyping import Float, Int
 
 import paretoik as pk
 from paretoik.redundancy.self_motion import candidates
-from problems import tringali_2020
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside
-from studies.tringali_2020.simulations import MASSES, with_arm
+from studies.tringali_2020.simulations import MASSES, as_printed, with_arm
 
 SAMPLES = 13
 FITTED_FROM = SAMPLES * 3  # candidates: as many as there are parameters, where the paper's line begins
@@ -39,7 +38,7 @@ class Decline:
 
 def declines(*, most: int, seeds: int) -> list[Decline]:
     """Return the decline with up to so many candidates for each arm; both weigh the same roll-outs."""
-    problems = {masses: with_arm(tringali_2020.simulation_1(), masses, SAMPLES) for masses in MASSES}
+    problems = {masses: with_arm(as_printed("simulation_1"), masses, SAMPLES) for masses in MASSES}
     best = {masses: pk.plan(problem).best.objective for masses, problem in problems.items()}
     lowest: dict[str, list[np.ndarray]] = {masses: [] for masses in MASSES}
     for seed in range(seeds):

@@ -7,6 +7,7 @@ import platform
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -62,15 +63,23 @@ def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None) -> p
             power=limits.get("power"),
         ),
         cyclic=task.cyclic,
-        coefficients=min(12, len(task.times) - 2),
+        coefficients=4,  # the least: plans and ε-constraints use no genes
+        bases=1,
     )
+
+
+@cache
+def as_printed(name: str) -> pk.Tracking:
+    """Return a problem of ``problems/tringali_2020.py``, whose arm is that of Table 1, by its name."""
+    problem: pk.Tracking = getattr(tringali_2020, name)()
+    return problem
 
 
 def simulated(
     number: int, masses: str, *, starts: int, samples: int | None = None, rehearsed: bool = True
 ) -> Simulation:
     """Return one simulation, planned; ``rehearsed``, a plan that compiles comes first, untimed."""
-    problem = with_arm(getattr(tringali_2020, f"simulation_{number}")(), masses, samples)
+    problem = with_arm(as_printed(f"simulation_{number}"), masses, samples)
     if rehearsed:
         with suppress(pk.ParetoikError):  # so few starts may find nothing
             pk.plan(problem, starts=2)

@@ -11,10 +11,9 @@ from jaxtyping import Bool
 
 import paretoik as pk
 from paretoik.redundancy.branches import labels
-from problems import tringali_2020
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
-from studies.tringali_2020.simulations import machine, with_arm
+from studies.tringali_2020.simulations import as_printed, machine, with_arm
 
 TABLE = "Figure 14"
 OFF = 1e-3  # of the front's range: points farther above the hull are found by no weights
@@ -32,7 +31,7 @@ class TradeOff:
 
 def traded(masses: str, *, points: int, starts: int, rehearsed: bool = True) -> TradeOff:
     """Return the front of one arm; ``rehearsed``, a short one that compiles comes first, untimed."""
-    problem = with_arm(tringali_2020.energy_torque(), masses)
+    problem = with_arm(as_printed("energy_torque"), masses)
     if rehearsed:
         with suppress(pk.ParetoikError):  # so few starts may find nothing
             pk.epsilon_front(problem, points=2, starts=4)

@@ -104,15 +104,15 @@ def test_no_torque_drives_the_self_motion(make):
 
 
 def test_a_torque_drives_it_with_the_sign_as_printed():
-    found = variational(paper(), np.array(BEST), as_printed=True)
+    found = variational(paper(), np.array(BEST), tolerance=1e-6, as_printed=True)
     assert np.abs(driving(found)).max() > 0.03
     assert found.energy > 2 * best().energy
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_the_energy_is_stationary_and_least_but_not_with_the_sign_as_printed(as_printed):
-    task = paper(101)
-    base = variational(task, np.array(BEST), as_printed=as_printed).motion.q[None]
+    task = paper(51)
+    base = variational(task, np.array(BEST), tolerance=1e-7, as_printed=as_printed).motion.q[None]
     for shape in (1, 2, 3):
         y = 1e-3 * np.array([-1.0, 0.0, 1.0])[:, None, None] * np.sin(shape * np.pi * task.times)[:, None] ** 2
         q, on_path = charts(task, base).at(task, np.zeros(3, dtype=int), y)
@@ -167,14 +167,14 @@ def test_a_gantry_moves_in_proportion_to_its_path():
 
 
 def test_a_motion_run_backwards_is_a_motion_of_the_path_run_backwards():
-    there = best(51, 1e-9)
-    back = variational(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1], tolerance=1e-9)
-    np.testing.assert_allclose(back.motion.q[::-1], there.motion.q[::2], atol=1e-6)
-    np.testing.assert_allclose(back.dq[::-1], -there.dq[::2], atol=1e-5)
+    there = best(51, 1e-8)
+    back = variational(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1], tolerance=1e-8)
+    np.testing.assert_allclose(back.motion.q[::-1], there.motion.q[::2], atol=1e-5)
+    np.testing.assert_allclose(back.dq[::-1], -there.dq[::2], atol=1e-4)
 
 
 def test_finer_steps_and_other_samples_hardly_change_the_motion():
-    finer = best(51, 1e-9)
+    finer = best(51, 1e-8)
     np.testing.assert_allclose(best().motion.q, finer.motion.q[::2], atol=2e-6)
     np.testing.assert_allclose(best().dq, finer.dq[::2], atol=2e-5)
     assert float(best().energy) == pytest.approx(float(finer.energy), rel=1e-4)
