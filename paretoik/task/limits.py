@@ -25,7 +25,9 @@ class Limits:
     Units are rad, s, N m and W; m and N for sliding joints. Each is a tuple (lower, upper), or a number or array
     taken as symmetric; arrays are (dof,), or (time, dof) to vary along the path; a mapping goes by joint name, joints
     not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
-    the least distance to obstacles, where the problem has any.
+    the least distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
+    joint limit inwards by that share of its range: limits hold at the samples, and between them a motion may go a
+    little further.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8
@@ -37,6 +39,7 @@ class Limits:
     torque: object = None
     power: object = None
     clearance: float = 0.0
+    margin: float = 0.0
 
     def settled(self, arm: Arm, samples: int) -> dict[str, Bounds]:
         """Return every limit that binds something as (1 or time, dof, 2) arrays of (lower, upper).
@@ -45,9 +48,16 @@ class Limits:
         """
         if not np.isfinite(self.clearance):
             raise InvalidInput(f"clearance limit wants a distance in m, got {self.clearance}")
+        if not 0 <= self.margin < 0.5:
+            raise InvalidInput(f"margin wants a share of 0 or more and less than 0.5, got {self.margin}")
         own = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
         found = {kind: _bounds(kind, getattr(self, kind), own.get(kind), arm, samples) for kind in KINDS}
-        return {kind: bounds for kind, bounds in found.items() if np.isfinite(bounds).any()}
+        inwards = self.margin * np.array([1.0, -1.0])
+        return {
+            kind: bounds + inwards * ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
+            for kind, bounds in found.items()
+            if np.isfinite(bounds).any()
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

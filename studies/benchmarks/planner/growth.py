@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from studies.reporting import Row
 
 SAMPLES = (51, 101, 201, 401)
 TABLE = "growth"
+RULES = Rules(tolerance=TOLERANCE)
 NEAR_LINEAR = 1.15  # exponent of the seconds that an iteration takes
 
 
@@ -28,7 +30,8 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
     whole = tracking(name, samples=max(samples)).task
     starts = coarse_starts(whole, starts=6, seed=seed)
     coarse = whole.subsampled(starts.shape[1])
-    seconds, iterations, rows = [], [], []
+    seconds, iterations = list[np.ndarray](), list[tuple[int, int]]()
+    rows = []
     chosen = 0
     for count in samples:
         tell(f"growth: {name}, {count} samples")
@@ -43,7 +46,7 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
         start = q[chosen]
         taken = []
         for _ in range(repeats):
-            found, ours = timed(lambda: polish(program, start[None], np.ones((1, 1)), rules=Rules(tolerance=TOLERANCE)))
+            found, ours, _ = timed(partial(polish, program, start[None], np.ones((1, 1)), rules=RULES))
             other = theirs.solve(start)
             taken.append((ours, other.seconds))
         seconds.append(np.median(taken, axis=0))

@@ -56,6 +56,7 @@ class Solved:
     value: float
     solved: bool
     seconds: float
+    cpu: float  # seconds too
     iterations: int
 
 
@@ -63,9 +64,9 @@ def tracking(name: str, masses: str = "printed", samples: int = 101) -> pk.Track
     """Return a problem of Tringali & Cocuzza for either arm, at any number of samples."""
     task = getattr(tringali_2020, name)().task
     path = tringali_2020.round_trip(samples) if task.cyclic else tringali_2020.straight(samples)
-    limits = pk.Limits(**{kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()})
+    sides: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     arm = pk.tringali_3r(masses)  # type: ignore[arg-type]
-    return pk.Tracking(arm, path, objectives=task.objectives, limits=limits, cyclic=task.cyclic)
+    return pk.Tracking(arm, path, objectives=task.objectives, limits=pk.Limits(**sides), cyclic=task.cyclic)
 
 
 class Peer:
@@ -111,9 +112,9 @@ class Peer:
             upper_rows[-1] = cap
         bounds = {**self.bounds, "ubx": casadi.DM(upper), "ubg": casadi.DM(upper_rows)}
         p = casadi.DM(inertia(masses))
-        started = time.perf_counter()
+        started, cpu = time.perf_counter(), time.process_time()
         found = self.solver(x0=x0, p=p, **bounds)
-        seconds = time.perf_counter() - started
+        seconds, cpu = time.perf_counter() - started, time.process_time() - cpu
         stats = self.solver.stats()
         motion = np.asarray(found["x"]).ravel()[program.joints_at]
         if len(motion) < len(q):
@@ -123,6 +124,7 @@ class Peer:
             value=float(found["f"]),
             solved=bool(stats["success"]),
             seconds=seconds,
+            cpu=cpu,
             iterations=int(stats["iter_count"]),
         )
 
@@ -149,7 +151,8 @@ def program_of(question: Question) -> Program:
 def written_out(program: Program) -> dict[str, Any]:
     """Return the program with every stage written out, as CasADi itself evaluates it fastest."""
     x, p = casadi.SX.sym("x", len(program.lower)), casadi.SX.sym("p", INERTIA)
-    totals, rows = casadi.SX.zeros(program.totals), []
+    totals: Any = casadi.SX.zeros(program.totals)
+    rows = []
     for run in program.runs:
         for places in run.places.T:
             total, row = run.stage(x[places.tolist()], p)
@@ -161,7 +164,8 @@ def written_out(program: Program) -> dict[str, Any]:
 def looped(program: Program) -> dict[str, Any]:
     """Return the program with the stages of a run as one call over a matrix."""
     x, p = casadi.MX.sym("x", len(program.lower)), casadi.MX.sym("p", INERTIA)
-    totals, rows = casadi.MX.zeros(program.totals), []
+    totals: Any = casadi.MX.zeros(program.totals)
+    rows = []
     for run in program.runs:
         total, row = run.stage.map(run.count)(_gathered(x, run), casadi.repmat(p, 1, run.count))
         totals += casadi.sum2(total)

@@ -137,15 +137,15 @@ def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
         if ahead:
             q = z["q"] + dt * z["u"]
             a = (z["u"] - z.get("before", SX.zeros(3))) / dt
-            tau = torques(q, z["u"], a, p) if rated else None
-            worth = {ENERGY: dt * kinetic_energy(q, z["u"], p), TORQUE: dt * sumsqr(tau) if rated else None}
+            tau = torques(q, z["u"], a, p) if rated else SX.zeros(3)
+            worth = {ENERGY: dt * kinetic_energy(q, z["u"], p), TORQUE: dt * sumsqr(tau)}
             total = worth[main]
-            then = {"q": q, "before": z["u"], "first": z.get("first")}
+            then = {"q": q, "before": z["u"], "first": z.get("first", z["q"])}
             if capped:
                 then["sum"] = z.get("sum", SX(0)) + worth[capped]
             rows = [ahead[name] - then[name] for name in ahead]
-            given = {"torque": lambda: tau, "power": lambda: tau * z["u"]}
-            limits = [(make(), *task.bounds[kind][0].T) for kind, make in given.items() if kind in task.bounds]
+            given = {"torque": tau, "power": tau * z["u"]}
+            limits = [(what, *task.bounds[kind][0].T) for kind, what in given.items() if kind in task.bounds]
         gaps = sum(later.values()) if ahead else 0
         level = np.zeros((gaps, len(of)))
         if not closing:

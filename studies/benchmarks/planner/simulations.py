@@ -104,12 +104,13 @@ def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effo
     for one in peers:
         cores.built(one.fine, one.settings, starts, masses)
         cores.built(one.coarse, one.settings, q, masses)
-    plans, found = list[tuple[Plan, float]](), {one.name: list[list[Solved]]() for one in peers}
+    plans, found = list[tuple[Plan, float, float]](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(effort.repeats):
         plans.append(timed(lambda: pk.plan(problem, starts=effort.starts, seed=effort.seed)))
         for one in peers:
             found[one.name].append(cores.solve(one.fine, one.settings, masses, starts))
-    plan, seconds = plans[0][0], float(np.median([taken for _, taken in plans]))
+    plan = plans[0][0]
+    seconds, cpu = (float(np.median([taken[i] for taken in plans])) for i in (1, 2))
     values = {form: min(s.value for s in each[0] if s.solved) for form, each in found.items()}
     best = min(plan.best.objective, *values.values())
     ours = seconds if plan.best.objective <= best * (1 + SAME) else np.inf
@@ -122,6 +123,8 @@ def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effo
             f"hit {hits} of {len(first)} times, {solved} converged; first barrier {dict(one.settings)['mu_init']:g}"
             + (f"; compiled in {one.compilation:.2g} s" if one.compilation else "")
         )
+        burnt = np.median([sum(s.cpu for s in each) for each in found[one.name]])
+        note += f"; ratio of processor time {cpu * hits / burnt:.3g}"
         rows.append(_time(row, f"to the best optimum, {one.name}", ours, theirs[one.name], None, note))
     rows += _optima(row, task, plan, {one: found[one.name][0] for one in quickest(peers)}, masses)
     rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
@@ -237,7 +240,7 @@ def _coarse(
     rules = [COLD[i % len(COLD)] for i in range(len(q))]
     taken, found = list[float](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(repeats):
-        ours, seconds = timed(lambda: polish(program, q, factors, rules=rules))
+        ours, seconds, _ = timed(lambda: polish(program, q, factors, rules=rules))
         taken.append(seconds)
         for one in peers:
             found[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
@@ -265,7 +268,7 @@ def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masse
         settings, taken = served[one.label], []
         ended = peer(one.fine, settings).solve(rough, masses).value / best.objective - 1
         for _ in range(11):
-            _, ours = timed(lambda: polish(program, rough[None], factors, rules=Rules(barrier=1e-4)))
+            _, ours, _ = timed(lambda: polish(program, rough[None], factors, rules=Rules(barrier=1e-4)))
             taken.append((ours, peer(one.fine, settings).solve(rough, masses).seconds))
         middle = np.median(taken, axis=0)
         note = f"theirs ends {ended:.1e} above, first barrier {dict(settings)['mu_init']:g}"

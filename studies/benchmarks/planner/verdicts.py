@@ -13,6 +13,7 @@ from studies.reporting import Row
 
 LOSS = "LOSS: "
 HALF = 0.5
+BEGIN = time.perf_counter()
 
 
 def versus(
@@ -47,13 +48,13 @@ def losses_first(rows: Sequence[Row]) -> list[Row]:
     return sorted(rows, key=lambda row: not row.note.startswith(LOSS))
 
 
-def timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """Return what work returns, and its seconds."""
-    started = time.perf_counter()
+def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
+    """Return what work returns, its seconds, and the processor's, of all threads."""
+    started, cpu = time.perf_counter(), time.process_time()
     found = work()
-    return found, time.perf_counter() - started
+    return found, time.perf_counter() - started, time.process_time() - cpu
 
 
 def tell(what: str) -> None:
-    """Say on stderr what is being done."""
-    print(what, file=sys.stderr, flush=True)
+    """Say on stderr what is being done, and when."""
+    print(f"{time.perf_counter() - BEGIN:6.1f} s  {what}", file=sys.stderr, flush=True)
