@@ -17,9 +17,11 @@ from paretoik.calculus.differentiation import gradient, used
 from paretoik.calculus.expressions import Op, Tape
 from paretoik.calculus.machine import program
 from paretoik.calculus.rewriting import substituted
+from paretoik.errors import InvalidInput
 
 KINKED = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
 NOTHING = 1e-12  # slopes below are none
+MEETS = 1e-6  # as a share of a choice's values: pieces nearer than this meet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,6 +66,54 @@ def smoothed(
         slacks.append(slack)
         nodes.append(node)
     return Smoothed(functions=found[:count], slacks=slacks, nodes=nodes, rows=found[count:])
+
+
+def spelled_out(
+    tape: Tape,
+    functions: Sequence[int],
+    names: Sequence[str],
+    probes: Float[np.ndarray, "inputs lanes"],
+    without: Collection[int] = (),
+) -> list[int]:
+    """Return functions with maxima and minima where choices (np.where) between two pieces are just that.
+
+    Raises InvalidInput, naming the function, where the pieces do not meet where the choice changes.
+    """
+    replaced: dict[int, int] = {}
+    for name, function in zip(names, functions, strict=True):
+        for node in used(tape, [function]):
+            if tape.entries[node][0] is not Op.CHOOSE or node in replaced or node in without:
+                continue
+            _, condition, first, second = tape.entries[node]
+            at = _boundary(tape, condition, probes)
+            if at.shape[1] == 0:
+                continue
+            apart = np.abs(np.subtract(*program(tape, [first, second])(at)))
+            if not np.nanmax(apart, initial=0.0) <= MEETS * (1 + np.nanmax(np.abs(program(tape, [node])(probes)))):
+                raise InvalidInput(
+                    f"{name}: jumps where the condition of np.where changes: pieces that meet are wanted"
+                )
+            chosen, one, other = program(tape, [node, first, second])(probes)
+            if np.all(chosen >= np.maximum(one, other) - NOTHING):
+                replaced[node] = tape.apply(Op.MAXIMUM, first, second)
+            elif np.all(chosen <= np.minimum(one, other) + NOTHING):
+                replaced[node] = tape.apply(Op.MINIMUM, first, second)
+    return substituted(tape, functions, replaced)
+
+
+def _boundary(
+    tape: Tape, condition: int, probes: Float[np.ndarray, "inputs lanes"]
+) -> Float[np.ndarray, "inputs pairs"]:
+    """Return inputs, to rounding, where a condition changes between pairs of probes."""
+    truth = program(tape, [condition])
+    holds = truth(probes)[0] != 0
+    pairs = min(int(holds.sum()), int((~holds).sum()))
+    inside, outside = probes[:, holds][:, :pairs], probes[:, ~holds][:, :pairs]
+    for _ in range(60):
+        middle = (inside + outside) / 2
+        within = truth(middle)[0] != 0
+        inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
+    return inside
 
 
 def _grows(

@@ -31,6 +31,7 @@ COLD = (
     Rules(barrier=0.01, radius=0.1),
 )  # in turn: each finds basins that the other walks past
 EASING = Rules(radius=0.1, iterations=60)
+HOLDING = Rules(barrier=1e-4, penalty=100.0, radius=0.02)  # limits are not left again for a better objective
 WARM = Rules(barrier=1e-4, radius=0.02)
 
 
@@ -117,9 +118,10 @@ def descended(
         rest = len(program.totals) - len(factors)
         weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
         found = polish(program, q, weights[None], below[None], rules=rules)
-        if ease and len(levels) + 1 == len(counts) and not found.converged.any() and found.violation.max() > HOLDS:
+        if ease and len(levels) in (0, len(counts) - 1) and not found.converged.any() and found.violation.max() > HOLDS:
             least = _distinct(level, found, found.totals @ weights, most=KEPT)
-            found = _eased(program, found[least], weights, below)
+            eased = found.q[least] if levels else np.concatenate([found.q[least], q])
+            found = _eased(program, eased, weights, below)
         most = KEPT if len(levels) + 1 < len(counts) else len(found)
         found = found[_distinct(level, found, found.totals @ weights, most=most)]
         levels.append((len(level.times), len(found)))
@@ -131,13 +133,13 @@ def descended(
         q, rules = before.motion(found.q).at(level.times), [WARM] * len(found)
 
 
-def _eased(program: MotionProgram, found: Polished, weights: np.ndarray, below: np.ndarray) -> Polished:
+def _eased(program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray) -> Polished:
     """Return what becomes of motions that violate limits when first nothing else counts."""
-    eased = within_limits(program, found.q, below, EASING)
+    eased = within_limits(program, q, below, EASING)
     holds = eased.violation <= HOLDS
     if not holds.any():
         return eased
-    return polish(program, eased.q[holds], weights[None], below[None], rules=WARM)
+    return polish(program, eased.q[holds], weights[None], below[None], rules=HOLDING)
 
 
 def level_samples(samples: int) -> list[int]:

@@ -22,6 +22,8 @@ from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, task_errors
 
+AT_REST = 1e-6  # stationarity of a motion that ends at rest
+
 REASONS = {
     CONVERGED: "converged",
     CAPPED: "iteration limit reached",
@@ -82,9 +84,12 @@ def polish(
     weights = np.broadcast_to(factors, (count, len(program.totals)))
     below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.totals)))
     below = np.minimum(below, program.caps)
-    found = (
-        _compiled(program, q, weights, below, each) if program.smooth else _general(program, q, weights, below, each)
-    )
+    solver = _compiled if program.smooth else _general
+    found = solver(program, q, weights, below, each)
+    if program.task.stops:
+        # How the last sample follows is known up to the path's own last step: below that no step makes it better.
+        near = (found.status == STUCK) & (found.stationarity <= AT_REST) & (found.violation <= 1e-8)
+        found.status[near] = CONVERGED
     if program.task.start is not None:
         found.q[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
     return found

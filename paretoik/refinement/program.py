@@ -19,9 +19,10 @@ from jaxtyping import Float, Int
 from paretoik.calculus.differentiation import gradient, hessian
 from paretoik.calculus.expressions import Expression, entry
 from paretoik.calculus.machine import Program, program
+from paretoik.errors import InvalidInput
 from paretoik.refinement.compiled.interior_point import Compiled
 from paretoik.refinement.functions import Functions, Total, functions
-from paretoik.refinement.kinks import Smoothed, smoothed
+from paretoik.refinement.kinks import Smoothed, smoothed, spelled_out
 from paretoik.refinement.stencil import Stencil, stencil
 from paretoik.refinement.whole import Whole
 from paretoik.robot.kinematics import chain
@@ -126,6 +127,8 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
+    if task.stops and task.differences == "central":
+        raise InvalidInput("end_velocity=0: differences='backward' is wanted where motions are polished, got 'central'")
     shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
     asked = functions(task, shares)
     path = _path(asked)
@@ -247,7 +250,12 @@ def _without_kinks(asked: Functions) -> Smoothed:
         low, high = np.isfinite(bounds).any(axis=0)
         sides.append(int(high) - int(low))
     sides += [-1] * len(asked.under)
-    return smoothed(tape, [*asked.sums, *asked.rows, *asked.under], sides, probes, asked.distances)
+    peaks = [total.name for total in asked.totals if total.kind == "peak"]
+    names = [total.name for total in asked.totals if total.kind == "sum"]
+    names += [*asked.names, *(peaks[k] for k in asked.over)]
+    left = asked.distances
+    plain = spelled_out(tape, [*asked.sums, *asked.rows, *asked.under], names, probes, left)
+    return smoothed(tape, plain, sides, probes, left)
 
 
 def _path(asked: Functions) -> list[int]:

@@ -8,7 +8,7 @@ correction is tried. Source: Nocedal & Wright, Numerical Optimization, section 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +25,7 @@ from paretoik.refinement.program import MotionProgram
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import retract
 
-PRICE, DEAREST = 10.0, 1e7  # of a violation, as a share of its range: at first, and when it is given up
-HOLDS = 1e-9  # violation: the model's limits hold
+PRICE, DEAREST = 100.0, 1e7  # of a violation, as a share of its range: at first, and when it is given up
 ACCEPTED, GOOD = 1e-4, 0.75  # of the promised gain
 MORE = 1.3  # times the promised gain
 SHORTEST = 1e-10  # rad or m
@@ -98,10 +97,12 @@ def sequential(
                 break
             trial = _moved(program, local, at, taken.step, caps)
             gained = before - _worth(factors, price, trial)
-            if gained < ACCEPTED * promised and trial is not None and trial.violation > at.violation + HOLDS:
-                corrected = _corrected(program, local, model, at, trial, taken, caps)
-                if corrected is not None and before - _worth(factors, price, corrected) > max(gained, 0.0):
-                    trial = corrected
+            if gained < GOOD * promised and trial is not None:
+                bent = _bent(program, local, model, at, trial, taken)
+                again = _again(gradient, hessian, bent, model.yielding, length, price)
+                corrected = None if again is None else _moved(program, local, at, again.step, caps)
+                if again is not None and before - _worth(factors, price, corrected) > max(gained, 0.0):
+                    trial, taken = corrected, again
                     gained = before - _worth(factors, price, corrected)
             accepted = trial is not None and gained >= ACCEPTED * promised
             if not accepted:
@@ -222,21 +223,43 @@ def _moved(program: MotionProgram, local: Linearised, at: _Point, step: np.ndarr
     return point if np.isfinite(point.values.totals).all() else None
 
 
-def _corrected(
-    program: MotionProgram, local: Linearised, model: _Model, at: _Point, trial: _Point, taken: Step, caps: np.ndarray
-) -> _Point | None:
-    """Return where the step leads with the limits' curvature along it made up for: the second-order correction."""
-    binding = np.flatnonzero(taken.limits[: model.yielding] > 0)
-    binding = binding[np.argsort(-taken.limits[binding])][: local.unknowns]
-    if not len(binding):
+def _bent(
+    program: MotionProgram, local: Linearised, model: _Model, at: _Point, trial: _Point, taken: Step
+) -> Constraints:
+    """Return the constraints with the curvature along a step made up for: the second-order correction.
+
+    Limits, kinks and tops are what they are where the step led, slacks and tops being what the model took them for.
+    """
+    known, u, samples = model.constraints, local.unknowns, len(at.q)
+    orders, limits = len(program.stencil.weights), len(model.scales)
+    own, inputs = program.variables[orders * at.q.shape[1] :], trial.values.inputs.copy()
+    inputs[own[: program.slacks]] = at.values.inputs[own[: program.slacks]] + taken.step[
+        u : u + program.slacks * samples
+    ].reshape(program.slacks, samples)
+    tops = u + program.slacks * samples
+    inputs[own[program.slacks :]] = (
+        at.values.inputs[own[program.slacks :]] + taken.step[tops : tops + program.peaks, None]
+    )
+    every = np.concatenate([inputs[program.variables], program.value(inputs)[program.sums :]])
+    which, sample = program.limited.T
+    gaps = program.sides * (every[which, sample] - program.bounds)
+    found, column = [gaps[:limits] / model.scales, trial.gaps[limits:], gaps[limits:]], tops + program.peaks
+    for each, before, after in zip(program.wholes, at.values.parts, trial.values.parts, strict=True):
+        for span in each.spans if len(each.groups) else ():
+            if span.stop - span.start > 1:
+                found.append(before[span].max() + taken.step[column] - after[span])
+                column += 1
+        column += not len(each.groups)
+    return replace(known, gaps=np.concatenate(found) - known.slopes @ taken.step)
+
+
+def _again(
+    gradient: np.ndarray, hessian: sparse.csr_array, bent: Constraints, yielding: int, length: float, price: float
+) -> Step | None:
+    try:
+        return step(gradient, hessian, bent, yielding=yielding, radius=length, price=price)
+    except EvaluationFailed:
         return None
-    rows = model.constraints.slopes[binding][:, : local.unknowns].toarray()
-    change = np.linalg.lstsq(rows, -np.minimum(trial.gaps[binding], 0.0), rcond=1e-8)[0]
-    further = taken.step.copy()
-    further[: local.unknowns] += change
-    if np.abs(change).max() > np.abs(taken.step[: local.unknowns]).max(initial=0.0):
-        return None
-    return _moved(program, local, at, further, caps)
 
 
 def _critical(local: Linearised, model: _Model, gradient: np.ndarray) -> bool:

@@ -199,3 +199,33 @@ def test_constraints_of_every_form_hold():
         found = pk.plan(problem_of(pk.kinetic_energy, constraints=[limit]), starts=4).best
         assert limit.violation(found.motion) <= 1e-8
         assert found.objective >= free.objective - 1e-9
+
+
+def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_solved():
+    @pk.objective(unit="", form="integral")
+    def jumping(motion):
+        return np.sum(np.where(motion.q > 0.3, 1.0, 0.0) + motion.dq**2, axis=-1)
+
+    @pk.objective(unit="", form="integral")
+    def bent(motion):
+        return np.sum(np.where(motion.dq > 0, motion.dq, -2 * motion.dq), axis=-1)
+
+    with pytest.raises(pk.InvalidInput, match=r"jumping: pieces of np\.where that meet"):
+        motion_program(problem_of(jumping).task)
+    best = pk.plan(problem_of(bent), starts=6).best
+    known = certify(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
+    assert known.kkt_residual[0] <= 1e-6
+
+
+def test_a_limit_that_holds_is_not_left_for_a_better_objective():
+    @pk.constraint(unit="rad", form="integral", upper=3.0)
+    def travel(motion):
+        return np.sum(np.abs(motion.dq), axis=-1)
+
+    found = pk.plan(problem_of(pk.torque_norm, constraints=[travel]), starts=6).best
+    assert travel.violation(found.motion) <= 1e-8
+
+
+def test_central_differences_and_a_stop_are_refused_together():
+    with pytest.raises(pk.InvalidInput, match="end_velocity=0"):
+        motion_program(problem_of(pk.torque_norm, end_velocity=0, differences="central").task)

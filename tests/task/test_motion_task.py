@@ -140,7 +140,7 @@ def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
 
 def test_a_binding_clearance_is_told_by_its_name():
     found = task(obstacles=[Circle([0.2, 0.0], 0.05)], limits=Limits(clearance=0.01))
-    assert found.binding(found.motion(np.zeros((21, 3)))).startswith("clearance is violated by ")
+    assert found.binding(found.motion(np.zeros((21, 3)))).startswith("clearance is 0.06 m short at sample 0")
 
 
 def test_a_start_on_the_path_is_taken_as_it_is():

@@ -11,23 +11,23 @@ from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.multistart import coarse_starts
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
-from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, tracking
+from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
 from studies.benchmarks.planner.verdicts import tell, timed, versus
 from studies.reporting import Row
 
-SAMPLES = (51, 101, 201, 401)
+COUNTS = (51, 101, 201, 401)
 TABLE = "growth"
 RULES = Rules(tolerance=TOLERANCE)
 NEAR_LINEAR = 1.15  # exponent of the seconds that an iteration takes
 
 
-def growth(problems: Sequence[str], *, seed: int, repeats: int, samples: Sequence[int] = SAMPLES) -> list[Row]:
+def growth(problems: Sequence[str], *, seed: int, repeats: int, samples: Sequence[int] = COUNTS) -> list[Row]:
     """Return seconds and iterations at all samples, and the exponents of their growth."""
     return [row for name in problems for row in _one(name, seed=seed, repeats=repeats, samples=samples)]
 
 
 def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[Row]:
-    whole = tracking(name, samples=max(samples)).task
+    whole = task_of(name, "printed", max(samples))
     starts = coarse_starts(whole, starts=6, seed=seed)
     coarse = whole.subsampled(starts.shape[1])
     seconds, iterations = list[np.ndarray](), list[tuple[int, int]]()
@@ -35,7 +35,7 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
     chosen = 0
     for count in samples:
         tell(f"growth: {name}, {count} samples")
-        task = tracking(name, samples=count).task
+        task = task_of(name, "printed", count)
         q = np.asarray(coarse.motion(starts).at(task.times))
         program = motion_program(task, np.array([float(task.objectives[0](task.motion(q[0])))]))
         theirs = peer(Question(solver="fatrop", problem=name, samples=count))

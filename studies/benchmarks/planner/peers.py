@@ -28,11 +28,12 @@ from studies.benchmarks.planner.programs import ENERGY, INERTIA, TORQUE, Program
 
 Settings: TypeAlias = tuple[tuple[str, float], ...]
 
-CORES = 2
+CORES, SAMPLES = 2, 101
 TOLERANCE, CAP = 1e-8, 100  # of stationarity; iterations
 BEGINNINGS: tuple[Settings, ...] = tuple((("mu_init", mu),) for mu in (0.1, 0.01, 0.001))
 # what a warm start is pushed off its bounds by drives it elsewhere
 PUSHES = ("bound_push", "bound_frac")
+WIDENED = 1e-8  # by this, times their size where that is above one, FATROP relaxes bounds
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 
 
@@ -60,7 +61,8 @@ class Solved:
     iterations: int
 
 
-def tracking(name: str, masses: str = "printed", samples: int = 101) -> pk.Tracking:
+@lru_cache(maxsize=64)  # it makes what a search needs, too
+def tracking(name: str, masses: str = "printed", samples: int = SAMPLES) -> pk.Tracking:
     """Return a problem of Tringali & Cocuzza for either arm, at any number of samples."""
     task = getattr(tringali_2020, name)().task
     path = tringali_2020.round_trip(samples) if task.cyclic else tringali_2020.straight(samples)
@@ -69,11 +71,19 @@ def tracking(name: str, masses: str = "printed", samples: int = 101) -> pk.Track
     return pk.Tracking(arm, path, objectives=task.objectives, limits=pk.Limits(**sides), cyclic=task.cyclic)
 
 
+@lru_cache(maxsize=64)
+def task_of(name: str, masses: str, samples: int) -> MotionTask:
+    """Return the task of a problem, thinned out where it has fewer samples than it comes with."""
+    if samples < SAMPLES:
+        return tracking(name, masses).task.subsampled(samples)
+    return tracking(name, masses, samples).task
+
+
 class Peer:
     """A solver at a task's samples."""
 
     def __init__(self, question: Question, settings: Settings) -> None:
-        self.program = program_of(question)
+        self.question, self.program = question, program_of(question)
         self.dt = 1.0 / (question.samples - 1)
         options: dict[str, Any] = {
             "print_time": False,
@@ -86,10 +96,22 @@ class Peer:
         what = question.library or written_out(self.program)
         self.solver = casadi.nlpsol("peer", question.solver, what, options)
         self.sums = casadi.Function("sums", *_of(written_out(self.program))) if len(self.program.sum_at) else None
-        self.bounds = {
-            "lbx": casadi.DM(self.program.lower),
-            "lbg": casadi.DM(self.program.rows("lower")),
-        }
+        program = self.program
+        self.x_sides = self._narrowed(program.lower, program.upper)
+        self.row_sides = self._narrowed(program.rows("lower"), program.rows("upper"))
+        self.lower = {"lbx": casadi.DM(self.x_sides[0]), "lbg": casadi.DM(self.row_sides[0])}
+
+    def _narrowed(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return bounds that FATROP makes wider again, which CasADi cannot have it leave."""
+        if self.question.solver != "fatrop":
+            return lower, upper
+        free = lower < upper
+        moved = []
+        for side, way in ((lower, 1.0), (upper, -1.0)):
+            touched = free & np.isfinite(side)
+            moved.append(side.copy())
+            moved[-1][touched] += way * WIDENED * np.maximum(1.0, np.abs(side[touched]))
+        return moved[0], moved[1]
 
     def start(self, q: np.ndarray, masses: str) -> np.ndarray:
         """Return x of joint angles."""
@@ -105,12 +127,12 @@ class Peer:
     def solve(self, q: np.ndarray, masses: str = "printed", cap: float = np.inf) -> Solved:
         """Return where joint angles (samples, 3) lead."""
         x0, program = casadi.DM(self.start(q, masses)), self.program
-        upper, upper_rows = program.upper.copy(), program.rows("upper")
+        upper, upper_rows = self.x_sides[1].copy(), self.row_sides[1].copy()
         if program.capped and len(program.sum_at):
-            upper[program.sum_at[-1]] = cap
+            upper[program.sum_at[-1]] = cap - WIDENED * max(1.0, abs(cap)) if np.isfinite(cap) else cap
         elif program.capped:
             upper_rows[-1] = cap
-        bounds = {**self.bounds, "ubx": casadi.DM(upper), "ubg": casadi.DM(upper_rows)}
+        bounds = {**self.lower, "ubx": casadi.DM(upper), "ubg": casadi.DM(upper_rows)}
         p = casadi.DM(inertia(masses))
         started, cpu = time.perf_counter(), time.process_time()
         found = self.solver(x0=x0, p=p, **bounds)
@@ -142,7 +164,7 @@ def _own(question: Question, settings: Settings) -> dict[str, Any]:
 
 def program_of(question: Question) -> Program:
     """Return the program of a question."""
-    task: MotionTask = tracking(question.problem, samples=question.samples).task
+    task = task_of(question.problem, "printed", question.samples)
     main = question.main or task.objectives[0].name
     assert {main, question.capped} <= {ENERGY, TORQUE, ""}
     return (optimal_control if question.solver == "fatrop" else over_joints)(task, main, question.capped)
@@ -152,7 +174,7 @@ def written_out(program: Program) -> dict[str, Any]:
     """Return the program with every stage written out, as CasADi itself evaluates it fastest."""
     x, p = casadi.SX.sym("x", len(program.lower)), casadi.SX.sym("p", INERTIA)
     totals: Any = casadi.SX.zeros(program.totals)
-    rows = []
+    rows: list[Any] = []
     for run in program.runs:
         for places in run.places.T:
             total, row = run.stage(x[places.tolist()], p)
@@ -165,7 +187,7 @@ def looped(program: Program) -> dict[str, Any]:
     """Return the program with the stages of a run as one call over a matrix."""
     x, p = casadi.MX.sym("x", len(program.lower)), casadi.MX.sym("p", INERTIA)
     totals: Any = casadi.MX.zeros(program.totals)
-    rows = []
+    rows: list[Any] = []
     for run in program.runs:
         total, row = run.stage.map(run.count)(_gathered(x, run), casadi.repmat(p, 1, run.count))
         totals += casadi.sum2(total)
@@ -216,7 +238,7 @@ def compiled(question: Question, folder: Path) -> tuple[Question, float]:
     """Return the question with its functions compiled into a library there, and the seconds that took."""
     assert COMPILER is not None
     started, program = time.perf_counter(), program_of(question)
-    problem = looped(program)
+    problem: dict[str, Any] = looped(program)
     name = "_".join(part for part in (question.solver, question.problem, question.main, str(question.samples)) if part)
     name += f"_below_{question.capped}" if question.capped else ""
     options: dict[str, Any] = {"print_time": False, question.solver: {"print_level": 0}}

@@ -19,6 +19,7 @@ from studies.benchmarks.planner.peers import (
     COMPILER,
     CORES,
     PUSHES,
+    SAMPLES,
     Cores,
     Question,
     Settings,
@@ -30,7 +31,7 @@ from studies.benchmarks.planner.verdicts import LOSS, timed, versus
 from studies.reporting import Row
 
 NAMES = tuple(f"simulation_{i}" for i in range(1, 6))
-COARSE, SAMPLES = 26, 101
+COARSE = 26
 SAME = 1e-5  # relative: a peer that stops its barrier's width above the best optimum has found it
 BELOW = 1e-7  # relative: by so much a peer's best may be below ours
 AGREED = 1e-9  # relative: optima of one basin
@@ -38,7 +39,7 @@ LABELS = {"fatrop": "FATROP", "ipopt": "IPOPT"}
 WARMS: tuple[Settings, ...] = tuple(
     (("mu_init", mu), *((name, push) for name in PUSHES)) for mu, push in ((1e-3, 1e-2), (1e-4, 1e-4), (1e-5, 1e-6))
 )
-TIGHT: Settings = (("mu_init", 1e-8), ("tolerance", 1e-11), *((name, 1e-9) for name in PUSHES))
+TIGHT: Settings = (("mu_init", 1e-8), ("tolerance", 1e-12), *((name, 1e-9) for name in PUSHES))
 SUMMED = "sum of the five"
 
 

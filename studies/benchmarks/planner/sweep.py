@@ -18,9 +18,9 @@ import numpy as np
 import paretoik as pk
 from paretoik.refinement.multistart import KEPT, coarse_starts
 from paretoik.task.motion_task import MotionTask
-from studies.benchmarks.planner.peers import BEGINNINGS, COMPILER, CORES, Cores, Question, Solved, tracking
+from studies.benchmarks.planner.peers import BEGINNINGS, COMPILER, CORES, SAMPLES, Cores, Question, Solved, tracking
 from studies.benchmarks.planner.programs import ENERGY, TORQUE
-from studies.benchmarks.planner.simulations import COARSE, LABELS, SAMPLES, WARMS, Effort, distinct
+from studies.benchmarks.planner.simulations import COARSE, LABELS, WARMS, Effort, distinct
 from studies.benchmarks.planner.verdicts import HALF, tell, timed, versus
 from studies.benchmarks.reference_front import REFERENCE_POINT
 from studies.reporting import Row
@@ -28,7 +28,7 @@ from studies.reporting import Row
 PROBLEM, TABLE = "energy_torque", "front"
 POINTS, QUICK_POINTS = 20, 8
 COLD, WARM = BEGINNINGS[1], WARMS[1]
-GROWING = (1.0, 1.3, 1.7, 2.2)  # levels, as a multiple of our points
+GROWING = (1.0, 1.15, 1.35, 1.6, 1.9, 2.3)  # levels, as a multiple of our points
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,177 @@
+"""What MaxiMin, seeding and refinement each add to a front, and whole fronts beside peers'; losses first.
+
+    python -m studies.benchmarks.fronts [--quick] [--seeds N] [--problems NAME ...] [--json FILE]
+
+All eight cells of a factorial (selection by MaxiMin or pymoo's crowding; seeded or random start; refined or not), ours
+whole (as ``pk.solve`` with and without ``refine``), pymoo's NSGA-II, NSGA-III and SMS-EMOA, pygmo's NSGA-II and MOEA/D
+(where pygmo is installed), and ε-constraints from many starts by FATROP, IPOPT and our own solver. Every budget is kept
+twice: equal evaluations, an iteration with derivatives counting as one, and equal CPU time, that of pymoo's NSGA-II for
+those evaluations. Peers get our batched evaluation, encoding, seeds and archive; whoever finds more hands in 100 points
+that MaxiMin spreads. Points that the verifier refuses (violation > 1e-8, tracking > 1e-6) are absent, for every method.
+
+Cells differ in nothing else: same operators, same mating; MaxiMin means our whole survival, with its places for
+infeasible points and for species. Statistics are those of ``studies.benchmarks.maximin``; effects are contrasts of the
+cells' means, seeds as blocks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from studies.benchmarks.energy_torque import reference_front
+from studies.benchmarks.fronts.cases import CASES, POPULATION, SAME, Budget, Kind, Run, problem_of
+from studies.benchmarks.fronts.judging import (
+    all_scores,
+    comparison_rows,
+    comparisons,
+    effect_rows,
+    effects,
+    left_rows,
+    union,
+)
+from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
+from studies.benchmarks.fronts.sweeps import OURS as EPSILON
+from studies.benchmarks.fronts.sweeps import SOLVERS, epsilon_run
+from studies.reporting import Row, report
+
+KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
+QUICK = ("energy_torque", "simulation 1")
+QUICK_EVALUATIONS = 1500
+CORES = 2
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def methods_of(case: str) -> list[str]:
+    """Return the names of all that can run on a case, ours first."""
+    return [OURS, PLAIN, EPSILON, *CELLS, *PYMOO, *PYGMO, *(SOLVERS if CASES[case].tringali else ())]
+
+
+def run(case: str, name: str, seed: int, budget: Budget, evaluations: int) -> Run:
+    """Run one method once, after it was warmed; by names so that it can happen in another process."""
+    _warmed(case, name)
+    return _run(case, name, seed, budget, evaluations)
+
+
+@lru_cache(maxsize=256)
+def _warmed(case: str, name: str) -> None:
+    """Compile and load what a method needs, in this process, before it is timed."""
+    _run(case, name, 0, Budget(kind="evaluations", amount=12 * POPULATION), 12 * POPULATION)
+
+
+def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int) -> Run:
+    problem = problem_of(case)
+    if name in (OURS, PLAIN):
+        return ours(problem, seed, budget, evaluations // POPULATION, refine=name == OURS)
+    if name in CELLS:
+        return cell_run(CELLS[name], problem, seed, budget)
+    if name in PYMOO:
+        return pymoo_run(name, problem, seed, budget)
+    if name in PYGMO:
+        return pygmo_run(name, problem, seed, budget)
+    return epsilon_run(name, case, problem, seed, budget)
+
+
+def run_all(
+    chosen: Sequence[str], kinds: Sequence[Kind], seeds: int, evaluations: int | None
+) -> dict[tuple[str, Kind], dict[str, list[Run]]]:
+    """Run everything, seeds outermost and the order of methods turning, a process a core."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    found: dict[tuple[str, Kind], dict[str, list[Run]]] = {}
+    with ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool:
+        sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
+        budgets = {case: _budgets(pool, case, sizes[case], kinds) for case in chosen}
+        for seed in range(seeds):
+            waiting: list[tuple[str, Kind, str, Future[Run]]] = []
+            for case in chosen:
+                names = methods_of(case)
+                turned = names[seed % len(names) :] + names[: seed % len(names)]
+                for name in turned:
+                    for kind in kinds:
+                        work = pool.submit(run, case, name, seed, budgets[case][kind], sizes[case])
+                        waiting.append((case, kind, name, work))
+            for case, kind, name, work in waiting:
+                try:
+                    done = work.result()
+                except BrokenProcessPool:
+                    raise SystemExit(f"{name} or one beside it crashed on {case}, seed {seed}") from None
+                every = found.setdefault((case, kind), {each: [] for each in methods_of(case)})
+                every[name].append(done)
+            print(f"seed {seed + 1} of {seeds}: done", file=sys.stderr, flush=True)
+    return found
+
+
+def _budgets(pool: ProcessPoolExecutor, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
+    same = Budget(kind="evaluations", amount=evaluations)
+    found: dict[Kind, Budget] = {"evaluations": same}
+    if "CPU time" in kinds:
+        taken = [pool.submit(run, case, "NSGA-II", seed, same, evaluations).result().seconds for seed in range(3)]
+        found["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
+        print(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s", file=sys.stderr, flush=True)
+    return found
+
+
+def rows_of(found: dict[tuple[str, Kind], dict[str, list[Run]]]) -> list[Row]:
+    """Judge all runs: of a case against the union of its fronts under all budgets, and what is stored of it."""
+    compared, added, left = [], [], []
+    for case in dict.fromkeys(name for name, _ in found):
+        fronts = [one.F for (name, _), runs in found.items() if name == case for each in runs.values() for one in each]
+        fronts += [reference_front()] if case == "energy_torque" else []
+        reference = union(fronts)
+        if not len(reference):
+            print(f"{case}: no method found a point that the verifier accepts: not judged")
+            continue
+        for (name, kind), runs in found.items():
+            if name == case:
+                scores = all_scores(runs, reference)
+                compared += comparisons(case, kind, scores)
+                added += effects(f"{case}, equal {kind}", scores)
+                left += left_rows(case, kind, runs, scores)
+    return [*comparison_rows(compared), *effect_rows(added), *left]
+
+
+def tell_left_out(chosen: Sequence[str]) -> None:
+    """Say what is not run, and why."""
+    print(SAME)
+    print("left out: pymoo's pcd crowding, which crashes with three objectives")
+    if not PYGMO:
+        print("left out: pygmo, which is not installed")
+    for case in chosen:
+        if not CASES[case].tringali:
+            print(f"left out: ε-constraints by FATROP and IPOPT on {case}, which have no program of it")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="two problems, few evaluations, 3 seeds")
+    parser.add_argument("--seeds", type=int, help="runs of each method (31; 3 with --quick)")
+    parser.add_argument("--problems", nargs="+", choices=list(CASES), metavar="NAME", help="only these problems")
+    parser.add_argument("--evaluations", type=int, help="equal evaluations, in place of each problem's own")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
+    given = parser.parse_args(arguments)
+    seeds = given.seeds if given.seeds is not None else 3 if given.quick else 31
+    if seeds < 2:
+        parser.error(f"--seeds: at least 2 wanted, got {seeds}")
+    evaluations = given.evaluations or (QUICK_EVALUATIONS if given.quick else None)
+    if evaluations is not None and evaluations < 10 * POPULATION:
+        parser.error(f"--evaluations: at least {10 * POPULATION} wanted, got {evaluations}")
+    chosen = given.problems or (QUICK if given.quick else list(CASES))
+    tell_left_out(chosen)
+    if given.quick:
+        print(f"quick: {', '.join(chosen)} only, {evaluations} evaluations, {seeds} seeds: too few to prove much")
+    report(rows_of(run_all(chosen, KINDS, seeds, evaluations)), json_file=given.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,173 @@
+"""Indicators against the union of all fronts, comparisons with peers, and what each factor adds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+from moocore import is_nondominated
+
+from paretoik.arrays import Objectives, Values
+from studies.benchmarks.fronts.cases import Run
+from studies.benchmarks.fronts.methods import CELLS, FACTORS, OURS, PLAIN
+from studies.benchmarks.fronts.sweeps import OURS as EPSILON
+from studies.benchmarks.maximin import MARGIN, Comparison, compare, judged, scores
+from studies.reporting import Row
+
+CORNER = 1.1  # of the hypervolume, in ranges of the union
+DRAWS = 2000
+COMPARED, ADDED, COUNTED, LEFT = (
+    "our fronts beside the peers', medians (hypervolume: more is better; IGD+, epsilon: less)",
+    "what each factor adds (positive: better), in the indicator's unit, with 95 % bootstrap interval",
+    "wins and losses over problems and indicators",
+    "what every method left: median normalised hypervolume, and what it spent",
+)
+
+Scores = Mapping[str, Sequence[dict[str, float]]]  # of every seed, by method
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What the presence of factors (their product, where several) adds to an indicator; its bootstrap interval."""
+
+    case: str
+    factors: str
+    indicator: str
+    mean: float
+    low: float
+    high: float
+
+    @property
+    def verdict(self) -> str:
+        """Which side of nought the whole interval is on."""
+        return "helps" if self.low > 0 else "HURTS" if self.high < 0 else "undecided"
+
+
+def union(fronts: Sequence[Objectives]) -> Objectives:
+    """Return what no point of any front dominates."""
+    F = np.concatenate(fronts)
+    kept: Objectives = F[is_nondominated(F, keep_weakly=False)] if len(F) else F
+    return kept
+
+
+def scored(F: Objectives, reference: Objectives) -> dict[str, float]:
+    """Judge a front against the union; one that is empty as if it were the corner of the hypervolume alone."""
+    if len(F):
+        return scores(F, reference)
+    ideal, width = reference.min(axis=0), np.ptp(reference, axis=0)
+    return scores((ideal + CORNER * np.where(width > 0, width, 1.0))[None], reference)
+
+
+def all_scores(runs: Mapping[str, Sequence[Run]], reference: Objectives) -> dict[str, list[dict[str, float]]]:
+    """Return the indicators of every run by method."""
+    return {name: [scored(run.F, reference) for run in each] for name, each in runs.items()}
+
+
+def comparisons(case: str, kind: str, found: Scores) -> list[Comparison]:
+    """Compare each of our methods with every peer; not yet corrected for their number."""
+    mine = (OURS, PLAIN, EPSILON)
+    peers = [name for name in found if name not in (*CELLS, *mine)]
+    rows = []
+    for own in mine:
+        for peer, indicator in product(peers, MARGIN):
+            sides = [np.array([score[indicator] for score in found[name]]) for name in (own, peer)]
+            one = compare(f"{case}, equal {kind}", indicator, f"{peer}: {own}", *sides)
+            p, p_equal = (1.0 if np.isnan(value) else value for value in (one.p, one.p_equal))
+            rows.append(replace(one, p=p, p_equal=p_equal))
+    return rows
+
+
+def effects(case: str, found: Scores) -> list[Effect]:
+    """Return main effects on all indicators and interactions on hypervolume, seeds as blocks."""
+    chosen = [(k,) for k in range(3)]
+    rows = []
+    for indicator in MARGIN:
+        better = 1.0 if indicator == "hypervolume" else -1.0
+        both = [*combinations(range(3), 2), (0, 1, 2)] if indicator == "hypervolume" else []
+        table = np.array([[score[indicator] for score in found[name]] for name in CELLS]) * better
+        for which in [*chosen, *both]:
+            mean, low, high = effect(table, contrast(which))
+            name = " × ".join(FACTORS[k] for k in which)
+            rows.append(Effect(case=case, factors=name, indicator=indicator, mean=mean, low=low, high=high))
+    return rows
+
+
+def contrast(which: Sequence[int]) -> Values:
+    """Return the weights (8,) of the cells whose sum is an effect: half of them positive, halves adding up to ±1."""
+    levels = np.array([(cell.maximin, cell.seeded, cell.refined) for cell in CELLS.values()])
+    signs: Values = np.prod(np.where(levels[:, list(which)], 1.0, -1.0), axis=1)
+    return signs / 4
+
+
+def effect(table: Values, weights: Values) -> tuple[float, float, float]:
+    """Return the mean over seeds of a contrast of cells (8, seeds), and its 95 % bootstrap interval."""
+    each = weights @ table
+    draw = np.random.default_rng(0).integers(0, len(each), size=(DRAWS, len(each)))
+    low, high = np.percentile(each[draw].mean(axis=1), [2.5, 97.5])
+    return float(each.mean()), float(low), float(high)
+
+
+def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
+    """Return comparisons, losses first, after Holm over all of them, and their count by peer."""
+    rows, counts = [], dict[str, Counter[str]]()
+    for one in judged(every):
+        budget = one.problem.split(", equal ")[1]
+        counts.setdefault(f"{one.peer}, equal {budget}", Counter())[one.verdict.split(",")[0]] += 1
+        ratio = f"ratio {one.ratio:.3f} [{one.ratio_low:.3f}, {one.ratio_high:.3f}]"
+        tests = f"A12 {one.a12:.2f}, p {one.p_holm:.1e}, p equal {one.p_equal_holm:.1e}"
+        said = one.verdict.upper() if one.verdict.startswith("loss") else one.verdict
+        name, note = f"{one.indicator} beside {one.peer}", f"{said}; {ratio}, {tests}"
+        rows.append(
+            Row(table=COMPARED, row=one.problem, column=name, unit="", ours=one.ours, paper=one.theirs, note=note)
+        )
+    tally = [
+        Row(
+            table=COUNTED,
+            row=name,
+            column="wins, and losses beside them",
+            unit="",
+            ours=count["win"],
+            paper=count["loss"],
+            note=f"equal {count['equal']}, undecided {count['undecided']}",
+        )
+        for name, count in sorted(counts.items(), key=lambda item: item[1]["win"] - item[1]["loss"])
+    ]
+    return [*rows, *tally]
+
+
+def effect_rows(every: Sequence[Effect]) -> list[Row]:
+    """Return effects, those that hurt first."""
+    grades = ["HURTS", "undecided", "helps"]
+    return [
+        Row(
+            table=ADDED,
+            row=one.case,
+            column=f"{one.factors}, {one.indicator}",
+            unit="",
+            ours=one.mean,
+            note=f"{one.verdict} [{one.low:.4f}, {one.high:.4f}]",
+        )
+        for one in sorted(every, key=lambda one: grades.index(one.verdict))
+    ]
+
+
+def left_rows(case: str, kind: str, runs: Mapping[str, Sequence[Run]], found: Scores) -> list[Row]:
+    """Return what every method left and spent, cells included."""
+    rows = []
+    for name, each in runs.items():
+        volume = float(np.median([score["hypervolume"] for score in found[name]]))
+        middle = {
+            what: np.median([getattr(run, what) for run in each]) for what in ("evaluations", "iterations", "seconds")
+        }
+        points = np.median([len(run.F) for run in each])
+        note = (
+            f"{points:.0f} points, {sum(run.failed for run in each)} failed the verifier in all, "
+            f"{sum(not len(run.F) for run in each)} of {len(each)} runs empty; "
+            f"{middle['evaluations']:.0f} evaluations, {middle['iterations']:.0f} iterations, "
+            f"{middle['seconds']:.2f} s CPU"
+        )
+        rows.append(Row(table=LEFT, row=f"{case}, equal {kind}", column=name, unit="", ours=volume, note=note))
+    return sorted(rows, key=lambda row: -row.ours)

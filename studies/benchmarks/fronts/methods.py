@@ -1,0 +1,254 @@
+"""Everything that makes a front by evolution: the cells of the factorial, ours whole, pymoo's and pygmo's.
+
+All of pymoo runs in our own loop, from the same first genes, with our archive: what is compared is how they choose and
+mate. A refined run holds back what polishing its points will take, at most 30 % of its budget; iterations count.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import itertools
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.algorithms.moo.nsga3 import NSGA3
+from pymoo.algorithms.moo.sms import SMSEMOA
+from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
+from pymoo.util.ref_dirs import get_reference_directions
+
+import paretoik as pk
+from paretoik.arrays import Genes, Objectives
+from paretoik.formulations.tracking import INFEASIBLE_SHARE
+from paretoik.refinement.epsilon import WARM, YIELD
+from paretoik.refinement.polish import polish
+from paretoik.refinement.program import motion_program
+from paretoik.refining import Improver
+from paretoik.search import Archive, BranchwiseMating, MaxiMinNSGA2, Progress, Search, evolve
+from paretoik.search.constraints import violations
+from paretoik.search.variation import Differential, SmoothMutation
+from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verified
+
+OURS, PLAIN = "paretoik", "paretoik, refine=False"
+HELD_BACK = 0.3  # of the budget of a refined run, at most, for the polish at its end
+PER_POINT = 20  # iterations that it is expected to take
+AT_ONCE = 10  # points polished in one batch
+PARTITIONS = {2: 99, 3: 12}
+PENALTY = 10.0  # medians of an objective for a violation of a whole range
+FACTORS = ("MaxiMin", "seeding", "refinement")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One of the eight: by MaxiMin or crowding, from seeds or chance, refined or not."""
+
+    maximin: bool
+    seeded: bool
+    refined: bool
+
+    @property
+    def name(self) -> str:
+        """What it is called in tables."""
+        selection, start = ("crowding", "MaxiMin")[self.maximin], ("random", "seeded")[self.seeded]
+        return f"{selection}, {start}, {('plain', 'refined')[self.refined]}"
+
+
+CELLS = {cell.name: cell for cell in (Cell(*levels) for levels in itertools.product((False, True), repeat=3))}
+
+
+class Crowding(RankAndCrowding):  # type: ignore[misc]  # pymoo has no types
+    """pymoo's own, with the rank and the distance that our mating looks at given to infeasible points too."""
+
+    def do(self, problem: Any, pop: Any, *args: Any, **options: Any) -> Any:
+        """Return the survivors."""
+        kept = super().do(problem, pop, *args, **options)
+        for individual in kept:
+            if individual.CV[0] > 0.0:
+                individual.data["rank"], individual.data["crowding"] = len(pop), 0.0
+        return kept
+
+
+def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
+    """Return a cell's algorithm: both selections with the same operators of the same parents."""
+    crossover, mutation = Differential(), SmoothMutation(problem.encoding.coefficients)
+    if cell.maximin:
+        return MaxiMinNSGA2(
+            len(first), sampling=first, crossover=crossover, mutation=mutation, infeasible_share=INFEASIBLE_SHARE
+        )
+    mating = BranchwiseMating(crossover, mutation, infeasible_parents=True)
+    return NSGA2(pop_size=len(first), sampling=first, survival=Crowding(), mating=mating)
+
+
+def pymoo_algorithm(name: str, problem: pk.Tracking, first: Genes) -> Any:
+    """Return a peer as pymoo ships it."""
+    if name == "NSGA-II":
+        return NSGA2(pop_size=len(first), sampling=first)
+    if name == "SMS-EMOA":
+        return SMSEMOA(pop_size=len(first), sampling=first)
+    directions = get_reference_directions("das-dennis", problem.n_obj, n_partitions=PARTITIONS[problem.n_obj])
+    return NSGA3(directions, pop_size=len(first), sampling=first)
+
+
+def ours(problem: pk.Tracking, seed: int, budget: Budget, generations: int, *, refine: bool) -> Run:
+    """Return a run of all that ``pk.solve`` does at its defaults, for a population and a budget of these sizes."""
+    account = Account(budget=budget)
+    anchors = generations // (2 * problem.n_obj)
+    search = Search(problem, population=POPULATION, seed=seed, initial=first_genes(problem, seed), anchors=anchors)
+    return _searched(search, account, refine=refine)
+
+
+def cell_run(cell: Cell, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
+    """Return a run of one cell of the factorial."""
+    account = Account(budget=budget)
+    first = first_genes(problem, seed, seeded=cell.seeded)
+    search = Search(problem, seed=seed, algorithm=cell_algorithm(cell, problem, first))
+    return _searched(search, account, refine=cell.refined)
+
+
+def pymoo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
+    """Return a run of a peer of pymoo's."""
+    account = Account(budget=budget)
+    search = Search(problem, seed=seed, algorithm=pymoo_algorithm(name, problem, first_genes(problem, seed)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the peers' own, about divisions
+        return _searched(search, account, refine=False)
+
+
+class Refining:
+    """Our improver, and what it has taken."""
+
+    def __init__(self, search: Search, account: Account) -> None:
+        self.improver, self.account, self.seconds = Improver(search), account, 0.0
+
+    def __call__(self, progress: Progress) -> Genes | None:
+        """Return genes to be evaluated next, or None."""
+        before = self.account.seconds
+        found = self.improver(progress)
+        self.seconds += self.account.seconds - before
+        return found
+
+    def held_back(self, points: int) -> float:
+        """Return what polishing so many points is expected to take, in the budget's unit."""
+        budget, iterations = self.account.budget, float(PER_POINT * min(points, POPULATION))
+        if budget.kind == "CPU time":
+            iterations *= self.seconds / self.improver.spent if self.improver.spent else np.inf
+        return min(iterations, HELD_BACK * budget.amount) if points else 0.0
+
+
+def _searched(search: Search, account: Account, *, refine: bool) -> Run:
+    refining = Refining(search, account) if refine else None
+    if refining is None:
+        evolve(search, [Spent(account=account, iterations=lambda: 0, held_back=lambda _: 0.0)])
+    else:
+        spent = Spent(account=account, iterations=lambda: refining.improver.spent, held_back=refining.held_back)
+        evolve(search, [spent], improve=refining)
+    members = search.archive.members
+    if members is None or not len(members):
+        return verified(search.problem, np.empty((0, 0, 0)), account)
+    members = members[spread(members.F)]
+    q = search.problem.decode(members.X).q
+    if refine:
+        q = polished(search.problem, q, members.F, account)
+    return verified(search.problem, q, account)
+
+
+def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Account) -> np.ndarray:
+    """Return motions with those polished that the budget pays for, as ``pk.refine`` does; the first ones first.
+
+    A batch that overdraws the budget is thrown away, but for what it has cost.
+    """
+    task, count = problem.task, problem.n_obj
+    wide = np.ptp(F, axis=0)
+    ranges = np.where(wide > 0, wide, np.maximum(np.abs(F).max(axis=0), 1.0))
+    program = motion_program(task, ranges)
+    factors = np.zeros((1, len(program.totals)))
+    factors[0, :count] = [1.0, *[YIELD] * (count - 1)]
+    caps = np.full((len(q), len(program.totals)), np.inf)
+    caps[:, 1:count] = F[:, 1:] / ranges[1:]
+    made = q.copy()
+    for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
+        before = account.spent
+        found = polish(program, q[rows], factors, caps[rows], WARM)
+        account.iterations += int(found.iterations.sum())
+        if account.left < 0:
+            account.iterations -= int(found.iterations.sum()) if account.budget.kind == "evaluations" else 0
+            break
+        good = found.converged
+        made[rows[good]] = found.q[good]
+        if account.left < account.spent - before:  # another such batch would not fit
+            break
+    return made
+
+
+class Recorded:
+    """A problem as pygmo wants it: constraints as a penalty, and an archive of all that was evaluated."""
+
+    def __init__(self, problem: pk.Tracking, account: Account) -> None:
+        self.problem, self.account = problem, account
+        self.archive = Archive()
+        self.scale = np.ones(problem.n_obj)
+
+    def __deepcopy__(self, memo: object) -> Recorded:
+        """Return itself: pygmo copies its problems, the archive must stay one."""
+        return self
+
+    def get_nobj(self) -> int:
+        """Return the number of objectives."""
+        return int(self.problem.n_obj)
+
+    def get_bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the bounds of the genes."""
+        return self.problem.xl, self.problem.xu
+
+    def fitness(self, x: np.ndarray) -> np.ndarray:
+        """Return the penalised objectives of one individual."""
+        return self.batch_fitness(x)
+
+    def batch_fitness(self, every: np.ndarray) -> np.ndarray:
+        """Return those of many, one after the other, as pygmo passes them."""
+        X = every.reshape(-1, self.problem.n_var)
+        found = self.problem.evaluate(X, return_as_dictionary=True)
+        F, G = np.asarray(found["F"], dtype=float), np.asarray(found["G"], dtype=float)
+        ids = np.arange(self.account.evaluations, self.account.evaluations + len(X))
+        self.archive.add(ids, X.copy(), F, G, 0)
+        self.account.evaluations += len(X)
+        if ids[0] == 0:
+            self.scale = np.median(np.abs(F[np.isfinite(F).all(axis=1)]), axis=0)
+        excess = np.minimum(violations(F, G), 1e6)[:, None]
+        usable = np.where(np.isfinite(F), F, 1e6 * self.scale)
+        return np.asarray(usable + PENALTY * self.scale * excess).ravel()
+
+
+def pygmo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
+    """Return a run of a peer of pygmo's, whole generations in batches."""
+    pygmo: Any = importlib.import_module("pygmo")  # here, so: optional
+
+    account = Account(budget=budget)
+    recorded = Recorded(problem, account)
+    asked = pygmo.problem(recorded)
+    first = first_genes(problem, seed)
+    population = pygmo.population(asked, size=0, seed=seed)
+    for x, f in zip(first, recorded.batch_fitness(first.ravel()).reshape(len(first), -1), strict=True):
+        population.push_back(x, f)
+    if name == "pygmo NSGA-II":
+        method = pygmo.nsga2(gen=1, seed=seed)
+    else:
+        method = pygmo.moead_gen(gen=1, seed=seed, weight_generation="low discrepancy")
+    method.set_bfe(pygmo.bfe(pygmo.member_bfe()))
+    algorithm = pygmo.algorithm(method)
+    step = 0.0
+    while account.left >= (POPULATION if budget.kind == "evaluations" else step):
+        before = account.spent
+        population = algorithm.evolve(population)
+        step = account.spent - before
+    members = recorded.archive.members
+    if members is None or not len(members):
+        return verified(problem, np.empty((0, 0, 0)), account)
+    return verified(problem, problem.decode(members.X[spread(members.F)]).q, account)
+
+
+PYMOO = ("NSGA-II", "NSGA-III", "SMS-EMOA")
+PYGMO = ("pygmo NSGA-II", "pygmo MOEA/D") if importlib.util.find_spec("pygmo") else ()

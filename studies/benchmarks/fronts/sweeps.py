@@ -1,0 +1,148 @@
+"""Fronts by multi-start ε-constraints within a budget: by FATROP, by IPOPT, and by our own interior-point method.
+
+Each objective alone from a few seeded motions first; then the first objective below ceilings on the others, evenly
+spread at whatever moment the budget ends, each from the nearest motions found and from one more seeded one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.refinement.epsilon import COLD as OUR_COLD
+from paretoik.refinement.epsilon import WARM as OUR_WARM
+from paretoik.refinement.epsilon import YIELD
+from paretoik.refinement.polish import polish
+from paretoik.refinement.program import motion_program
+from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, verified
+from studies.benchmarks.planner.peers import BEGINNINGS, Question, peer
+from studies.benchmarks.planner.programs import ENERGY, TORQUE
+from studies.benchmarks.planner.simulations import WARMS
+
+OURS = "ε paretoik"
+SOLVERS = {"ε FATROP": "fatrop", "ε IPOPT": "ipopt"}
+ALONE = 3  # starts of each objective alone
+NEAREST = 2  # motions that a level starts from
+
+# from a motion to an optimum of objective ``main``, others below ceilings: (motion or None, iterations)
+Solve: TypeAlias = Callable[[np.ndarray, int, np.ndarray, bool], tuple[np.ndarray | None, int]]
+
+
+@dataclass(eq=False)
+class Sweep:
+    """A solver, and every motion that it was content with."""
+
+    solve: Solve
+    account: Account
+    problem: pk.Tracking
+    found: list[np.ndarray]
+    F: np.ndarray
+
+    def tried(self, q: np.ndarray, main: int, ceilings: np.ndarray | None = None, *, warm: bool = False) -> bool:
+        """Solve from a motion and keep what comes of it; return False where the budget ends before."""
+        account, task = self.account, self.problem.task
+        free = np.full(self.problem.n_obj, np.inf)
+        made, iterations = self.solve(q, main, free if ceilings is None else ceilings, warm)
+        account.iterations += iterations
+        if account.left < 0:  # in the midst of it: thrown away
+            account.iterations -= iterations if account.budget.kind == "evaluations" else 0
+            return False
+        if made is not None:
+            motion = task.motion(made)
+            self.found.append(made)
+            self.F = np.concatenate([self.F, [[float(o(motion)) * o.sign for o in task.objectives]]])
+        return True
+
+
+def epsilon_run(name: str, case: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
+    """Return a run of ε-constraints; building and compiling the solvers is not counted."""
+    make = our_solver(problem) if name == OURS else their_solver(SOLVERS[name], case, problem)
+    account = Account(budget=budget)
+    task, starts = problem.task, problem.decode(first_genes(problem, seed)).q
+    excess = np.maximum(task.violations(task.motion(starts)), 0.0).sum(axis=1)
+    order = np.random.default_rng(seed).permutation(len(starts))
+    order = order[np.argsort(excess[order], kind="stable")]
+    solve = make(starts[order[:20]])
+    sweep = Sweep(solve, account, problem, [], np.empty((0, problem.n_obj)))
+    _swept(sweep, itertools.cycle(starts[order]))
+    return verified(problem, np.array(sweep.found).reshape(-1, *starts.shape[1:]), account)
+
+
+def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
+    """Return what makes our solver, in the ranges of a few motions."""
+    task, count = problem.task, problem.n_obj
+    motion_program(task)  # differentiated and compiled once
+
+    def make(motions: np.ndarray) -> Solve:
+        values = np.stack([o(task.motion(motions)) * o.sign for o in task.objectives], axis=1)
+        ranges = np.maximum(np.abs(np.median(values, axis=0)), 1e-9)
+        program = motion_program(task, ranges)
+
+        def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
+            factors, below = np.zeros((1, len(program.totals))), np.full((1, len(program.totals)), np.inf)
+            factors[0, :count] = YIELD
+            factors[0, main] = 1.0
+            below[0, :count] = ceilings / ranges
+            got = polish(program, q[None], factors, below, OUR_WARM if warm else OUR_COLD)
+            return (got.q[0] if got.converged[0] else None), int(got.iterations[0])
+
+        return solve
+
+    return make
+
+
+def their_solver(solver: str, case: str, problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
+    """Return what makes a peer's solver: it needs no ranges."""
+    samples, name = len(problem.task.times), CASES[case].tringali
+    alone = [Question(solver=solver, problem=name, samples=samples, main=main) for main in (ENERGY, TORQUE)]
+    capped = Question(solver=solver, problem=name, samples=samples, main=ENERGY, capped=TORQUE)
+    settings = {False: BEGINNINGS[1], True: WARMS[1]}
+    for question, setting in itertools.product((*alone, capped), settings.values()):
+        peer(question, setting)
+
+    def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
+        question = capped if np.isfinite(ceilings[1]) else alone[main]
+        got = peer(question, settings[warm]).solve(q, cap=float(ceilings[1]))
+        return (got.q if got.solved else None), got.iterations
+
+    return lambda _: solve
+
+
+def _swept(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
+    count = sweep.problem.n_obj
+    for _ in range(ALONE):
+        for main in range(count):
+            if not sweep.tried(next(starts), main):
+                return
+    while len(sweep.F) < 2:
+        if not sweep.tried(next(starts), 0):
+            return
+    ideal = sweep.F.min(axis=0)
+    worst = sweep.F[sweep.F.argmin(axis=0)].max(axis=0)  # of the best of each objective
+    for share in shares(count - 1):
+        ceilings = np.concatenate([[np.inf], ideal[1:] + share * (worst - ideal)[1:]])
+        beyond = np.abs(sweep.F[:, 1:] - ceilings[1:]) / np.maximum(worst - ideal, 1e-12)[1:]
+        for row in np.argsort(beyond.max(axis=1), kind="stable")[:NEAREST].tolist():
+            if not sweep.tried(sweep.found[row], 0, ceilings, warm=True):
+                return
+        if not sweep.tried(next(starts), 0, ceilings):
+            return
+
+
+def shares(axes: int) -> Iterator[np.ndarray]:
+    """Return points of the unit cube that are spread evenly wherever one stops: Halton's."""
+    for number in itertools.count(1):
+        yield np.array([_radical_inverse(number, base) for base in (2, 3, 5, 7)[:axes]])
+
+
+def _radical_inverse(number: int, base: int) -> float:
+    value, place = 0.0, 1.0 / base
+    while number:
+        number, digit = divmod(number, base)
+        value, place = value + digit * place, place / base
+    return value

@@ -1,0 +1,260 @@
+"""Whole fronts beside peers: the design, the budgets, the indicators, the statistics."""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.search import Search
+from studies.benchmarks.fronts import __main__ as study
+from studies.benchmarks.fronts import cases, judging, methods, sweeps
+
+CASE = "energy_torque"
+EVALUATIONS = cases.Budget(kind="evaluations", amount=420)
+SECONDS = cases.Budget(kind="CPU time", amount=0.25)
+NOTHING = np.empty((0, 2))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small():
+    """Make the populations and the problem small: 21 samples, 20 individuals."""
+    arm, path = pk.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
+    limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
+
+    def make():
+        return pk.Tracking(arm, path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits, coefficients=8)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (cases, methods, study):
+            patch.setattr(module, "POPULATION", 20)
+        patch.setitem(cases.CASES, CASE, cases.Case(name=CASE, make=make, tringali=CASE))
+        patch.setattr(study, "_warmed", lambda *_: None)
+        cases.problem_of.cache_clear()
+        yield
+    cases.problem_of.cache_clear()
+
+
+def run_of(F):
+    return cases.Run(F=F, failed=0, evaluations=100, iterations=7, seconds=1.0)
+
+
+def table(**level):
+    """Return scores of the cells, whose hypervolume is the sum of the levels of those factors that they have."""
+    noise = np.random.default_rng(0).normal(0.0, 0.01, 11)
+    found = {}
+    for name, cell in methods.CELLS.items():
+        has = {"MaxiMin": cell.maximin, "seeding": cell.seeded, "refinement": cell.refined}
+        value = 0.5 + sum(worth for factor, worth in level.items() if has[factor])
+        found[name] = [{"hypervolume": value + n, "IGD+": 1 - value - n, "epsilon": 1.0} for n in noise]
+    return found
+
+
+def test_every_combination_of_the_factors_occurs_once_and_every_pair_of_levels_twice():
+    cells = [(cell.maximin, cell.seeded, cell.refined) for cell in methods.CELLS.values()]
+    assert sorted(cells) == sorted(itertools.product((False, True), repeat=3))
+    for one, other in itertools.combinations(range(3), 2):
+        assert sorted((cell[one], cell[other]) for cell in cells) == [
+            pair for pair in itertools.product((False, True), repeat=2) for _ in range(2)
+        ]
+
+
+def test_contrasts_are_orthogonal_and_weigh_cells_alike():
+    every = [which for size in (1, 2, 3) for which in itertools.combinations(range(3), size)]
+    weights = np.array([judging.contrast(which) for which in every])
+    np.testing.assert_allclose(weights @ weights.T, np.eye(7) / 2)
+    np.testing.assert_allclose(weights.sum(axis=1), 0.0, atol=1e-15)
+
+
+def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
+    found = judging.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
+    volume = {one.factors: one for one in found if one.indicator == "hypervolume"}
+    assert volume["MaxiMin"].mean == pytest.approx(0.1)
+    assert volume["refinement"].mean == pytest.approx(-0.2)
+    assert [volume[name].verdict for name in methods.FACTORS] == ["helps", "undecided", "HURTS"]
+    for name in ("seeding", "MaxiMin × seeding", "MaxiMin × seeding × refinement"):
+        assert abs(volume[name].mean) < 1e-12
+    distance = {one.factors: one.mean for one in found if one.indicator == "IGD+"}
+    assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better: still a help
+    assert judging.effect_rows(found)[0].note.startswith("HURTS")
+
+
+def test_the_interval_of_an_effect_covers_it_about_nineteen_times_in_twenty():
+    rng = np.random.default_rng(1)
+    weights = judging.contrast([0])
+    covered = 0
+    for _ in range(200):
+        _, low, high = judging.effect(rng.normal(0.0, 1.0, (8, 31)), weights)
+        covered += low <= 0.0 <= high
+    assert 170 <= covered <= 199
+
+
+def test_cells_with_one_start_begin_alike_and_the_other_is_of_chance():
+    problem = cases.problem_of(CASE)
+    firsts = {}
+    for name, cell in methods.CELLS.items():
+        first = cases.first_genes(problem, 3, seeded=cell.seeded)
+        search = Search(problem, seed=3, algorithm=methods.cell_algorithm(cell, problem, first))
+        firsts[name] = search.ask().X
+    for name, cell in methods.CELLS.items():
+        for other, another in methods.CELLS.items():
+            same = np.array_equal(np.unique(firsts[name], axis=0), np.unique(firsts[other], axis=0))
+            assert same == (cell.seeded == another.seeded)
+
+
+@pytest.mark.parametrize("name", study.methods_of(CASE))
+def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
+    done = study.run(CASE, name, 0, EVALUATIONS, 420)
+    assert 0.6 * EVALUATIONS.amount <= done.evaluations + done.iterations <= EVALUATIONS.amount
+    assert (done.iterations > 0) == (name in (study.OURS, study.EPSILON, *sweeps.SOLVERS) or name.endswith("refined"))
+    assert len(done.F) <= cases.POPULATION
+
+
+@pytest.mark.parametrize("name", [study.OURS, study.EPSILON, "NSGA-II", "MaxiMin, seeded, refined"])
+def test_equal_time_is_kept(name):
+    study.run(CASE, name, 0, SECONDS, 420)
+    assert min(study.run(CASE, name, seed, SECONDS, 420).seconds for seed in range(2)) < 1.5 * SECONDS.amount
+
+
+def test_a_run_is_the_same_again():
+    one, again = (study.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 420) for _ in range(2))
+    assert np.array_equal(one.F, again.F)
+    assert (one.evaluations, one.iterations) == (again.evaluations, again.iterations)
+
+
+def test_ours_without_refinement_is_what_solve_finds():
+    problem = cases.problem_of(CASE)
+    budget = cases.Budget(kind="evaluations", amount=400)
+    mine = methods.ours(problem, 2, budget, 20, refine=False)
+    first = cases.first_genes(problem, 2)
+    front = pk.solve(
+        problem, population=20, generations=20, seed=2, initial=first, anchors=5, points=20, stagnation=False
+    )
+    assert mine.evaluations == front.provenance["counts"]["evaluations"]
+    np.testing.assert_allclose(mine.F[np.argsort(mine.F[:, 0])], front.minimised, rtol=1e-12)
+
+
+def test_points_that_the_verifier_refuses_are_absent():
+    problem = cases.problem_of(CASE)
+    account = cases.Account(budget=EVALUATIONS)
+    q = problem.decode(cases.first_genes(problem, 0)).q
+    motions = problem.task.motion(q)
+    bad = (motions.tracking_error.max(axis=-1) > cases.OFF_PATH) | (
+        problem.task.violations(motions).max(axis=-1) > cases.VIOLATION
+    )
+    good = q[~bad]
+    assert len(good) > 0
+    off = good.copy()
+    off[:, 5] += 1e-3
+    judged = cases.verified(problem, np.concatenate([good, off]), account)
+    assert judged.failed == len(off)
+    np.testing.assert_array_equal(judged.F, cases.verified(problem, good, account).F)
+
+
+def test_indicators_of_a_known_front():
+    line = np.column_stack([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)])
+    whole = judging.scored(line, line)
+    assert (whole["IGD+"], whole["epsilon"]) == (0.0, 0.0)
+    assert whole["hypervolume"] == pytest.approx(1.1**2 - 0.5 - 0.5 * 0.01)  # stairs of 0.01
+    worse = judging.scored(line + 0.05, line)
+    assert worse["epsilon"] == pytest.approx(0.05)
+    assert worse["hypervolume"] < whole["hypervolume"]
+    nothing = judging.scored(NOTHING, line)
+    assert nothing["hypervolume"] == 0.0
+    assert nothing["epsilon"] == pytest.approx(1.1)
+    assert np.isfinite(nothing["IGD+"])
+
+
+def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
+    rng = np.random.default_rng(2)
+    fronts = [rng.uniform(size=(20, 2)) for _ in range(3)]
+    every, kept = np.concatenate(fronts), judging.union(fronts)
+    better = np.all(every[:, None] <= kept[None], axis=2) & np.any(every[:, None] < kept[None], axis=2)
+    assert not better.any()
+    assert len(kept) == sum(not np.any(np.all(every <= one, axis=1) & np.any(every < one, axis=1)) for one in every)
+
+
+def test_losses_come_first_and_are_counted():
+    rng = np.random.default_rng(3)
+    names = [study.OURS, study.PLAIN, study.EPSILON, "weak", "strong"]
+    centre = dict(zip(names, (0.5, 0.5, 0.5, 0.3, 0.9), strict=True))
+    found = {
+        name: [{"hypervolume": v, "IGD+": 1 - v, "epsilon": 1 - v} for v in centre[name] + rng.normal(0, 0.01, 31)]
+        for name in names
+    }
+    rows = judging.comparison_rows(judging.comparisons("case", "evaluations", found))
+    compared = [row for row in rows if row.table == judging.COMPARED]
+    verdicts = [row.note.split(";")[0] for row in compared]
+    assert verdicts == ["LOSS"] * 9 + ["win"] * 9
+    counted = {row.row: (row.ours, row.paper) for row in rows if row.table == judging.COUNTED}
+    assert counted["strong: paretoik, equal evaluations"] == (0, 3)
+    assert counted["weak: paretoik, equal evaluations"] == (3, 0)
+
+
+def test_methods_that_find_nothing_at_all_are_undecided_or_equal_not_nan():
+    names = [study.OURS, study.PLAIN, study.EPSILON, "peer"]
+    found = {name: [judging.scored(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
+    rows = judging.comparison_rows(judging.comparisons("case", "CPU time", found))
+    assert {row.note.split(";")[0] for row in rows if row.table == judging.COMPARED} <= {"undecided", "equal"}
+
+
+def test_halton_s_points_are_even_wherever_one_stops():
+    first = np.array(list(itertools.islice(sweeps.shares(1), 7)))[:, 0]
+    np.testing.assert_allclose(np.sort(first), np.arange(1, 8) / 8)
+    both = np.array(list(itertools.islice(sweeps.shares(2), 35)))
+    assert np.histogram2d(*both.T, bins=(2, 3), range=((0, 1), (0, 1)))[0].min() >= 5
+
+
+def test_simulations_keep_their_limits_and_get_both_objectives():
+    one, four = cases.CASES["simulation 1"].make(), cases.CASES["simulation 4"].make()
+    assert one.names == four.names == ("kinetic_energy", "torque_norm")
+    assert not one.task.bounds
+    assert set(four.task.bounds) == {"position", "velocity", "torque", "power"}
+
+
+def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
+    class Here:
+        """Runs at once, in this process."""
+
+        def __init__(self, *_, **__):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def submit(self, work, *given):
+            done = study.Future()
+            done.set_result(work(*given))
+            return done
+
+    monkeypatch.setattr(study, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(study, "QUICK", (CASE,))
+    monkeypatch.setattr(study, "QUICK_EVALUATIONS", 200)
+    monkeypatch.setattr(study, "SOLVERS", ())
+    monkeypatch.setattr(study, "PYMOO", ("NSGA-II",))
+    monkeypatch.setattr(study, "PYGMO", ())
+    monkeypatch.setattr(study, "reference_front", lambda: NOTHING)
+    file = tmp_path / "fronts.json"
+    study.main(["--quick", "--seeds", "2", "--json", str(file)])
+
+    def refuse(name):
+        raise AssertionError(name)
+
+    rows = json.loads(file.read_text(), parse_constant=refuse)
+    assert {row["table"] for row in rows} == {judging.COMPARED, judging.COUNTED, judging.ADDED, judging.LEFT}
+    left = [(row["row"], row["column"]) for row in rows if row["table"] == judging.LEFT]
+    assert len(left) == len(set(left)) == 2 * len(study.methods_of(CASE))
+    assert "left out" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["--seeds", "1"], ["--evaluations", "5"], ["--problems", "none such"]])
+def test_what_cannot_be_run_is_refused(words, capsys):
+    with pytest.raises(SystemExit):
+        study.main(words)
+    assert "wanted" in capsys.readouterr().err or words[0] == "--problems"
