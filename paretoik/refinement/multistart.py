@@ -30,7 +30,7 @@ COLD = (
     Rules(barrier=0.1, radius=0.4),
     Rules(barrier=0.01, radius=0.1),
 )  # in turn: each finds basins that the other walks past
-EASING = Rules(radius=0.1, iterations=60)
+EASING = Rules(radius=0.1, iterations=40)
 HOLDING = Rules(barrier=1e-4, penalty=100.0, radius=0.02)  # limits are not left again for a better objective
 WARM = Rules(barrier=1e-4, radius=0.02)
 
@@ -120,7 +120,7 @@ def descended(
         found = polish(program, q, weights[None], below[None], rules=rules)
         if ease and len(levels) in (0, len(counts) - 1) and not found.converged.any() and found.violation.max() > HOLDS:
             least = _distinct(level, found, found.totals @ weights, most=KEPT)
-            eased = found.q[least] if levels else np.concatenate([found.q[least], q])
+            eased = found.q[least] if levels else np.concatenate([found.q[least], q[: 2 * KEPT]])
             found = _eased(program, eased, weights, below)
         most = KEPT if len(levels) + 1 < len(counts) else len(found)
         found = found[_distinct(level, found, found.totals @ weights, most=most)]

@@ -153,13 +153,13 @@ def test_a_motion_keeps_clear_of_obstacles_and_pays_for_it(obstacle):
 
 
 def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_just_above_it_holds():
-    least = pk.plan(problem_of(pk.peak_torque), starts=12).best.objective
+    least = pk.plan(problem_of(pk.peak_torque), starts=6).best.objective
 
     def limited(share):
         limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * least)
         path = tringali_2020.straight(26)
         return pk.plan(
-            pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=24
+            pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=8
         )
 
     with pytest.raises(pk.Infeasible, match=r"torque of joint\d is exceeded by .* at sample \d+"):
@@ -210,7 +210,7 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     def bent(motion):
         return np.sum(np.where(motion.dq > 0, motion.dq, -2 * motion.dq), axis=-1)
 
-    with pytest.raises(pk.InvalidInput, match=r"jumping: pieces of np\.where that meet"):
+    with pytest.raises(pk.InvalidInput, match=r"jumping: jumps where the condition"):
         motion_program(problem_of(jumping).task)
     best = pk.plan(problem_of(bent), starts=6).best
     known = certify(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))

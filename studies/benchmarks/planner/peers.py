@@ -221,8 +221,8 @@ def blockwise(program: Program, like: Any) -> Any:
     keys, where = np.unique(np.concatenate(column_at) * size + np.concatenate(row_at), return_inverse=True)
     pattern = casadi.Sparsity.triplet(size, size, (keys % size).tolist(), (keys // size).tolist())
     adding = casadi.Sparsity.triplet(len(keys), len(where), where.tolist(), list(range(len(where))))
-    H = casadi.MX(pattern, casadi.DM(adding, 1.0) @ casadi.vertcat(*elements))
-    values = {"hess_gamma_x_x": H, "triu_hess_gamma_x_x": casadi.triu(H)}
+    whole = casadi.MX(pattern, casadi.DM(adding, 1.0) @ casadi.vertcat(*elements))
+    values = {"hess_gamma_x_x": whole, "triu_hess_gamma_x_x": casadi.triu(whole)}
     if "grad_gamma_x" in like.name_out():
         f, g = casadi.Function("both", *_of(looped(program)))(x, p)
         values["grad_gamma_x"] = casadi.gradient(factor * f + casadi.dot(multipliers, g), x)

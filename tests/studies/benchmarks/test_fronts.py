@@ -11,7 +11,7 @@ import pytest
 import paretoik as pk
 from paretoik.search import Search
 from studies.benchmarks.fronts import __main__ as study
-from studies.benchmarks.fronts import cases, judging, methods, sweeps
+from studies.benchmarks.fronts import cases, judging, methods, running, sweeps
 
 CASE = "energy_torque"
 EVALUATIONS = cases.Budget(kind="evaluations", amount=420)
@@ -26,13 +26,15 @@ def _small():
     limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
 
     def make():
-        return pk.Tracking(arm, path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits, coefficients=8)
+        return pk.Tracking(
+            arm, path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits, coefficients=8, bases=3
+        )
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (cases, methods, study):
+        for module in (cases, methods, running):
             patch.setattr(module, "POPULATION", 20)
         patch.setitem(cases.CASES, CASE, cases.Case(name=CASE, make=make, tringali=CASE))
-        patch.setattr(study, "_warmed", lambda *_: None)
+        patch.setattr(running, "_warmed", lambda *_: None)
         cases.problem_of.cache_clear()
         yield
     cases.problem_of.cache_clear()
@@ -105,22 +107,24 @@ def test_cells_with_one_start_begin_alike_and_the_other_is_of_chance():
             assert same == (cell.seeded == another.seeded)
 
 
-@pytest.mark.parametrize("name", study.methods_of(CASE))
+@pytest.mark.parametrize("name", running.methods_of(CASE))
 def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
-    done = study.run(CASE, name, 0, EVALUATIONS, 420)
+    done = running.run(CASE, name, 0, EVALUATIONS, 420)
     assert 0.6 * EVALUATIONS.amount <= done.evaluations + done.iterations <= EVALUATIONS.amount
-    assert (done.iterations > 0) == (name in (study.OURS, study.EPSILON, *sweeps.SOLVERS) or name.endswith("refined"))
+    assert (done.iterations > 0) == (
+        name in (running.OURS, running.EPSILON, *sweeps.SOLVERS) or name.endswith("refined")
+    )
     assert len(done.F) <= cases.POPULATION
 
 
-@pytest.mark.parametrize("name", [study.OURS, study.EPSILON, "NSGA-II", "MaxiMin, seeded, refined"])
+@pytest.mark.parametrize("name", [running.OURS, running.EPSILON, "NSGA-II", "MaxiMin, seeded, refined"])
 def test_equal_time_is_kept(name):
-    study.run(CASE, name, 0, SECONDS, 420)
-    assert min(study.run(CASE, name, seed, SECONDS, 420).seconds for seed in range(2)) < 1.5 * SECONDS.amount
+    running.run(CASE, name, 0, SECONDS, 420)
+    assert min(running.run(CASE, name, seed, SECONDS, 420).seconds for seed in range(2)) < 1.5 * SECONDS.amount
 
 
 def test_a_run_is_the_same_again():
-    one, again = (study.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 420) for _ in range(2))
+    one, again = (running.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 420) for _ in range(2))
     assert np.array_equal(one.F, again.F)
     assert (one.evaluations, one.iterations) == (again.evaluations, again.iterations)
 
@@ -179,7 +183,7 @@ def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
 
 def test_losses_come_first_and_are_counted():
     rng = np.random.default_rng(3)
-    names = [study.OURS, study.PLAIN, study.EPSILON, "weak", "strong"]
+    names = [running.OURS, running.PLAIN, running.EPSILON, "weak", "strong"]
     centre = dict(zip(names, (0.5, 0.5, 0.5, 0.3, 0.9), strict=True))
     found = {
         name: [{"hypervolume": v, "IGD+": 1 - v, "epsilon": 1 - v} for v in centre[name] + rng.normal(0, 0.01, 31)]
@@ -195,7 +199,7 @@ def test_losses_come_first_and_are_counted():
 
 
 def test_methods_that_find_nothing_at_all_are_undecided_or_equal_not_nan():
-    names = [study.OURS, study.PLAIN, study.EPSILON, "peer"]
+    names = [running.OURS, running.PLAIN, running.EPSILON, "peer"]
     found = {name: [judging.scored(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
     rows = judging.comparison_rows(judging.comparisons("case", "CPU time", found))
     assert {row.note.split(";")[0] for row in rows if row.table == judging.COMPARED} <= {"undecided", "equal"}
@@ -229,16 +233,16 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
             pass
 
         def submit(self, work, *given):
-            done = study.Future()
+            done = running.Future()
             done.set_result(work(*given))
             return done
 
-    monkeypatch.setattr(study, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(running, "ProcessPoolExecutor", Here)
     monkeypatch.setattr(study, "QUICK", (CASE,))
     monkeypatch.setattr(study, "QUICK_EVALUATIONS", 200)
-    monkeypatch.setattr(study, "SOLVERS", ())
-    monkeypatch.setattr(study, "PYMOO", ("NSGA-II",))
-    monkeypatch.setattr(study, "PYGMO", ())
+    monkeypatch.setattr(running, "SOLVERS", ())
+    monkeypatch.setattr(running, "PYMOO", ("NSGA-II",))
+    monkeypatch.setattr(running, "PYGMO", ())
     monkeypatch.setattr(study, "reference_front", lambda: NOTHING)
     file = tmp_path / "fronts.json"
     study.main(["--quick", "--seeds", "2", "--json", str(file)])
@@ -249,7 +253,7 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
     rows = json.loads(file.read_text(), parse_constant=refuse)
     assert {row["table"] for row in rows} == {judging.COMPARED, judging.COUNTED, judging.ADDED, judging.LEFT}
     left = [(row["row"], row["column"]) for row in rows if row["table"] == judging.LEFT]
-    assert len(left) == len(set(left)) == 2 * len(study.methods_of(CASE))
+    assert len(left) == len(set(left)) == 2 * len(running.methods_of(CASE))
     assert "left out" in capsys.readouterr().out
 
 
