@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from studies.benchmarks.energy_torque import reference_front
-from studies.benchmarks.fronts.cases import CASES, POPULATION, SAME, Kind, Run
+from studies.benchmarks.fronts.cases import CASES, POPULATION, SAME
 from studies.benchmarks.fronts.judging import (
     all_scores,
     comparison_rows,
@@ -32,14 +32,15 @@ from studies.benchmarks.fronts.judging import (
     union,
 )
 from studies.benchmarks.fronts.methods import PYGMO
-from studies.benchmarks.fronts.running import KINDS, run_all
+from studies.benchmarks.fronts.running import KINDS, Found, run_all
+from studies.benchmarks.planner.compiling import COMPILER
 from studies.reporting import Row, report
 
 QUICK = ("energy_torque", "simulation 1")
 QUICK_EVALUATIONS = 1500
 
 
-def rows_of(found: dict[tuple[str, Kind], dict[str, list[Run]]]) -> list[Row]:
+def rows_of(found: Found) -> list[Row]:
     """Judge all runs: of a case against the union of its fronts under all budgets, and what is stored of it."""
     compared, added, left = [], [], []
     for case in dict.fromkeys(name for name, _ in found):
@@ -66,7 +67,9 @@ def tell_left_out(chosen: Sequence[str]) -> None:
         print("left out: pygmo, which is not installed")
     for case in chosen:
         if not CASES[case].tringali:
-            print(f"left out: ε-constraints by FATROP and IPOPT on {case}, which have no program of it")
+            print(f"left out: ε-constraints by FATROP on {case}, for which the planner's peers have no program")
+    if COMPILER is None:
+        print("no C compiler: FATROP and IPOPT run with CasADi's own evaluation")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -88,7 +91,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tell_left_out(chosen)
     if given.quick:
         print(f"quick: {', '.join(chosen)} only, {evaluations} evaluations, {seeds} seeds: too few to prove much")
-    report(rows_of(run_all(chosen, KINDS, seeds, evaluations)), json_file=given.json)
+        print("quick: FATROP and IPOPT with CasADi's own evaluation, not compiled")
+    found = run_all(chosen, KINDS, seeds, evaluations, compiling=not given.quick)
+    report(rows_of(found), json_file=given.json)
 
 
 if __name__ == "__main__":

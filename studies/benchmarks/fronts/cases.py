@@ -29,7 +29,7 @@ class Case:
     name: str
     make: Callable[[], pk.Tracking]
     tringali: str = ""
-    evaluations: int = 6000
+    evaluations: int = 4000
 
 
 def traded(name: str) -> Callable[[], pk.Tracking]:
@@ -53,7 +53,7 @@ CASES = {
         Case(name="simulation 1", make=traded("simulation_1"), tringali="simulation_1"),
         Case(name="simulation 4", make=traded("simulation_4"), tringali="simulation_4"),
         Case(name="simulation 5 (cyclic)", make=traded("simulation_5")),
-        Case(name="Panda", make=panda.across_the_table, evaluations=3000),
+        Case(name="Panda", make=panda.across_the_table, evaluations=1500),
     )
 }
 

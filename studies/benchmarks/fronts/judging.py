@@ -112,8 +112,9 @@ def effect(table: Values, weights: Values) -> tuple[float, float, float]:
 
 def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
     """Return comparisons, losses first, after Holm over all of them, and their count by peer."""
+    grades = ["loss", "undecided", "equal", "win"]
     rows, counts = [], dict[str, Counter[str]]()
-    for one in judged(every):
+    for one in sorted(judged(every), key=lambda one: (grades.index(one.verdict.split(",")[0]), one.a12)):
         budget = one.problem.split(", equal ")[1]
         counts.setdefault(f"{one.peer}, equal {budget}", Counter())[one.verdict.split(",")[0]] += 1
         ratio = f"ratio {one.ratio:.3f} [{one.ratio_low:.3f}, {one.ratio_high:.3f}]"

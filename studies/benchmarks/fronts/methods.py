@@ -35,6 +35,7 @@ from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Sp
 OURS, PLAIN = "paretoik", "paretoik, refine=False"
 HELD_BACK = 0.3  # of the budget of a refined run, at most, for the polish at its end
 PER_POINT = 20  # iterations that it is expected to take
+DEARER = 2.0  # an iteration than an evaluation, as long as none was seen
 AT_ONCE = 10  # points polished in one batch
 PARTITIONS = {2: 99, 3: 12}
 PENALTY = 10.0  # medians of an objective for a violation of a whole range
@@ -134,7 +135,11 @@ class Refining:
         """Return what polishing so many points is expected to take, in the budget's unit."""
         budget, iterations = self.account.budget, float(PER_POINT * min(points, POPULATION))
         if budget.kind == "CPU time":
-            iterations *= self.seconds / self.improver.spent if self.improver.spent else np.inf
+            known = self.improver.spent > 0
+            taken, of = (
+                (self.seconds, self.improver.spent) if known else (self.account.seconds, self.account.evaluations)
+            )
+            iterations *= taken / of if known else DEARER * taken / of
         return min(iterations, HELD_BACK * budget.amount) if points else 0.0
 
 

@@ -8,14 +8,21 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
+from itertools import product
 from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
 from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run, problem_of
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
-from studies.benchmarks.fronts.sweeps import SOLVERS, epsilon_run
+from studies.benchmarks.fronts.sweeps import SOLVERS, Form, epsilon_run, form_of
+
+Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every seed by method, case and budget
+Result = TypeVar("Result")
 
 KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
 CORES = 2
@@ -24,22 +31,23 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 def methods_of(case: str) -> list[str]:
     """Return the names of all that can run on a case, ours first."""
-    return [OURS, PLAIN, EPSILON, *CELLS, *PYMOO, *PYGMO, *(SOLVERS if CASES[case].tringali else ())]
+    peers = [name for name in SOLVERS if CASES[case].tringali or SOLVERS[name] == "ipopt"]
+    return [OURS, PLAIN, EPSILON, *CELLS, *PYMOO, *PYGMO, *peers]
 
 
-def run(case: str, name: str, seed: int, budget: Budget, evaluations: int) -> Run:
+def run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form: Form | None = None) -> Run:
     """Run one method once, after it was warmed; by names so that it can happen in another process."""
-    _warmed(case, name)
-    return _run(case, name, seed, budget, evaluations)
+    _warmed(case, name, form)
+    return _run(case, name, seed, budget, evaluations, form)
 
 
 @lru_cache(maxsize=256)
-def _warmed(case: str, name: str) -> None:
+def _warmed(case: str, name: str, form: Form | None) -> None:
     """Compile and load what a method needs, in this process, before it is timed."""
-    _run(case, name, 0, Budget(kind="evaluations", amount=12 * POPULATION), 12 * POPULATION)
+    _run(case, name, 0, Budget(kind="evaluations", amount=3 * POPULATION), 3 * POPULATION, form)
 
 
-def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int) -> Run:
+def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form: Form | None) -> Run:
     problem = problem_of(case)
     if name in (OURS, PLAIN):
         return ours(problem, seed, budget, evaluations // POPULATION, refine=name == OURS)
@@ -49,44 +57,64 @@ def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int) -> R
         return pymoo_run(name, problem, seed, budget)
     if name in PYGMO:
         return pygmo_run(name, problem, seed, budget)
-    return epsilon_run(name, case, problem, seed, budget)
+    return epsilon_run(problem, seed, budget, form)
 
 
 def run_all(
-    chosen: Sequence[str], kinds: Sequence[Kind], seeds: int, evaluations: int | None
-) -> dict[tuple[str, Kind], dict[str, list[Run]]]:
+    chosen: Sequence[str], kinds: Sequence[Kind], seeds: int, evaluations: int | None = None, *, compiling: bool = True
+) -> Found:
     """Run everything, seeds outermost and the order of methods turning, a process a core."""
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    found: dict[tuple[str, Kind], dict[str, list[Run]]] = {}
-    with ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool:
+    found: Found = {}
+    with TemporaryDirectory() as folder, ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool:
         sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
+        forms = _forms(pool, chosen, Path(folder) if compiling else None)
         budgets = {case: _budgets(pool, case, sizes[case], kinds) for case in chosen}
         for seed in range(seeds):
             waiting: list[tuple[str, Kind, str, Future[Run]]] = []
             for case in chosen:
                 names = methods_of(case)
-                turned = names[seed % len(names) :] + names[: seed % len(names)]
-                for name in turned:
-                    for kind in kinds:
-                        work = pool.submit(run, case, name, seed, budgets[case][kind], sizes[case])
-                        waiting.append((case, kind, name, work))
+                for name, kind in product(names[seed % len(names) :] + names[: seed % len(names)], kinds):
+                    form = forms.get((case, name))
+                    work = pool.submit(run, case, name, seed, budgets[case][kind], sizes[case], form)
+                    waiting.append((case, kind, name, work))
             for case, kind, name, work in waiting:
-                try:
-                    done = work.result()
-                except BrokenProcessPool:
-                    raise SystemExit(f"{name} or one beside it crashed on {case}, seed {seed}") from None
                 every = found.setdefault((case, kind), {each: [] for each in methods_of(case)})
-                every[name].append(done)
-            print(f"seed {seed + 1} of {seeds}: done", file=sys.stderr, flush=True)
+                every[name].append(_done(work, f"{name} or one beside it on {case}, seed {seed},"))
+            _tell(f"seed {seed + 1} of {seeds}: done")
     return found
+
+
+def _forms(pool: ProcessPoolExecutor, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
+    asked = {
+        (case, name): pool.submit(form_of, name, case, folder)
+        for case in chosen
+        for name in methods_of(case)
+        if name in SOLVERS
+    }
+    found = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in asked.items()}
+    _tell("peers: built")
+    return found
+
+
+def _done(work: Future[Result], what: str) -> Result:
+    try:
+        return work.result()
+    except BrokenProcessPool:
+        raise SystemExit(f"{what} crashed") from None
+
+
+def _tell(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _budgets(pool: ProcessPoolExecutor, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
     same = Budget(kind="evaluations", amount=evaluations)
     found: dict[Kind, Budget] = {"evaluations": same}
     if "CPU time" in kinds:
-        taken = [pool.submit(run, case, "NSGA-II", seed, same, evaluations).result().seconds for seed in range(3)]
+        works = [pool.submit(run, case, PYMOO[0], seed, same, evaluations) for seed in range(3)]
+        taken = [_done(work, f"{PYMOO[0]} on {case}").seconds for work in works]
         found["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
-        print(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s", file=sys.stderr, flush=True)
+        _tell(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s")
     return found

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -19,13 +21,18 @@ from paretoik.refinement.epsilon import WARM as OUR_WARM
 from paretoik.refinement.epsilon import YIELD
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
-from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, verified
-from studies.benchmarks.planner.peers import BEGINNINGS, Question, peer
-from studies.benchmarks.planner.programs import ENERGY, TORQUE
-from studies.benchmarks.planner.simulations import WARMS
+from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verified
+from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
+from studies.benchmarks.planner.compiling import COMPILER, compiled
+from studies.benchmarks.planner.peers import Question, peer
 
 OURS = "ε paretoik"
 SOLVERS = {"ε FATROP": "fatrop", "ε IPOPT": "ipopt"}
+ENERGY, TORQUE = "kinetic_energy", "torque_norm"
+SETTINGS = {  # of the planner's peers, warm or not: as served them best there
+    False: (("mu_init", 1e-2),),
+    True: (("mu_init", 1e-4), ("bound_push", 1e-4), ("bound_frac", 1e-4)),
+}
 ALONE = 3  # starts of each objective alone
 NEAREST = 2  # motions that a level starts from
 
@@ -59,28 +66,48 @@ class Sweep:
         return True
 
 
-def epsilon_run(name: str, case: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
-    """Return a run of ε-constraints; building and compiling the solvers is not counted."""
-    make = our_solver(problem) if name == OURS else their_solver(SOLVERS[name], case, problem)
+@dataclass(frozen=True)
+class Form:
+    """What a peer solves, so that any process can: questions to the planner's peers, or a program of our own making."""
+
+    questions: tuple[Question, ...] = ()  # energy, torque, energy with torque capped
+    library: str = ""  # of the program where it is compiled
+
+
+def form_of(name: str, case: str, folder: Path | None) -> Form:
+    """Return a peer's form, compiled into a folder where one is given and there is a compiler."""
+    solver, problem = SOLVERS[name], CASES[case].tringali
+    into = folder if COMPILER else None
+    if problem:
+        asked = Question(solver=solver, problem=problem, samples=len(problem_of(case).task.times), main=ENERGY)
+        questions = (asked, replace(asked, main=TORQUE), replace(asked, capped=TORQUE))
+        return Form(tuple(compiled(one, into)[0] for one in questions) if into else questions)
+    return Form(
+        library=compiled_program(problem_of(case).task, f"program_{list(CASES).index(case)}", into) if into else ""
+    )
+
+
+def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, form: Form | None) -> Run:
+    """Return a run of ε-constraints, ours where no form is given; building and compiling solvers is not counted."""
+    make = our_solver(problem) if form is None else their_solver(problem, form)
     account = Account(budget=budget)
     task, starts = problem.task, problem.decode(first_genes(problem, seed)).q
     excess = np.maximum(task.violations(task.motion(starts)), 0.0).sum(axis=1)
     order = np.random.default_rng(seed).permutation(len(starts))
     order = order[np.argsort(excess[order], kind="stable")]
-    solve = make(starts[order[:20]])
+    values = np.stack([o(task.motion(starts[order[:20]])) * o.sign for o in task.objectives], axis=1)
+    solve = make(np.maximum(np.abs(np.median(values, axis=0)), 1e-9))
     sweep = Sweep(solve, account, problem, [], np.empty((0, problem.n_obj)))
     _swept(sweep, itertools.cycle(starts[order]))
     return verified(problem, np.array(sweep.found).reshape(-1, *starts.shape[1:]), account)
 
 
 def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
-    """Return what makes our solver, in the ranges of a few motions."""
+    """Return what makes our solver for given ranges of the objectives."""
     task, count = problem.task, problem.n_obj
     motion_program(task)  # differentiated and compiled once
 
-    def make(motions: np.ndarray) -> Solve:
-        values = np.stack([o(task.motion(motions)) * o.sign for o in task.objectives], axis=1)
-        ranges = np.maximum(np.abs(np.median(values, axis=0)), 1e-9)
+    def make(ranges: np.ndarray) -> Solve:
         program = motion_program(task, ranges)
 
         def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
@@ -96,21 +123,37 @@ def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
     return make
 
 
-def their_solver(solver: str, case: str, problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
-    """Return what makes a peer's solver: it needs no ranges."""
-    samples, name = len(problem.task.times), CASES[case].tringali
-    alone = [Question(solver=solver, problem=name, samples=samples, main=main) for main in (ENERGY, TORQUE)]
-    capped = Question(solver=solver, problem=name, samples=samples, main=ENERGY, capped=TORQUE)
-    settings = {False: BEGINNINGS[1], True: WARMS[1]}
-    for question, setting in itertools.product((*alone, capped), settings.values()):
+def their_solver(problem: pk.Tracking, form: Form) -> Callable[[np.ndarray], Solve]:
+    """Return what makes a peer's solver for given ranges; the planner's peers need none."""
+    if not form.questions:
+        return _general(problem, form)
+    *alone, capped = form.questions
+    for question, setting in itertools.product(form.questions, SETTINGS.values()):
         peer(question, setting)
 
     def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
         question = capped if np.isfinite(ceilings[1]) else alone[main]
-        got = peer(question, settings[warm]).solve(q, cap=float(ceilings[1]))
+        got = peer(question, SETTINGS[warm]).solve(q, cap=float(ceilings[1]))
         return (got.q if got.solved else None), got.iterations
 
     return lambda _: solve
+
+
+def _general(problem: pk.Tracking, form: Form) -> Callable[[np.ndarray], Solve]:
+    program = _program(problem, form)
+
+    def make(ranges: np.ndarray) -> Solve:
+        def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
+            return program.solve(q, main, ceilings, ranges, warm=warm)
+
+        return solve
+
+    return make
+
+
+@lru_cache(maxsize=8)
+def _program(problem: pk.Tracking, form: Form) -> JointProgram:
+    return joint_program(problem.task, form.library)
 
 
 def _swept(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:

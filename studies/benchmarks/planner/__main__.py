@@ -19,8 +19,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
-from studies.benchmarks.planner.peers import COMPILER, Cores
 from studies.benchmarks.planner.simulations import NAMES, Compared, Effort, compared, forms, summed
 from studies.benchmarks.planner.sweep import sweeps
 from studies.benchmarks.planner.verdicts import HALF, losses_first, tell

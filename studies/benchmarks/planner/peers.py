@@ -1,21 +1,10 @@
-"""CasADi's FATROP and IPOPT, with CasADi's own evaluation or compiled by a C compiler, on both cores.
-
-Compiled, stages are calls of one small function in a loop and the Hessian is put together from stages' blocks: seconds
-of compilation where all written out takes minutes, and as fast.
-"""
+"""CasADi's FATROP and IPOPT: what they are asked, and what they answer."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 import time
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from multiprocessing import get_context
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import casadi
@@ -28,13 +17,12 @@ from studies.benchmarks.planner.programs import ENERGY, INERTIA, TORQUE, Program
 
 Settings: TypeAlias = tuple[tuple[str, float], ...]
 
-CORES, SAMPLES = 2, 101
+SAMPLES = 101
 TOLERANCE, CAP = 1e-8, 100  # of stationarity; iterations
 BEGINNINGS: tuple[Settings, ...] = tuple((("mu_init", mu),) for mu in (0.1, 0.01, 0.001))
 # what a warm start is pushed off its bounds by drives it elsewhere
 PUSHES = ("bound_push", "bound_frac")
 WIDENED = 1e-8  # by this, times their size where that is above one, FATROP relaxes bounds
-COMPILER = shutil.which("gcc") or shutil.which("cc")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +83,7 @@ class Peer:
             options |= {"structure_detection": "auto", "equality": equality}
         what = question.library or written_out(self.program)
         self.solver = casadi.nlpsol("peer", question.solver, what, options)
-        self.sums = casadi.Function("sums", *_of(written_out(self.program))) if len(self.program.sum_at) else None
+        self.sums = casadi.Function("sums", *signature(written_out(self.program))) if len(self.program.sum_at) else None
         program = self.program
         self.x_sides = self._narrowed(program.lower, program.upper)
         self.row_sides = self._narrowed(program.rows("lower"), program.rows("upper"))
@@ -183,75 +171,9 @@ def written_out(program: Program) -> dict[str, Any]:
     return {"x": x, "p": p, "f": totals[0], "g": casadi.vertcat(*rows, *casadi.vertsplit(totals)[1:])}
 
 
-def looped(program: Program) -> dict[str, Any]:
-    """Return the program with the stages of a run as one call over a matrix."""
-    x, p = casadi.MX.sym("x", len(program.lower)), casadi.MX.sym("p", INERTIA)
-    totals: Any = casadi.MX.zeros(program.totals)
-    rows: list[Any] = []
-    for run in program.runs:
-        total, row = run.stage.map(run.count)(_gathered(x, run), casadi.repmat(p, 1, run.count))
-        totals += casadi.sum2(total)
-        rows.append(casadi.vec(row))
-    return {"x": x, "p": p, "f": totals[0], "g": casadi.vertcat(*rows, *casadi.vertsplit(totals)[1:])}
-
-
-def _gathered(x: Any, run: Any) -> Any:
-    return casadi.reshape(x[run.places.T.ravel().tolist()], *run.places.shape)
-
-
-def blockwise(program: Program, like: Any) -> Any:
-    """Return the Lagrangian's Hessian put together from stages' blocks, a function with the names of ``like``."""
-    x, p, factor, multipliers = (casadi.MX.sym(f"v{i}", *like.size_in(i)) for i in range(4))
-    # a multiplier of a row that is a total belongs to every stage
-    shared = casadi.vertcat(factor, *casadi.vertsplit(multipliers)[program.rows("lower").size - program.totals + 1 :])
-    elements, row_at, column_at, begin = [], [], [], 0
-    for run in program.runs:
-        z, q, t, m = (casadi.SX.sym("z", n) for n in (run.places.shape[0], INERTIA, program.totals, len(run.lower)))
-        total, row = run.stage(z, q)
-        H = casadi.hessian(casadi.dot(t, total) + casadi.dot(m, row), z)[0]
-        block = casadi.Function("block", [z, q, t, m], [H])
-        own = casadi.reshape(multipliers[begin : begin + run.lower.size], *run.lower.shape)
-        begin += run.lower.size
-        every = [casadi.repmat(v, 1, run.count) for v in (p, shared)]
-        elements.append(block.map(run.count)(_gathered(x, run), *every, own).nz[:])
-        i, j = (np.array(side, dtype=int) for side in H.sparsity().get_triplet())
-        row_at.append(run.places.T[:, i].ravel())
-        column_at.append(run.places.T[:, j].ravel())
-    size = len(program.lower)
-    keys, where = np.unique(np.concatenate(column_at) * size + np.concatenate(row_at), return_inverse=True)
-    pattern = casadi.Sparsity.triplet(size, size, (keys % size).tolist(), (keys // size).tolist())
-    adding = casadi.Sparsity.triplet(len(keys), len(where), where.tolist(), list(range(len(where))))
-    whole = casadi.MX(pattern, casadi.DM(adding, 1.0) @ casadi.vertcat(*elements))
-    values = {"hess_gamma_x_x": whole, "triu_hess_gamma_x_x": casadi.triu(whole)}
-    if "grad_gamma_x" in like.name_out():
-        f, g = casadi.Function("both", *_of(looped(program)))(x, p)
-        values["grad_gamma_x"] = casadi.gradient(factor * f + casadi.dot(multipliers, g), x)
-    outputs = [values[name] for name in like.name_out()]
-    return casadi.Function("nlp_hess_l", [x, p, factor, multipliers], outputs, like.name_in(), like.name_out())
-
-
-def _of(problem: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+def signature(problem: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+    """Return the inputs and the outputs of a problem."""
     return [problem["x"], problem["p"]], [problem["f"], problem["g"]]
-
-
-def compiled(question: Question, folder: Path) -> tuple[Question, float]:
-    """Return the question with its functions compiled into a library there, and the seconds that took."""
-    assert COMPILER is not None
-    started, program = time.perf_counter(), program_of(question)
-    problem: dict[str, Any] = looped(program)
-    name = "_".join(part for part in (question.solver, question.problem, question.main, str(question.samples)) if part)
-    name += f"_below_{question.capped}" if question.capped else ""
-    options: dict[str, Any] = {"print_time": False, question.solver: {"print_level": 0}}
-    solver = casadi.nlpsol("peer", question.solver, problem, options)
-    generator = casadi.CodeGenerator(f"{name}.c")
-    generator.add(casadi.Function("nlp", *_of(problem), ["x", "p"], ["f", "g"]))
-    for part in solver.get_function():
-        function = solver.get_function(part)
-        generator.add(blockwise(program, function) if part == "nlp_hess_l" else function)
-    source = generator.generate(f"{folder}{os.sep}")
-    library = folder / f"{name}.so"
-    subprocess.run([COMPILER, "-O2", "-fPIC", "-shared", source, "-o", library], check=True)
-    return replace(question, library=str(library)), time.perf_counter() - started
 
 
 @lru_cache(maxsize=64)
@@ -266,59 +188,3 @@ def solved(
     """Return where starts (any, samples, 3) lead."""
     asked, caps = peer(question, settings), np.full(len(starts), np.inf) if caps is None else caps
     return [asked.solve(q, masses, float(cap)) for q, cap in zip(starts, caps, strict=True)]
-
-
-class Cores:
-    """Both cores: two processes, each with solvers of its own that stay built."""
-
-    def __enter__(self) -> Cores:
-        self._workers = [ProcessPoolExecutor(1, mp_context=get_context("spawn")) for _ in range(CORES)]
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for worker in self._workers:
-            worker.shutdown()
-
-    def built(self, question: Question, settings: Settings, starts: np.ndarray, masses: str = "printed") -> float:
-        """Have both build what the question takes, and try it on one start; return the seconds of that."""
-        begin = time.perf_counter()
-        self._all(question, settings, masses, [starts[:1]] * CORES, [None] * CORES)
-        return time.perf_counter() - begin
-
-    def compiled(self, questions: Sequence[Question], folder: Path) -> list[tuple[Question, float]]:
-        """Return questions compiled into libraries, and the seconds of each."""
-        asked = [self._workers[i % CORES].submit(compiled, one, folder) for i, one in enumerate(questions)]
-        return [future.result() for future in asked]
-
-    def solve(
-        self,
-        question: Question,
-        settings: Settings,
-        masses: str,
-        starts: np.ndarray,
-        caps: np.ndarray | None = None,
-    ) -> list[Solved]:
-        """Return where starts lead, each core its half."""
-        shares = [slice(w, None, CORES) for w in range(CORES)]
-        parts = self._all(
-            question,
-            settings,
-            masses,
-            [starts[share] for share in shares],
-            [None if caps is None else caps[share] for share in shares],
-        )
-        return [parts[i % CORES][i // CORES] for i in range(len(starts))]
-
-    def _all(
-        self,
-        question: Question,
-        settings: Settings,
-        masses: str,
-        starts: Sequence[np.ndarray],
-        caps: Sequence[np.ndarray | None],
-    ) -> list[list[Solved]]:
-        asked = [
-            worker.submit(solved, question, settings, masses, q, cap)
-            for worker, q, cap in zip(self._workers, starts, caps, strict=True)
-        ]
-        return [future.result() for future in asked]

@@ -8,9 +8,9 @@ Nothing is shared with paretoik but the task's numbers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi
 import numpy as np
@@ -21,6 +21,7 @@ from studies.benchmarks.reference_front import FITTED, INERTIAS, LENGTHS, PRINTE
 
 MASSES = {"printed": PRINTED, "fitted": FITTED}
 ENERGY, TORQUE = "kinetic_energy", "torque_norm"
+Level: TypeAlias = list[tuple[Any, np.ndarray]]  # rows and what they equal, (rows or one, stages or one)
 INERTIA = 6  # parameters: A_00, A_11, A_22, A_01, A_02, A_12
 
 
@@ -108,18 +109,61 @@ def torques(q: Any, v: Any, a: Any, p: Any) -> Any:
     return vertcat(first + second + third, second + third, third)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Posed:
+    """A task, what is minimised over it, and what is capped, if anything."""
+
+    task: MotionTask
+    main: str
+    capped: str
+
+    @property
+    def samples(self) -> int:
+        """The number of samples."""
+        return len(self.task.times)
+
+    @property
+    def dt(self) -> float:
+        """The time between samples."""
+        return float(self.task.times[1] - self.task.times[0])
+
+    @property
+    def rated(self) -> bool:
+        """Whether torques count, and so accelerations."""
+        rated = TORQUE in (self.main, self.capped) or not {"torque", "power"}.isdisjoint(self.task.bounds)
+        assert not (rated and self.task.cyclic), "a cycle has energies only"
+        return rated
+
+    def stage(self, q: Any, v: Any, before: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return what a sample adds to both objectives, and what may be limited there."""
+        tau = torques(q, v, (v - before) / self.dt, p) if self.rated else SX.zeros(3)
+        adds = {ENERGY: self.dt * kinetic_energy(q, v, p), TORQUE: self.dt * sumsqr(tau)}
+        return adds, {"velocity": v, "torque": tau, "power": tau * v}
+
+    def run(self, z: Any, p: Any, totals: Any, level: Level, limited: Mapping[str, Any], places: np.ndarray) -> Run:
+        """Return stages at ``places`` whose rows are equalities, then what is limited."""
+        kinds = [kind for kind in limited if kind in self.task.bounds]
+        limits, count = [self.task.bounds[kind][0].T[:, :, None] for kind in kinds], places.shape[1]
+        what = [row for row, _ in level]
+        values = [np.broadcast_to(value, (row.numel(), count)) for row, value in level]
+        equal = np.concatenate([np.zeros((0, count)), *values])
+        lower, upper = (np.concatenate([equal, *(np.tile(each[side], count) for each in limits)]) for side in (0, 1))
+        stage = casadi.Function("stage", [z, p], [totals, vertcat(*what, *(limited[kind] for kind in kinds))])
+        equality = [i < len(equal) for i in range(len(lower))]
+        return Run(stage=stage, places=places, lower=lower, upper=upper, equality=equality)
+
+
 def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
     """Return the program as FATROP wants it: every stage's gap to the next, its task, its limits."""
-    samples, dt = len(task.times), float(task.times[1] - task.times[0])
-    rated = TORQUE in (main, capped) or not {"torque", "power"}.isdisjoint(task.bounds)
-    assert not (rated and task.cyclic), "a cycle has energies only"
-    names = [("q", 3), ("before", 3 * rated), ("first", 3 * task.cyclic), ("sum", bool(capped))]
-    later = {name: size for name, size in names if size}
-    start = {name: size for name, size in later.items() if name in ("q", "first")}
-    at, size = [], 0
+    posed = Posed(task=task, main=main, capped=capped)
+    samples, rated = posed.samples, posed.rated
+    state = {"q": 3, "before": 3 * rated, "first": 3 * task.cyclic, "sum": int(bool(capped))}
+    state = {name: size for name, size in state.items() if size}
+    at, size = list[dict[str, np.ndarray]](), 0
     for k in range(samples):
-        sizes = {**(later if k else start), **({"u": 3} if k < samples - 1 else {})}
-        ends = np.cumsum([0, *sizes.values()]) + size
+        begin = {name: size for name, size in state.items() if name in ("q", "first")}
+        sizes = {**(state if k else begin), **({"u": 3} if k < samples - 1 else {})}
+        ends = np.cumsum([size, *sizes.values()])
         at.append({name: np.arange(a, b) for name, a, b in zip(sizes, ends, ends[1:], strict=False)})
         size = int(ends[-1])
     lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
@@ -127,48 +171,11 @@ def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
         if kind in task.bounds:
             for stage in at[: samples - (name == "u")]:
                 lower[stage[name]], upper[stage[name]] = task.bounds[kind][0].T
-
-    def run(of: range) -> Run:
-        z = {name: SX.sym(name, len(where)) for name, where in at[of[0]].items()}
-        ahead = {name: SX.sym(name, size) for name, size in later.items()} if of[-1] < samples - 1 else {}
-        p, rows, total = SX.sym("p", INERTIA), [], SX(0)
-        closing = task.cyclic and of[-1] == samples - 1
-        limits: list[tuple[Any, np.ndarray, np.ndarray]] = []
-        if ahead:
-            q = z["q"] + dt * z["u"]
-            a = (z["u"] - z.get("before", SX.zeros(3))) / dt
-            tau = torques(q, z["u"], a, p) if rated else SX.zeros(3)
-            worth = {ENERGY: dt * kinetic_energy(q, z["u"], p), TORQUE: dt * sumsqr(tau)}
-            total = worth[main]
-            then = {"q": q, "before": z["u"], "first": z.get("first", z["q"])}
-            if capped:
-                then["sum"] = z.get("sum", SX(0)) + worth[capped]
-            rows = [ahead[name] - then[name] for name in ahead]
-            given = {"torque": tau, "power": tau * z["u"]}
-            limits = [(what, *task.bounds[kind][0].T) for kind, what in given.items() if kind in task.bounds]
-        gaps = sum(later.values()) if ahead else 0
-        level = np.zeros((gaps, len(of)))
-        if not closing:
-            rows.append(tool(z["q"]))
-            level = np.concatenate([level, task.targets[of[0] : of[-1] + 1, :2].T])
-        if task.cyclic and of[0] in (0, samples - 1):
-            rows.append(z["q"] - z["first"])
-            level = np.concatenate([level, np.zeros((3, len(of)))])
-        sides = [np.concatenate([level, *(np.tile(s[i][:, None], len(of)) for s in limits)]) for i in (1, 2)]
-        z_all = vertcat(*z.values(), *ahead.values())
-        return Run(
-            stage=casadi.Function("stage", [z_all, p], [total, vertcat(*rows, *(s[0] for s in limits))]),
-            places=np.stack([_places(at, k, list(z), list(ahead)) for k in of], axis=1),
-            lower=sides[0],
-            upper=sides[1],
-            equality=[True] * len(level) + [False] * (len(sides[0]) - len(level)),
-        )
-
-    runs = (run(range(1)), run(range(1, samples - 1)), run(range(samples - 1, samples)))
     joined = {name: [s[name] for s in at if name in s] for name in ("q", "u", "before", "first", "sum")}
     where = {name: np.array(v, dtype=int).reshape(-1, 1 if name == "sum" else 3) for name, v in joined.items()}
+    stages = (range(1), range(1, samples - 1), range(samples - 1, samples))
     return Program(
-        runs=runs,
+        runs=tuple(_controlled(posed, state, at, of) for of in stages),
         lower=lower,
         upper=upper,
         joints_at=where["q"],
@@ -180,48 +187,43 @@ def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
     )
 
 
-def _places(at: list[dict[str, np.ndarray]], k: int, names: Sequence[str], ahead: Sequence[str]) -> np.ndarray:
-    return np.concatenate([*(at[k][name] for name in names), *(at[k + 1][name] for name in ahead)])
+def _controlled(posed: Posed, state: Mapping[str, int], at: list[dict[str, np.ndarray]], of: range) -> Run:
+    """Return stages of optimal control, the last one without a next."""
+    task, last = posed.task, of[-1] == posed.samples - 1
+    z = {name: SX.sym(name, len(where)) for name, where in at[of[0]].items()}
+    ahead = {name: SX.sym(name, size) for name, size in state.items() if not last}
+    p, total, limited, level = SX.sym("p", INERTIA), SX(0), dict[str, Any](), Level()
+    if not last:
+        q = z["q"] + posed.dt * z["u"]
+        adds, limited = posed.stage(q, z["u"], z.get("before", SX.zeros(3)), p)
+        total = adds[posed.main]
+        then = {
+            "q": q,
+            "before": z["u"],
+            "first": z.get("first"),
+            "sum": z.get("sum", SX(0)) + adds.get(posed.capped, 0),
+        }
+        level = [(ahead[name] - then[name], np.zeros((1, 1))) for name in ahead]
+        del limited["velocity"]  # a bound of x
+    if not (last and task.cyclic):
+        level.append((tool(z["q"]), task.targets[of[0] : of[-1] + 1, :2].T))
+    if task.cyclic and (last or of[0] == 0):
+        level.append((z["q"] - z["first"], np.zeros((1, 1))))
+    places = [np.concatenate([*(at[k][name] for name in z), *(at[k + 1][name] for name in ahead)]) for k in of]
+    return posed.run(vertcat(*z.values(), *ahead.values()), p, total, level, limited, np.stack(places, axis=1))
 
 
 def over_joints(task: MotionTask, main: str, capped: str = "") -> Program:
     """Return the program as IPOPT wants it: joint angles alone, on a cycle without the last ones."""
-    samples, dt = len(task.times), float(task.times[1] - task.times[0])
-    rated = TORQUE in (main, capped) or not {"torque", "power"}.isdisjoint(task.bounds)
-    assert not (rated and task.cyclic), "a cycle has energies only"
-    unknown = samples - task.cyclic
-    free = np.full((3, 2), [-np.inf, np.inf])
-    position = task.bounds["position"][0] if "position" in task.bounds else free
+    posed = Posed(task=task, main=main, capped=capped)
+    rated, unknown = posed.rated, posed.samples - task.cyclic
+    # how many samples before one count: none for the first, one after a rest, two where accelerations do
+    reaches = [(range(1), 0), (range(1, 1 + rated), 1), (range(1 + rated, unknown), 1 + rated)]
+    reaches.append((range(unknown, posed.samples), 1))
+    position = task.bounds["position"][0] if "position" in task.bounds else np.full((3, 2), [-np.inf, np.inf])
     nothing = np.zeros((0, 3), dtype=int)
-
-    def run(of: range, reach: int) -> Run:
-        """Return samples that look back at ``reach`` others."""
-        q, p = [SX.sym(f"q{i}", 3) for i in range(reach + 1)], SX.sym("p", INERTIA)
-        tracked = of[-1] < unknown
-        rows = [tool(q[-1])] if tracked else []
-        level = task.targets[of[0] : of[-1] + 1, :2].T if tracked else np.zeros((0, len(of)))
-        worth = {ENERGY: SX(0), TORQUE: SX(0)}
-        limits: list[tuple[Any, np.ndarray, np.ndarray]] = []
-        if reach:
-            v = (q[-1] - q[-2]) / dt
-            before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(3)
-            tau = torques(q[-1], v, (v - before) / dt, p) if rated else SX.zeros(3)
-            worth = {ENERGY: dt * kinetic_energy(q[-1], v, p), TORQUE: dt * sumsqr(tau)}
-            given = {"velocity": v, "torque": tau, "power": tau * v}
-            limits = [(what, *task.bounds[kind][0].T) for kind, what in given.items() if kind in task.bounds]
-        sides = [np.concatenate([level, *(np.tile(s[i][:, None], len(of)) for s in limits)]) for i in (1, 2)]
-        totals = vertcat(*(worth[name] for name in (main, capped) if name))
-        looked = np.arange(-reach, 1)[:, None] + np.array(of)
-        places = (3 * (looked % unknown)[:, None] + np.arange(3)[:, None]).reshape(-1, len(of))
-        equality = [True] * len(level) + [False] * (len(sides[0]) - len(level))
-        stage = casadi.Function("stage", [vertcat(*q), p], [totals, vertcat(*rows, *(s[0] for s in limits))])
-        return Run(stage=stage, places=places, lower=sides[0], upper=sides[1], equality=equality)
-
-    runs = [run(range(1), 0), *([run(range(1, 2), 1)] if rated else []), run(range(1 + rated, unknown), 1 + rated)]
-    if task.cyclic:
-        runs.append(run(range(unknown, samples), 1))
     return Program(
-        runs=tuple(runs),
+        runs=tuple(_looking_back(posed, of, reach, unknown) for of, reach in reaches if len(of)),
         lower=np.tile(position[:, 0], unknown),
         upper=np.tile(position[:, 1], unknown),
         joints_at=np.arange(3 * unknown).reshape(-1, 3),
@@ -231,3 +233,19 @@ def over_joints(task: MotionTask, main: str, capped: str = "") -> Program:
         sum_at=nothing[:, 0],
         capped=bool(capped),
     )
+
+
+def _looking_back(posed: Posed, of: range, reach: int, unknown: int) -> Run:
+    """Return samples that depend on as many before them as they reach back to."""
+    q, p = [SX.sym(f"q{i}", 3) for i in range(reach + 1)], SX.sym("p", INERTIA)
+    adds: dict[str, Any] = {ENERGY: SX(0), TORQUE: SX(0)}
+    limited = dict[str, Any]()
+    if reach:
+        before = (q[-2] - q[-3]) / posed.dt if reach > 1 else SX.zeros(3)
+        adds, limited = posed.stage(q[-1], (q[-1] - q[-2]) / posed.dt, before, p)
+    closing = of[0] == unknown
+    level = [] if closing else [(tool(q[-1]), posed.task.targets[of[0] : of[-1] + 1, :2].T)]
+    totals = vertcat(*(adds[name] for name in (posed.main, posed.capped) if name))
+    looked = (np.arange(-reach, 1)[:, None] + np.array(of)) % unknown
+    places = (3 * looked[:, None] + np.arange(3)[:, None]).reshape(-1, len(of))
+    return posed.run(vertcat(*q), p, totals, level, limited, places)

@@ -40,8 +40,8 @@ def _small():
     cases.problem_of.cache_clear()
 
 
-def run_of(F):
-    return cases.Run(F=F, failed=0, evaluations=100, iterations=7, seconds=1.0)
+def form_of(name):
+    return sweeps.form_of(name, CASE, None) if name in sweeps.SOLVERS else None
 
 
 def table(**level):
@@ -109,7 +109,7 @@ def test_cells_with_one_start_begin_alike_and_the_other_is_of_chance():
 
 @pytest.mark.parametrize("name", running.methods_of(CASE))
 def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
-    done = running.run(CASE, name, 0, EVALUATIONS, 420)
+    done = running.run(CASE, name, 0, EVALUATIONS, 420, form_of(name))
     assert 0.6 * EVALUATIONS.amount <= done.evaluations + done.iterations <= EVALUATIONS.amount
     assert (done.iterations > 0) == (
         name in (running.OURS, running.EPSILON, *sweeps.SOLVERS) or name.endswith("refined")
@@ -212,6 +212,30 @@ def test_halton_s_points_are_even_wherever_one_stops():
     assert np.histogram2d(*both.T, bins=(2, 3), range=((0, 1), (0, 1)))[0].min() >= 5
 
 
+@pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
+@pytest.mark.parametrize("cyclic", [False, True])
+def test_the_general_program_s_optimum_is_ours(cyclic):
+    path = (
+        pk.circle([0.42, 0.0], 0.05, duration=1.0, samples=21) if cyclic else cases.problem_of(CASE).task.tasks[0].path
+    )
+    limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
+    both = [pk.kinetic_energy, pk.torque_norm]
+    problem = pk.Tracking(
+        pk.tringali_3r(), path, objectives=both, limits=limits, cyclic=cyclic, coefficients=8, bases=3
+    )
+    task, ranges, free = problem.task, np.array([0.04, 0.1]), np.full(2, np.inf)
+    start = problem.decode(problem.candidates(1, np.random.default_rng(0))).q[0]
+    ours = sweeps.our_solver(problem)(ranges)
+    theirs = sweeps.their_solver(problem, sweeps.Form())(ranges)
+    for main in range(2):
+        mine, _ = ours(start, main, free, False)
+        other, _ = theirs(start, main, free, False)
+        values = [float(task.objectives[main](task.motion(q))) for q in (mine, other)]
+        assert values[0] == pytest.approx(values[1], rel=1e-3)
+        assert task.motion(other).tracking_error.max() < cases.OFF_PATH
+        assert task.violations(task.motion(other)).max() < cases.VIOLATION
+
+
 def test_simulations_keep_their_limits_and_get_both_objectives():
     one, four = cases.CASES["simulation 1"].make(), cases.CASES["simulation 4"].make()
     assert one.names == four.names == ("kinetic_energy", "torque_norm")
@@ -238,8 +262,10 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
             return done
 
     monkeypatch.setattr(running, "ProcessPoolExecutor", Here)
+    for module in (cases, methods, running, study):
+        monkeypatch.setattr(module, "POPULATION", 8)
     monkeypatch.setattr(study, "QUICK", (CASE,))
-    monkeypatch.setattr(study, "QUICK_EVALUATIONS", 200)
+    monkeypatch.setattr(study, "QUICK_EVALUATIONS", 80)
     monkeypatch.setattr(running, "SOLVERS", ())
     monkeypatch.setattr(running, "PYMOO", ("NSGA-II",))
     monkeypatch.setattr(running, "PYGMO", ())

@@ -8,21 +8,10 @@ import pytest
 
 import paretoik as pk
 from studies.benchmarks.planner import simulations
+from studies.benchmarks.planner.compiling import COMPILER, blockwise, compiled
+from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
-from studies.benchmarks.planner.peers import (
-    COMPILER,
-    Cores,
-    Peer,
-    Question,
-    Solved,
-    blockwise,
-    compiled,
-    peer,
-    program_of,
-    task_of,
-    tracking,
-    written_out,
-)
+from studies.benchmarks.planner.peers import Peer, Question, Solved, peer, program_of, task_of, tracking, written_out
 from studies.benchmarks.planner.programs import ENERGY, TORQUE, inertia
 from studies.benchmarks.planner.simulations import NAMES, TIGHT, expected_time
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, versus

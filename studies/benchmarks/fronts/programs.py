@@ -1,0 +1,167 @@
+"""The nonlinear program of any arm's motion over joint positions, for IPOPT, where the planner's peers have none.
+
+The dynamics are our component kernels fed with CasADi's symbols, which fold zeros away; a sample is one small function
+that is mapped over all, and derivatives are CasADi's, compiled where there is a compiler. On a cycle the last posture
+is the first.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+from casadi import SX, vertcat
+
+from paretoik.robot import dynamics
+from paretoik.robot.kinematics import chain, located
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.planner.compiling import COMPILER
+
+CAP, TOLERANCE = 100, 1e-8  # iterations; of stationarity
+WARM_PUSH = 1e-4  # off the bounds
+
+
+@dataclass(frozen=True, eq=False)
+class JointProgram:
+    """Solvers for cold and warm starts and the bounds of what they ask."""
+
+    task: MotionTask
+    solvers: dict[bool, Any]
+    sides: dict[str, np.ndarray]
+
+    def solve(
+        self, q: np.ndarray, main: int, ceilings: np.ndarray, ranges: np.ndarray, *, warm: bool
+    ) -> tuple[np.ndarray | None, int]:
+        """Return the motion (samples, dof) that one leads to, None where IPOPT is not content, and the iterations."""
+        count = len(ranges)
+        weights = np.where(np.arange(count) == main, 1.0, 0.0)
+        upper = self.sides["ubg"].copy()
+        upper[-count:] = ceilings / ranges
+        x0 = q[:-1] if self.task.cyclic else q
+        solver = self.solvers[warm]
+        found = solver(x0=x0.ravel(), p=np.concatenate([weights, ranges]), **{**self.sides, "ubg": upper})
+        stats = solver.stats()
+        made = np.asarray(found["x"]).reshape(-1, q.shape[1])
+        if self.task.cyclic:
+            made = np.concatenate([made, made[:1]])
+        return (made if stats["success"] else None), int(stats["iter_count"])
+
+
+def joint_program(task: MotionTask, library: str = "") -> JointProgram:
+    """Return the program of a task with backward differences and limits on joints alone, compiled where it is."""
+    asked, sides = _asked(task)
+    options = {warm: _options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
+    return JointProgram(
+        task, {warm: casadi.nlpsol("peer", "ipopt", library or asked, given) for warm, given in options.items()}, sides
+    )
+
+
+def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
+    """Return the library that a task's program and its derivatives were compiled into."""
+    assert COMPILER is not None
+    asked, _ = _asked(task)
+    solver = casadi.nlpsol("peer", "ipopt", asked, _options(warm=False))
+    generator = casadi.CodeGenerator(f"{name}.c")
+    generator.add(casadi.Function("nlp", [asked["x"], asked["p"]], [asked["f"], asked["g"]], ["x", "p"], ["f", "g"]))
+    for part in solver.get_function():
+        generator.add(solver.get_function(part))
+    source, library = generator.generate(f"{folder}{os.sep}"), folder / f"{name}.so"
+    subprocess.run([COMPILER, "-O1", "-fPIC", "-shared", source, "-o", library], check=True)
+    return str(library)
+
+
+def _asked(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
+        return _written(task)
+
+
+def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    assert task.differences == "backward", "backward differences wanted"
+    assert task.start is None, "a free start wanted"
+    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.stops else [])]
+    assert not others, f"nothing but limits on joints wanted, got {others}"
+    samples, dof, dt = len(task.times), task.arm.dof, float(task.times[1] - task.times[0])
+    unknown, count = samples - task.cyclic, len(task.objectives)
+    unrolled, p = casadi.MX.sym("x", dof * unknown), casadi.MX.sym("p", 2 * count)
+    x = casadi.reshape(unrolled, dof, unknown)
+    totals, rows, lower, upper = casadi.MX.zeros(count), [], [], []
+    # samples that count: all but the first, which is at rest; on a cycle the last one stands for the first
+    for first, last, reach in ((1, samples, 2),) if task.cyclic else ((1, 2, 1), (2, samples, 2)):
+        stage, low, high = _stage(task, reach, dt)
+        looked = [x[:, [(k - back) % unknown for k in range(first, last)]] for back in range(reach, -1, -1)]
+        worth, limits = stage.map(last - first)(*looked)
+        totals += casadi.sum2(worth)
+        rows.append(casadi.vec(limits))
+        lower.append(np.tile(low, last - first))
+        upper.append(np.tile(high, last - first))
+    at_path = _pose(task).map(unknown)(x, task.targets[:unknown].T)
+    rows += [casadi.vec(at_path), totals / p[count:]]
+    off = np.zeros(at_path.numel())
+    position = task.bounds["position"][0] if "position" in task.bounds else np.tile([-np.inf, np.inf], (dof, 1))
+    sides = {
+        "lbx": np.tile(position[:, 0], unknown),
+        "ubx": np.tile(position[:, 1], unknown),
+        "lbg": np.concatenate([*lower, off, np.full(count, -np.inf)]),
+        "ubg": np.concatenate([*upper, off, np.full(count, np.inf)]),
+    }
+    f = casadi.dot(p[:count], totals / p[count:])
+    return {"x": unrolled, "p": p, "f": f, "g": vertcat(*rows)}, sides
+
+
+def _options(*, warm: bool) -> dict[str, Any]:
+    own = {"print_level": 0, "sb": "yes", "tol": TOLERANCE, "constr_viol_tol": 1e-9, "max_iter": CAP}
+    own |= {"bound_relax_factor": 0.0, "mu_init": 1e-4 if warm else 1e-2}
+    if warm:
+        own |= dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), WARM_PUSH)
+    return {"print_time": False, "error_on_fail": False, "ipopt": own}
+
+
+def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return a function of ``reach`` + 1 postures: every objective's share and what is limited, and its bounds."""
+    arm = task.arm
+    q: list[Any] = [SX.sym(f"q{back}", arm.dof) for back in range(reach, -1, -1)]
+    here: Any = casadi.vertsplit(q[-1])
+    rate: Any = (q[-1] - q[-2]) / dt
+    before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(arm.dof)
+    v: Any = casadi.vertsplit(rate)
+    a: Any = casadi.vertsplit((rate - before) / dt)
+    torque: Any = vertcat(*dynamics.torque_components(arm, here, v, a))
+    lower, upper = arm.position_limits.T
+    limited = np.isfinite(upper - lower) & (upper > lower)
+    ratio: Any = (
+        vertcat(*(here[i] - (lower[i] + upper[i]) / 2 for i in np.flatnonzero(limited))) / (upper - lower)[limited]
+    )
+    worth: dict[str, Any] = {
+        "kinetic_energy": lambda: dynamics.energy_components(arm, here, v)[0],
+        "torque_norm": lambda: casadi.sumsqr(torque),
+        "joint_limit_distance": lambda: casadi.sumsqr(ratio) / (2 * arm.dof) / float(task.times[-1] - task.times[0]),
+    }
+    given = {"velocity": rate, "torque": torque, "power": torque * rate}
+    assert set(task.bounds) <= {"position", *given}, f"limits on joints wanted, got {', '.join(task.bounds)}"
+    kept = [kind for kind in given if kind in task.bounds]
+    sides = [np.concatenate([np.empty(0), *(task.bounds[kind][0][:, side] for kind in kept)]) for side in (0, 1)]
+    shares: Any = vertcat(*(dt * worth[objective.name]() for objective in task.objectives))
+    limited_rows: Any = vertcat(*[given[kind] for kind in kept]) if kept else SX(0, 1)
+    return casadi.Function("stage", q, [shares, limited_rows]), sides[0], sides[1]
+
+
+def _pose(task: MotionTask) -> Any:
+    """Return a function of a posture and what is wanted there: how far the tool is off."""
+    (only,) = task.tasks
+    q: Any = SX.sym("q", task.arm.dof)
+    wanted: Any = SX.sym("wanted", task.targets.shape[1])
+    joints: Any = casadi.vertsplit(q)
+    rotation, position = located(task.arm, chain(task.arm, joints), task.arm.frame(only.frame))
+    size = 2 if task.arm.is_planar else 3
+    off: Any = vertcat(*position[:size]) - wanted[:size]
+    if wanted.numel() > size:
+        turned: Any = casadi.reshape(wanted[size:], 3, 3) @ vertcat(*(casadi.horzcat(*row) for row in rotation))
+        off = vertcat(off, turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1])
+    return casadi.Function("pose", [q, wanted], [off])
