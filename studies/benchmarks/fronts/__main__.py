@@ -37,7 +37,7 @@ from studies.benchmarks.planner.compiling import COMPILER
 from studies.reporting import Row, report
 
 QUICK = ("energy_torque", "simulation 1")
-QUICK_EVALUATIONS = 1500
+QUICK_EVALUATIONS = 1200
 
 
 def rows_of(found: Found) -> list[Row]:
@@ -85,8 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if seeds < 2:
         parser.error(f"--seeds: at least 2 wanted, got {seeds}")
     evaluations = given.evaluations or (QUICK_EVALUATIONS if given.quick else None)
-    if evaluations is not None and evaluations < 10 * POPULATION:
-        parser.error(f"--evaluations: at least {10 * POPULATION} wanted, got {evaluations}")
+    if evaluations is not None and evaluations < 4 * POPULATION:
+        parser.error(f"--evaluations: at least {4 * POPULATION} wanted, got {evaluations}")
     chosen = given.problems or (QUICK if given.quick else list(CASES))
     tell_left_out(chosen)
     if given.quick:

@@ -19,6 +19,7 @@ from studies.reporting import Row
 
 CORNER = 1.1  # of the hypervolume, in ranges of the union
 DRAWS = 2000
+HURTS, UNDECIDED, HELPS = ("HURTS", "overlap"), "undecided", ("helps", "add to each other")  # of one, of several
 COMPARED, ADDED, COUNTED, LEFT = (
     "our fronts beside the peers', medians (hypervolume: more is better; IGD+, epsilon: less)",
     "what each factor adds (positive: better), in the indicator's unit, with 95 % bootstrap interval",
@@ -43,7 +44,9 @@ class Effect:
     @property
     def verdict(self) -> str:
         """Which side of nought the whole interval is on."""
-        return "helps" if self.low > 0 else "HURTS" if self.high < 0 else "undecided"
+        if self.low <= 0.0 <= self.high:
+            return UNDECIDED
+        return (HELPS if self.low > 0 else HURTS)[" × " in self.factors]
 
 
 def union(fronts: Sequence[Objectives]) -> Objectives:
@@ -141,7 +144,7 @@ def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
 
 def effect_rows(every: Sequence[Effect]) -> list[Row]:
     """Return effects, those that hurt first."""
-    grades = ["HURTS", "undecided", "helps"]
+    grades = [HURTS[0], HURTS[1], UNDECIDED, HELPS[1], HELPS[0]]
     return [
         Row(
             table=ADDED,

@@ -14,8 +14,8 @@ from studies.benchmarks.fronts import __main__ as study
 from studies.benchmarks.fronts import cases, judging, methods, running, sweeps
 
 CASE = "energy_torque"
-EVALUATIONS = cases.Budget(kind="evaluations", amount=420)
-SECONDS = cases.Budget(kind="CPU time", amount=0.25)
+EVALUATIONS = cases.Budget(kind="evaluations", amount=260)
+SECONDS = cases.Budget(kind="CPU time", amount=0.2)
 NOTHING = np.empty((0, 2))
 
 
@@ -109,7 +109,7 @@ def test_cells_with_one_start_begin_alike_and_the_other_is_of_chance():
 
 @pytest.mark.parametrize("name", running.methods_of(CASE))
 def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
-    done = running.run(CASE, name, 0, EVALUATIONS, 420, form_of(name))
+    done = running.run(CASE, name, 0, EVALUATIONS, 260, form_of(name))
     assert 0.6 * EVALUATIONS.amount <= done.evaluations + done.iterations <= EVALUATIONS.amount
     assert (done.iterations > 0) == (
         name in (running.OURS, running.EPSILON, *sweeps.SOLVERS) or name.endswith("refined")
@@ -119,12 +119,12 @@ def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
 
 @pytest.mark.parametrize("name", [running.OURS, running.EPSILON, "NSGA-II", "MaxiMin, seeded, refined"])
 def test_equal_time_is_kept(name):
-    running.run(CASE, name, 0, SECONDS, 420)
-    assert min(running.run(CASE, name, seed, SECONDS, 420).seconds for seed in range(2)) < 1.5 * SECONDS.amount
+    running.run(CASE, name, 0, SECONDS, 260)
+    assert min(running.run(CASE, name, seed, SECONDS, 260).seconds for seed in range(2)) < 1.5 * SECONDS.amount
 
 
 def test_a_run_is_the_same_again():
-    one, again = (running.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 420) for _ in range(2))
+    one, again = (running.run(CASE, "crowding, seeded, refined", 5, EVALUATIONS, 260) for _ in range(2))
     assert np.array_equal(one.F, again.F)
     assert (one.evaluations, one.iterations) == (again.evaluations, again.iterations)
 
@@ -265,7 +265,7 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
     for module in (cases, methods, running, study):
         monkeypatch.setattr(module, "POPULATION", 8)
     monkeypatch.setattr(study, "QUICK", (CASE,))
-    monkeypatch.setattr(study, "QUICK_EVALUATIONS", 80)
+    monkeypatch.setattr(study, "QUICK_EVALUATIONS", 32)
     monkeypatch.setattr(running, "SOLVERS", ())
     monkeypatch.setattr(running, "PYMOO", ("NSGA-II",))
     monkeypatch.setattr(running, "PYGMO", ())
