@@ -163,7 +163,7 @@ def _searched(search: Search, account: Account, *, refine: bool) -> Run:
 def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Account) -> np.ndarray:
     """Return motions with those polished that the budget pays for, as ``pk.refine`` does; the first ones first.
 
-    A batch that overdraws the budget is thrown away, but for what it has cost.
+    What overdraws the budget is thrown away: of counted iterations the points past it, of seconds the whole batch.
     """
     task, count = problem.task, problem.n_obj
     wide = np.ptp(F, axis=0)
@@ -173,17 +173,16 @@ def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Accoun
     factors[0, :count] = [1.0, *[YIELD] * (count - 1)]
     caps = np.full((len(q), len(program.totals)), np.inf)
     caps[:, 1:count] = F[:, 1:] / ranges[1:]
-    made = q.copy()
+    made, counted = q.copy(), account.budget.kind == "evaluations"
     for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
-        before = account.spent
+        before, left = account.spent, account.left
         found = polish(program, q[rows], factors, caps[rows], WARM)
-        account.iterations += int(found.iterations.sum())
-        if account.left < 0:
-            account.iterations -= int(found.iterations.sum()) if account.budget.kind == "evaluations" else 0
-            break
-        good = found.converged
+        total = np.cumsum(found.iterations)
+        paid = total <= left if counted else np.full(len(rows), account.left >= 0)
+        account.iterations += int(found.iterations[paid].sum()) if counted else int(total[-1])
+        good = found.converged & paid
         made[rows[good]] = found.q[good]
-        if account.left < account.spent - before:  # another such batch would not fit
+        if not paid.all() or (not counted and account.left < account.spent - before):  # the next would not fit
             break
     return made
 
