@@ -29,7 +29,7 @@ from studies.benchmarks.planner.peers import Question, peer
 OURS = "ε paretoik"
 SOLVERS = {"ε FATROP": "fatrop", "ε IPOPT": "ipopt"}
 ENERGY, TORQUE = "kinetic_energy", "torque_norm"
-SETTINGS = {  # of the planner's peers, warm or not: as served them best there
+SETTINGS = {  # of the planner's peers, warm or not: those of its sweeps
     False: (("mu_init", 1e-2),),
     True: (("mu_init", 1e-4), ("bound_push", 1e-4), ("bound_frac", 1e-4)),
 }
