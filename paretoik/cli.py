@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
 from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.results import choice_text, columns, entries, front_text
 
 if TYPE_CHECKING:
-    from paretoik.arrays import Values
-    from paretoik.front.front import Choice, Front
     from paretoik.review.generation import Generation
     from paretoik.search.progress import Progress
     from paretoik.solving import Observer
@@ -91,7 +89,7 @@ def list_problems(
     if as_json:
         _print_json([{"problem": name, "about": about} for name, about in found])
     else:
-        _print_columns(found)
+        print(columns(found))
     for fault in faults:
         _tell("error:", "bold red", str(fault))
     if faults:
@@ -132,9 +130,9 @@ def solve(
                 observe=observe,
             )
     if as_json:
-        _print_json({**front.provenance, "out": out, "front": _entries(front)})
+        _print_json({**front.provenance, "out": out, "front": entries(front)})
     else:
-        _print_front(front, out)
+        print(front_text(front, out))
     raise typer.Exit(EXIT_CODES.get(str(front.provenance["status"]), 0))
 
 
@@ -158,9 +156,9 @@ def select(
 
             front_picture(front, picture, choice)
     if as_json:
-        _print_json({**_entry(front, choice.id, choice.objectives), "reason": choice.reason})
+        _print_json({**entries(front)[choice.index], "reason": choice.reason})
     else:
-        _print_choice(front, choice)
+        print(choice_text(front, choice))
 
 
 @app.command()
@@ -261,55 +259,10 @@ def _state(generation: Generation, progress: Progress, generations: int, time_li
     )
 
 
-def _print_front(front: Front, out: Path) -> None:
-    counts = front.provenance["counts"]
-    print(
-        f"{len(front)} points after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-        f"{counts['seconds']:.1f} s (ended by {front.provenance['status']})"
-    )
-    rows = [("objective", "unit", "best", "worst on the front")]
-    for name, unit, maximised, values in zip(
-        front.names, front.units, front.maximised, front.objectives.T, strict=True
-    ):
-        best, worst = (values.max(), values.min()) if maximised else (values.min(), values.max())
-        rows.append((name, unit, f"{best:.6g}", f"{worst:.6g}"))
-    _print_columns(rows)
-    if counts["failed"]:
-        print(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
-    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
-    print(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
-    print(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
-
-
-def _print_choice(front: Front, choice: Choice) -> None:
-    print(f"point {choice.id}")
-    _print_columns(
-        [
-            (f"  {name}", f"{value:.6g} {unit}")
-            for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
-        ]
-    )
-    print(choice.reason)
-
-
-def _entries(front: Front) -> list[dict[str, Any]]:
-    return [_entry(front, int(number), values) for number, values in zip(front.ids, front.objectives, strict=True)]
-
-
-def _entry(front: Front, number: int, values: Values) -> dict[str, Any]:
-    return {"id": number, "objectives": dict(zip(front.names, values, strict=True))}
-
-
 def _print_json(value: object) -> None:
     from paretoik.execution.run_folder import plain
 
     print(json.dumps(plain(value), indent=2, allow_nan=False))
-
-
-def _print_columns(rows: Sequence[tuple[str, ...]]) -> None:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def _tell(what: str, style: str, text: str) -> None:

@@ -30,14 +30,15 @@ def run(parts, given, found):
         for j in range(loaded):
             for lane in range(n):
                 space[j, lane] = given[inputs[j], start + lane]
-        _block(code, space, n)
+        block(code, space, n)
         for j in range(outputs.shape[0]):
             for lane in range(n):
                 found[j, start + lane] = space[outputs[j], lane]
 
 
 @compiled
-def _block(code, space, n):
+def block(code, space, n):
+    """Run a program on the first ``n`` lanes of its registers."""
     for step in range(code.shape[0]):
         op, to = code[step, 0], space[code[step, 1]]
         a, b = space[code[step, 2]], space[code[step, 3]]

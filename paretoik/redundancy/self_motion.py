@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ACCEPTED, eliminate, retract, task_errors
+from paretoik.task.retraction import ACCEPTED, TOLERANCE, eliminate, retract, task_errors
 
 ATTEMPTS = 40  # Newton steps of a cold start
 JUMP = 0.7  # rad or m: no joint of a candidate moves further than this from one sample to the next
@@ -33,26 +33,23 @@ def _cold_start(
     """Return for each sample asked for a posture near it, from a random start, and the task errors that are left."""
     q = rng.uniform(*_range(task), size=(len(samples), task.arm.dof))
     targets = task.targets[samples]
+    going = np.arange(len(samples))
     for step in range(attempts):
-        error, slopes = task_errors(task.arm, task.tasks, q, targets)
+        error, slopes = task_errors(task.arm, task.tasks, q[going], targets[going])
         jacobian = np.moveaxis(slopes, -1, 0)
         gap = np.linalg.norm(error, axis=0)
         damping = 1e-2 * gap**2 + (1e-3 if step < 5 else 1e-12)
         if step >= ATTEMPTS:
             damping = gap  # the target may be out of reach: with less it would swing about the nearest point for ever
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
-        move = (np.swapaxes(jacobian, -1, -2) @ _solved(square, error))[..., 0]
-        q = q + move / np.maximum(1.0, np.abs(move).max(axis=1, keepdims=True) / 0.5)
+        move = (np.swapaxes(jacobian, -1, -2) @ eliminate(square, error.T)[0][..., None])[..., 0]
+        q[going] += move / np.maximum(1.0, np.abs(move).max(axis=1, keepdims=True) / 0.5)
+        going = going[gap > TOLERANCE]
+        if len(going) == 0:
+            break
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
     return q, task_errors(task.arm, task.tasks, q, targets)[0].T
-
-
-def _solved(
-    matrix: Float[np.ndarray, "count rows rows"], right: Float[np.ndarray, "rows count"]
-) -> Float[np.ndarray, "count rows 1"]:
-    rows = [list(row) for row in np.moveaxis(matrix, 0, -1)]
-    return np.stack(eliminate(rows, list(right))[0], axis=-1)[..., None]
 
 
 def _range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
@@ -99,7 +96,7 @@ def _roll_outs(
         jacobian = np.moveaxis(slopes, -1, 0)
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
-            move = (spread @ _solved(jacobian @ spread, error))[..., 0]
+            move = (spread @ eliminate(jacobian @ spread, error.T)[0][..., None])[..., 0]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= JUMP
         if not alive.any():

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times
+from paretoik.calculus.expressions import choose
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.components import (
@@ -99,7 +100,7 @@ class Task:
     def errors(
         self, arm: Arm, links: Chain, wanted: Sequence[Component]
     ) -> tuple[list[Component], list[list[Component]]]:
-        """Return (error, Jacobian rows) as components, for targets given as columns.
+        """Return (error, Jacobian rows) as components, all of them expressions or numbers.
 
         The Jacobian is that of the frame's motion in the same coordinates, so that J δq = error is Newton's step.
         """
@@ -170,33 +171,34 @@ def _turn(axes: str, rotation: Rows, desired: Rows) -> Triple:
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
-        sine, cosine = np.sqrt(np.asarray(plus(times(x, x), times(y, y)))), np.asarray(z)
-        factor, opposite = _angle_over_sine(sine, cosine), _is_half_turn(sine, cosine)
-        return np.where(opposite, np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0
+        sine = np.sqrt(plus(times(x, x), times(y, y)))
+        factor = _angle_over_sine(sine, z)
+        return choose(_is_half_turn(sine, z), np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0
     vector = _sines(axes, between)
     trace = plus(plus(between[0][0], between[1][1]), between[2][2])
-    sine, cosine = np.sqrt(np.asarray(dot(vector, vector))), np.asarray(times(0.5, minus(trace, 1.0)))
-    turn = scale(vector, _angle_over_sine(sine, cosine))
-    opposite = _is_half_turn(sine, cosine)
-    if np.any(opposite):
-        x, y, z = (np.where(opposite, half, part) for half, part in zip(_half_turn(between), turn, strict=True))
-        turn = x, y, z
-    return turn
+    sine, cosine = np.sqrt(dot(vector, vector)), times(0.5, minus(trace, 1.0))
+    opposite, turn = _is_half_turn(sine, cosine), scale(vector, _angle_over_sine(sine, cosine))
+    x, y, z = (choose(opposite, half, part) for half, part in zip(_half_turn(between), turn, strict=True))
+    return x, y, z
 
 
-def _angle_over_sine(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    small = sine < DUST
-    return np.where(small, 1.0, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))
+def _angle_over_sine(sine: Component, cosine: Component) -> Component:
+    small = np.less(sine, DUST)
+    found: Component = choose(small, 1.0, np.arctan2(sine, cosine) / choose(small, 1.0, sine))
+    return found
 
 
-def _is_half_turn(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    return (sine < DUST) & (cosine < 0)
+def _is_half_turn(sine: Component, cosine: Component) -> Component:
+    truth: Component = np.multiply(np.less(sine, DUST), np.less(cosine, 0.0))
+    return truth
 
 
-def _half_turn(between: Rows) -> tuple[np.ndarray, ...]:
-    """Return the rotation vectors of half turns: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
-    entries = np.broadcast_arrays(*(plus(between[i][j], float(i == j)) for i in range(3) for j in range(3)))
-    columns = np.stack(entries).reshape(3, 3, *entries[0].shape).swapaxes(0, 1)
-    longest = np.argmax(np.stack([columns[i, i] for i in range(3)]), axis=0)
-    axis = np.take_along_axis(columns, longest[None, None], axis=0)[0]
-    return tuple(np.pi * axis / np.linalg.norm(axis, axis=0))
+def _half_turn(between: Rows) -> Triple:
+    """Return the rotation vector of a half turn: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
+    double = [tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3)]
+    found = double[2]
+    for j in (1, 0):  # of the columns the longest; the others may vanish
+        longer = np.multiply(*(np.less_equal(double[k][k], double[j][j]) for k in range(3) if k != j))
+        found = tuple(choose(longer, one, other) for one, other in zip(double[j], found, strict=True))
+    length = np.sqrt(dot(found, found))
+    return tuple(np.pi * (part / length) for part in found)
