@@ -7,6 +7,9 @@ import hypothesis
 import jaxtyping
 import pytest
 
+import paretoik.refinement.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
+import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
+import paretoik.task.compiled  # noqa: F401  before the hook, as all that is compiled
 import tests.shape_checks  # noqa: F401  the hook knows it by name
 
 # In production nobody looks at annotations; in tests every call and every field is held against them.

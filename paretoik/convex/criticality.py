@@ -44,8 +44,8 @@ def criticality(
     lengths = constraints.lengths[near]
     ball = sparse.vstack([sparse.csr_array((1, columns)), -sparse.eye_array(unknowns, columns)])
     blocks = [
-        sparse.hstack([sparse.csr_array(gradients / scale), np.ones((objectives, 1))]),
-        _wide(-sparse.diags_array(1.0 / lengths) @ constraints.slopes[near]),
+        sparse.csr_array(np.column_stack([gradients / scale, np.ones(objectives)])),
+        _wide(sparse.diags_array(-1.0 / lengths) @ constraints.slopes[near]),
         _wide(ball),
     ]
     right = [
@@ -105,4 +105,6 @@ def criticality_model(
 
 
 def _wide(block: Any) -> sparse.csr_array:
-    return sparse.csr_array(sparse.hstack([block, sparse.csr_array((block.shape[0], 1))]))
+    """Return rows with a column of zeros more: that of t."""
+    rows = sparse.csr_array(block)
+    return sparse.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], rows.shape[1] + 1))

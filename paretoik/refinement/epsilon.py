@@ -6,7 +6,7 @@ dominated points; Haimes et al. 1971.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,17 +14,18 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import EvaluationFailed
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.multistart import APART, coarse_starts, descended, distance, planned
+from paretoik.refinement.multistart import APART, coarse_starts, descended, distance, ladder, planned
 from paretoik.refinement.polish import Polished, polish
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
 
 YIELD = 1e-6  # weight of the other objectives, as shares of their ranges: at an end of the front, at a given ε
 SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
-NEAREST = 6  # points whose motions every ε starts from
+NEAREST = 4  # points whose motions every ε starts from
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
 POOL = 4  # optima of each objective that every ε starts from
 COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
+FOLLOWING = WARM._replace(iterations=60)  # a branch that takes longer to the next level has ended
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,11 +53,11 @@ def epsilon_points(
 
     Raises as ``planned`` does.
     """
-    pool, ends, ranges = _ends(task, starts=starts, seed=seed)
-    program = motion_program(task, ranges)
-    cold = coarse_starts(task, starts=starts, seed=seed)
-    between = _between(task, cold, ends, ranges)
-    found = _Found(program, np.concatenate([pool, *(got.q for got in between)]), ends, ranges, observe, points)
+    pool, best, ranges = _alone(task, starts=starts, seed=seed)
+    programs = ladder(task, ranges)
+    ends = _ends(programs[-1], best)
+    between = _between(programs, coarse_starts(task, starts=starts, seed=seed), ends)
+    found = _Found(programs[-1], np.concatenate([pool, *(got.q for got in between)]), ends, ranges, observe, points)
     for got in between:
         found.add_all(got)
     _fill_gaps(found, points)
@@ -93,25 +94,23 @@ class _Found:
 
         Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
         """
-        factors, caps = np.zeros((1, len(self.program.totals))), np.full((1, len(self.program.totals)), np.inf)
+        task, factors = self.program.task, np.zeros((1, len(self.program.totals)))
         factors[0, :2] = 1.0, YIELD
-        motions = self.program.task.motion(self.pool)
-        own = (
-            np.asarray(self.program.task.objectives[1](motions)) * self.program.task.objectives[1].sign / self.ranges[1]
-        )
-        for falling, order in ((True, levels), (False, levels[::-1])):
-            q, waiting = self.pool[:0], np.ones(len(own), dtype=bool)
-            for level in order:
-                joining = waiting & (own >= level if falling else own <= level)
-                waiting &= ~joining
-                q = np.concatenate([q, self.pool[joining]])
-                if len(q):
-                    caps[0, 1] = level
-                    got = polish(self.program, q, factors, caps, WARM)
-                    got = got[got.converged]
-                    got = got[_apart(self.program.task, got)]
-                    self.add_all(got)
-                    q = got.q
+        own = np.asarray(task.objectives[1](task.motion(self.pool))) * task.objectives[1].sign / self.ranges[1]
+        falling, rising = levels[:, None], levels[::-1, None]
+        within = own >= falling, own <= rising
+        joins = [np.where(each.any(axis=0), each.argmax(axis=0), len(levels)) for each in within]
+        q = [self.pool[:0], self.pool[:0]]
+        for step, both in enumerate(zip(levels, levels[::-1], strict=True)):
+            q = [np.concatenate([old, self.pool[join == step]]) for old, join in zip(q, joins, strict=True)]
+            caps = np.full((len(q[0]) + len(q[1]), len(self.program.totals)), np.inf)
+            caps[:, 1] = np.repeat(both, [len(q[0]), len(q[1])])
+            got = polish(self.program, np.concatenate(q), factors, caps, FOLLOWING)
+            for way, part in enumerate((got[: len(q[0])], got[len(q[0]) :])):
+                kept = part[part.converged]
+                kept = kept[_apart(task, kept)]
+                self.add_all(kept)
+                q[way] = kept.q
 
     def add_all(self, got: Polished) -> None:
         """Keep points: whether they are part of the front is seen later."""
@@ -173,9 +172,9 @@ def polished_points(task: MotionTask, q: Float[np.ndarray, "points time dof"], r
     return found.merged(again, polish(program, q[again], factors, caps[again], COLD)) if again.any() else found
 
 
-def _ends(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, Polished, np.ndarray]:
-    """Return (motions to start from, the ends of the front, ranges of the objectives)."""
-    count, pool, best = len(task.objectives), [], []
+def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (motions to start from, the best of each objective alone, ranges of the objectives)."""
+    pool, best = [], []
     for objective in task.objectives:
         plan = planned(replace(task, objectives=(objective,)), starts=starts, seed=seed)
         pool += [optimum.motion.q for optimum in plan.optima[:POOL]]
@@ -186,23 +185,28 @@ def _ends(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, Poli
     ideal, nadir = payoff.min(axis=0), payoff.max(axis=0)
     wide = nadir - ideal > 1e-9 * np.maximum(np.abs(ideal), np.abs(nadir))
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
-    program = motion_program(task, ranges)
-    factors = np.zeros((count, len(program.totals)))
-    factors[:, :count] = np.where(np.eye(count) > 0, 1.0, YIELD)
-    ends = polish(program, np.stack(best), factors, rules=WARM)
-    if not ends.converged.all():
-        failed = task.objectives[int(np.argmin(ends.converged))].name
-        raise EvaluationFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
     unique: list[np.ndarray] = []
     for q in pool:
         if not unique or distance(task, q, np.stack(unique)).min() > APART:
             unique.append(q)
-    return np.stack(unique), ends, ranges
+    return np.stack(unique), np.stack(best), ranges
 
 
-def _between(task: MotionTask, cold: np.ndarray, ends: Polished, ranges: np.ndarray) -> list[Polished]:
+def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> Polished:
+    """Return the ends of the front: each objective at its best, the others as good as they can be there."""
+    count = len(best)
+    factors = np.zeros((count, len(program.totals)))
+    factors[:, :count] = np.where(np.eye(count) > 0, 1.0, YIELD)
+    ends = polish(program, best, factors, rules=WARM)
+    if not ends.converged.all():
+        failed = program.task.objectives[int(np.argmin(ends.converged))].name
+        raise EvaluationFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
+    return ends
+
+
+def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished) -> list[Polished]:
     """Return the optima that many starts lead to below some ε: a branch may belong to no objective's own optimum."""
-    count = len(ranges)
+    count = len(programs[-1].task.objectives)
     ideal, nadir = ends.totals[:, :count].min(axis=0), ends.totals[:, :count].max(axis=0)
     found = []
     for share in INNER if count == 2 else INNER[1:2]:
@@ -211,7 +215,7 @@ def _between(task: MotionTask, cold: np.ndarray, ends: Polished, ranges: np.ndar
             caps[main] = np.inf
             factors = np.full(count, YIELD)
             factors[main] = 1.0
-            got, _ = descended(task, cold, factors, caps, ranges)
+            got, _ = descended(programs, cold, factors, caps)
             found.append(got[got.converged][:POOL])
     return found
 

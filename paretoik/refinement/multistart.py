@@ -6,7 +6,7 @@ by cost and joint limits (3.1.3), optimised on coarse samples and refined by cub
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,7 @@ COLD = (
 )  # in turn: each finds basins that the other walks past
 EASING = Rules(radius=0.1, iterations=40)
 HOLDING = Rules(barrier=1e-4, penalty=100.0, radius=0.02)  # limits are not left again for a better objective
-WARM = Rules(barrier=1e-4, radius=0.02)
+WARM = Rules(barrier=1e-4, radius=0.02)  # coarser levels go no further than where finer ones begin
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +77,7 @@ def planned(
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     q = coarse_starts(task, starts=starts, seed=seed, given=given)
-    found, levels = descended(task, q, np.ones(1), np.full(1, np.inf), sizes(task, q), observe, ease=True)
+    found, levels = descended(ladder(task, sizes(task, q)), q, np.ones(1), np.full(1, np.inf), observe, ease=True)
     return Plan(optima=_optima(task, found), levels=levels)
 
 
@@ -96,41 +96,43 @@ def sizes(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float
     return np.array([max(float(np.quantile(np.abs(o(motions)), 0.25)), 1e-12) for o in task.objectives])
 
 
+def ladder(task: MotionTask, divisors: Float[np.ndarray, " n_obj"]) -> list[MotionProgram]:
+    """Return the programs of all levels of samples, coarse to fine, the task's own last."""
+    coarser = [task.subsampled(samples) for samples in level_samples(len(task.times))[:-1]]
+    return [motion_program(level, divisors) for level in (*coarser, task)]
+
+
 def descended(
-    task: MotionTask,
+    programs: Sequence[MotionProgram],
     q: Float[np.ndarray, "starts samples dof"],
     factors: Float[np.ndarray, " n_obj"],
     caps: Float[np.ndarray, " n_obj"],
-    divisors: Float[np.ndarray, " n_obj"],
     observe: Callable[[int, int, int], object] | None = None,
     *,
     ease: bool = False,
 ) -> tuple[Polished, tuple[tuple[int, int], ...]]:
-    """Return the distinct optima of Σ factors · objectives / divisors below caps, and samples and optima of each level.
+    """Return the distinct optima of Σ factors · objectives below caps, and samples and optima of each level.
 
-    ``q`` are coarse starts; ``caps`` are divided by the divisors too. Where limits are violated at the end, ``ease``
+    ``programs`` are those of a ``ladder``, ``q`` starts of the first. Where limits are violated at the end, ``ease``
     has a look at whether they can hold at all.
     """
-    counts, levels = level_samples(len(task.times)), list[tuple[int, int]]()
-    level, rules = task.subsampled(counts[0]), [COLD[i % len(COLD)] for i in range(len(q))]
-    while True:
-        program = motion_program(level, divisors)
-        rest = len(program.totals) - len(factors)
-        weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
-        found = polish(program, q, weights[None], below[None], rules=rules)
-        if ease and len(levels) in (0, len(counts) - 1) and not found.converged.any() and found.violation.max() > HOLDS:
-            least = _distinct(level, found, found.totals @ weights, most=KEPT)
-            eased = found.q[least] if levels else np.concatenate([found.q[least], q[: 2 * KEPT]])
-            found = _eased(program, eased, weights, below)
-        most = KEPT if len(levels) + 1 < len(counts) else len(found)
-        found = found[_distinct(level, found, found.totals @ weights, most=most)]
-        levels.append((len(level.times), len(found)))
+    levels, rules = list[tuple[int, int]](), [COLD[i % len(COLD)] for i in range(len(q))]
+    rest = len(programs[0].totals) - len(factors)
+    weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
+    for program, finer in zip(programs, [*programs[1:], None], strict=True):
+        task, first = program.task, program is programs[0]
+        passing = [rule._replace(last_barrier=WARM.barrier, tolerance=WARM.barrier) for rule in rules]
+        found = polish(program, q, weights[None], below[None], rules=passing if finer else rules)
+        if ease and (first or not finer) and not found.converged.any() and found.violation.max() > HOLDS:
+            least = _distinct(task, found, found.totals @ weights, most=KEPT)
+            found = _eased(program, np.concatenate([found.q[least], q[: 2 * KEPT * first]]), weights, below)
+        found = found[_distinct(task, found, found.totals @ weights, most=KEPT if finer else len(found))]
+        levels.append((len(task.times), len(found)))
         if observe is not None:
-            observe(len(level.times), len(q), len(found))
-        if len(levels) == len(counts):
-            return found, tuple(levels)
-        before, level = level, task.subsampled(counts[len(levels)])
-        q, rules = before.motion(found.q).at(level.times), [WARM] * len(found)
+            observe(len(task.times), len(q), len(found))
+        if finer:
+            q, rules = task.motion(found.q).at(finer.task.times), [WARM] * len(found)
+    return found, tuple(levels)
 
 
 def _eased(program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray) -> Polished:

@@ -90,12 +90,13 @@ def _written(arm: Arm, tasks: Sequence[Task]) -> Program:
     key = arm, *((task.frame, task.axes) for task in tasks)
     if key not in _WRITTEN:
         tape = Tape()
-        q = [tape.input() for _ in range(arm.dof)]
+        q: list[Any] = [tape.input() for _ in range(arm.dof)]
+        links = chain(arm, q)
         errors: list[Any] = []
         jacobian: list[Any] = []
-        links = chain(arm, q)
         for task in tasks:
-            found, slopes = task.errors(arm, links, [tape.input() for _ in range(task.numbers)])
+            targets: list[Any] = [tape.input() for _ in range(task.numbers)]
+            found, slopes = task.errors(arm, links, targets)
             errors, jacobian = errors + found, jacobian + [slope for row in slopes for slope in row]
         _WRITTEN[key] = program(tape, [entry(tape, value) for value in (*errors, *jacobian)])
         if len(_WRITTEN) > REMEMBERED:

@@ -195,10 +195,13 @@ def _is_half_turn(sine: Component, cosine: Component) -> Component:
 
 def _half_turn(between: Rows) -> Triple:
     """Return the rotation vector of a half turn: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
-    double = [tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3)]
-    found = double[2]
-    for j in (1, 0):  # of the columns the longest; the others may vanish
-        longer = np.multiply(*(np.less_equal(double[k][k], double[j][j]) for k in range(3) if k != j))
-        found = tuple(choose(longer, one, other) for one, other in zip(double[j], found, strict=True))
-    length = np.sqrt(dot(found, found))
-    return tuple(np.pi * (part / length) for part in found)
+    x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
+    # Of the columns the longest, which has the largest entry on the diagonal; the others may vanish.
+    found = _either(np.less_equal(z[2], y[1]), y, z)
+    found = _either(np.less_equal(z[2], x[0]) * np.less_equal(y[1], x[0]), x, found)
+    return scale(found, np.pi / np.sqrt(dot(found, found)))
+
+
+def _either(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Triple:
+    x, y, z = (choose(condition, one, other) for one, other in zip(first, second, strict=True))
+    return x, y, z
