@@ -9,14 +9,12 @@ quadratic term.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import clarabel
 import numpy as np
 from jaxtyping import Float
-from scipy import sparse
 
-from paretoik.convex.models import Constraints, asked
+from paretoik.convex.models import Constraints, Entries, asked
 from paretoik.errors import EvaluationFailed
 
 
@@ -42,38 +40,45 @@ def criticality(
     unknowns, near = constraints.unknowns, constraints.in_reach(radius, order=2)
     scale = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
     lengths = constraints.lengths[near]
-    ball = sparse.vstack([sparse.csr_array((1, columns)), -sparse.eye_array(unknowns, columns)])
-    blocks = [
-        sparse.csr_array(np.column_stack([gradients / scale, np.ones(objectives)])),
-        _wide(sparse.diags_array(-1.0 / lengths) @ constraints.slopes[near]),
-        _wide(ball),
-    ]
-    right = [
-        np.zeros(objectives),
-        np.maximum(constraints.gaps[near], 0.0) / lengths,
-        np.append(radius, np.zeros(unknowns)),
-    ]
-    cones = [clarabel.NonnegativeConeT(objectives + len(near)), clarabel.SecondOrderConeT(unknowns + 1)]
-    for cone in constraints.cones:
-        top = sparse.coo_array((np.ones(1), (np.zeros(1, dtype=int), np.array([cone.column]))), shape=(1, columns))
-        blocks.append(_wide(-sparse.vstack([top, cone.rows])))
-        right.append(np.append(np.linalg.norm(cone.values), cone.values))
-        cones.append(clarabel.SecondOrderConeT(len(cone.values) + 1))
-    none = sparse.csc_array((columns + 1, columns + 1))
-    found = asked("criticality", none, np.append(np.zeros(columns), -1.0), blocks, right, cones, 1e-11)
+    row, column = np.indices(gradients.shape).reshape(2, -1)
+    gains = Entries(
+        np.append(row, np.arange(objectives)),
+        np.append(column, np.full(objectives, columns)),
+        np.append(gradients.ravel() / scale, np.ones(objectives)),
+    )
+    tops = constraints.tops()
+    found = asked(
+        "criticality",
+        Entries.diagonal(0, 0.0),
+        np.append(np.zeros(columns), -1.0),
+        [
+            (objectives, gains),
+            (len(near), constraints.turned(near, lengths)),
+            (unknowns + 1, Entries.diagonal(unknowns, -1.0, below=1)),
+            *((height, block) for height, block, *_ in tops),
+        ],
+        [
+            np.zeros(objectives),
+            np.maximum(constraints.gaps[near], 0.0) / lengths,
+            np.append(radius, np.zeros(unknowns)),
+            *(right for *_, right, _ in tops),
+        ],
+        [
+            clarabel.NonnegativeConeT(objectives + len(near)),
+            clarabel.SecondOrderConeT(unknowns + 1),
+            *(kind for *_, kind in tops),
+        ],
+        1e-11,
+    )
     limits = np.zeros(len(constraints.gaps))
     limits[near] = found.dual[objectives : objectives + len(near)] * scale / lengths
-    rest, pulls = found.dual[objectives + len(near) + unknowns + 1 :] * scale, []
-    for cone in constraints.cones:
-        pulls.append(-rest[1 : len(cone.values) + 1])
-        rest = rest[len(cone.values) + 1 :]
     weights = found.dual[:objectives]
     return Criticality(
         value=max(-found.value, 0.0) * scale,
         step=found.x[:columns],
         weights=weights / weights.sum(),
         limits=limits,
-        pulls=tuple(pulls),
+        pulls=constraints.pulls(found.dual[objectives + len(near) + unknowns + 1 :] * scale),
     )
 
 
@@ -102,9 +107,3 @@ def criticality_model(
         limits=np.array(within.dual_value),
         pulls=tuple(-np.ravel(top.dual_value[1]) for top in tops),
     )
-
-
-def _wide(block: Any) -> sparse.csr_array:
-    """Return rows with a column of zeros more: that of t."""
-    rows = sparse.csr_array(block)
-    return sparse.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], rows.shape[1] + 1))

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.convex.models import Constraints, asked
+from paretoik.convex.models import Constraints, Entries, asked
 from paretoik.errors import EvaluationFailed
 
 
@@ -46,29 +46,38 @@ def step(
     gives = np.flatnonzero(near < yielding)
     lengths = constraints.lengths[near]
     lengths[gives] = 1.0  # their units decide what a violation costs
-    way_out = sparse.coo_array((np.ones(len(gives)), (gives, np.zeros(len(gives), dtype=int))), shape=(len(near), 1))
-    box = sparse.eye_array(unknowns, columns + 1)
-    last = sparse.coo_array((np.ones(1), (np.zeros(1, dtype=int), np.array([columns]))), shape=(1, columns + 1))
-    limited = sparse.diags_array(1.0 / lengths) @ constraints.slopes[near]
-    blocks = [-sparse.hstack([limited, way_out]), box, -box, -last]
-    right = [constraints.gaps[near] / lengths, np.full(2 * unknowns, radius), np.zeros(1)]
-    cones = [clarabel.NonnegativeConeT(len(near) + 2 * unknowns + 1)]
-    for cone in constraints.cones:
-        top = sparse.coo_array((np.ones(1), (np.zeros(1, dtype=int), np.array([cone.column]))), shape=(1, columns + 1))
-        rows = sparse.hstack([cone.rows, sparse.csr_array((len(cone.values), 1))])
-        blocks.append(-sparse.vstack([top, rows]))
-        right.append(np.append(np.linalg.norm(cone.values), cone.values))
-        cones.append(clarabel.SecondOrderConeT(len(cone.values) + 1))
-    wide = sparse.csc_array(hessian)
-    wide.resize((columns + 1, columns + 1))
-    found = asked("step", wide, np.append(gradient, price), blocks, right, cones, 1e-10)
+    way_out = Entries(gives, np.full(len(gives), columns), np.full(len(gives), -1.0))
+    last = Entries(np.zeros(1, dtype=int), np.array([columns]), np.full(1, -1.0))
+    tops = constraints.tops()
+    found = asked(
+        "step",
+        Entries.of(hessian),
+        np.append(gradient, price),
+        [
+            (0, constraints.turned(near, lengths)),
+            (len(near), way_out),
+            (unknowns, Entries.diagonal(unknowns, 1.0)),
+            (unknowns, Entries.diagonal(unknowns, -1.0)),
+            (1, last),
+            *((height, block) for height, block, *_ in tops),
+        ],
+        [
+            constraints.gaps[near] / lengths,
+            np.full(2 * unknowns, radius),
+            np.zeros(1),
+            *(right for *_, right, _ in tops),
+        ],
+        [clarabel.NonnegativeConeT(len(near) + 2 * unknowns + 1), *(kind for *_, kind in tops)],
+        1e-10,
+    )
     limits = np.zeros(len(constraints.gaps))
     limits[near] = found.dual[: len(near)] / lengths
-    rest, pulls = found.dual[len(near) + 2 * unknowns + 1 :], []
-    for cone in constraints.cones:
-        pulls.append(-rest[1 : len(cone.values) + 1])
-        rest = rest[len(cone.values) + 1 :]
-    return Step(step=found.x[:columns], violation=max(float(found.x[columns]), 0.0), limits=limits, pulls=tuple(pulls))
+    return Step(
+        step=found.x[:columns],
+        violation=max(float(found.x[columns]), 0.0),
+        limits=limits,
+        pulls=constraints.pulls(found.dual[len(near) + 2 * unknowns + 1 :]),
+    )
 
 
 def step_model(

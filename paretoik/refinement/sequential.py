@@ -145,16 +145,16 @@ def _point(program: MotionProgram, q: np.ndarray, caps: np.ndarray) -> _Point:
 
 def _model(program: MotionProgram, local: Linearised, at: _Point, caps: np.ndarray) -> _Model:
     limits, capped = len(program.sides) - program.kinks, np.flatnonzero(np.isfinite(caps))
-    scales = program.ranges[:limits]
-    slopes = [
-        sparse.diags_array(1.0 / scales) @ local.slopes[:limits],
-        sparse.csr_array(-local.gradients[capped]),
-        local.slopes[limits:],
-    ]
+    scales, slopes = program.ranges[:limits], local.slopes.copy()
+    shares = np.append(1.0 / scales, np.ones(slopes.shape[0] - limits))
+    slopes.data *= np.repeat(shares, np.diff(slopes.indptr))
+    if len(capped):
+        between = sparse.csr_array(-local.gradients[capped])
+        slopes = sparse.csr_array(sparse.vstack([slopes[:limits], between, slopes[limits:]]))
     constraints = Constraints(
         unknowns=local.unknowns,
         gaps=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
-        slopes=sparse.csr_array(sparse.vstack(slopes)),
+        slopes=slopes,
         cones=local.cones,
     )
     return _Model(constraints=constraints, yielding=limits + len(capped), capped=capped, scales=scales)

@@ -22,6 +22,7 @@ from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
 
 START_TOLERANCE = 1e-6  # m and rad: a start this near the path is moved onto it
+TIED = 1e-3  # share of the worst violation by which others are as bad
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,21 +127,37 @@ class MotionTask:
         return np.concatenate(found, axis=-1) if found else np.zeros((*batch, 0))
 
     def binding(self, motion: Motion) -> str:
-        """Return in words which limit a single motion violates most, where and by how much; "" where all hold."""
+        """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
+
+        Limits that are violated as much are named too: where a motion violates all as little as can be, those that stand
+        against each other are.
+        """
         violations = self.violations(motion)
         if not len(violations) or violations.max() <= 0:
             return ""
-        name = self.limit_names[int(np.argmax(violations))]
-        share = f"by {100 * violations.max():.3g} % of its range"
+        worst = int(np.argmax(violations))
+        share = f"by {100 * violations[worst]:.3g} % of its range"
+        name, place = self.limit_names[worst], self._place(worst, motion)
         if name == "clearance":
-            short, sample = self.least_clearance - motion.clearance.min(), int(motion.clearance.argmin())
-            return f"clearance is {short:.3g} m short at sample {sample} ({self.times[sample]:.3g} s)"
+            said = f"clearance is {self.least_clearance - motion.clearance.min():.3g} m short{place}"
+        else:
+            said = f"{name} is {'exceeded' if place else 'violated'} {share}{place}"
+        others = np.flatnonzero(violations >= (1 - TIED) * violations[worst])
+        tied = [f"{self.limit_names[i]}{self._place(i, motion)}" for i in others if i != worst]
+        return said + (f"; so is {' and '.join(tied)}" if tied else "")
+
+    def _place(self, limit: int, motion: Motion) -> str:
+        """Return in words at which sample a limit is violated most, "" where it is none of samples."""
+        name = self.limit_names[limit]
         kind, _, joint = name.partition(" of ")
-        if kind not in self.bounds:
-            return f"{name} is violated {share}"
-        j = self.arm.joint_names.index(joint)
-        sample = int(np.argmax(excess(kind, self.bounds[kind], motion)[..., j]))
-        return f"{name} is exceeded {share} at sample {sample} ({self.times[sample]:.3g} s)"
+        if name == "clearance":
+            sample = int(motion.clearance.argmin())
+        elif kind in self.bounds:
+            over = excess(kind, self.bounds[kind], motion)[..., self.arm.joint_names.index(joint)]
+            sample = int(np.argmax(over))
+        else:
+            return ""
+        return f" at sample {sample} ({self.times[sample]:.3g} s)"
 
     def _limited(self, bounds: Bounds) -> np.ndarray:
         return np.isfinite(bounds).any(axis=(0, 2))

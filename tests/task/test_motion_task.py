@@ -138,6 +138,15 @@ def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
     assert told == "position of joint3 is exceeded by 400 % of its range at sample 11 (0.55 s)"
 
 
+def test_limits_that_are_violated_alike_are_told_together():
+    found = task(limits=Limits(position=1.0, velocity=500.0))
+    q = np.zeros((21, 3))
+    q[5, 1], q[7, 2] = 1.5, -1.5
+    told = found.binding(found.motion(q))
+    assert told.startswith("position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s); so is")
+    assert told.endswith("so is position of joint3 at sample 7 (0.35 s)")
+
+
 def test_a_binding_clearance_is_told_by_its_name():
     found = task(obstacles=[Circle([0.2, 0.0], 0.05)], limits=Limits(clearance=0.01))
     assert found.binding(found.motion(np.zeros((21, 3)))).startswith("clearance is 0.06 m short at sample 0")

@@ -1,0 +1,163 @@
+"""The problems, their certified fronts, and what the certificates say."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.refinement.program import MotionProgram, motion_program
+from paretoik.task.motion_task import MotionTask
+from problems import panda, tringali_2020
+from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
+from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.planner.verdicts import LOSS, tell, timed
+from studies.reporting import Row
+
+HOLDS = 1e-8  # of limits' ranges
+TRACKED = 1e-9  # m and rad
+CRITICAL = 1e-6
+FIRST_POINTS, FIRST_STARTS = 3, 8  # of the call that compiles
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A problem, how many points its front is asked for, and whether its seconds are held against IPOPT's."""
+
+    name: str
+    make: Callable[[], pk.Tracking]
+    points: int
+    raced: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """A certified front, the seconds and the processor's that it took, and IPOPT's program of its task."""
+
+    name: str
+    front: pk.Front
+    task: MotionTask
+    peer: JointProgram
+    seconds: float
+    cpu: float
+
+    @property
+    def q(self) -> np.ndarray:
+        """Motions (points, time, dof)."""
+        assert self.front.motions is not None
+        return np.asarray(self.front.motions.q)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Objectives (points, n_obj), minimised."""
+        return np.asarray(self.front.minimised)
+
+    @cached_property
+    def ranges(self) -> np.ndarray:
+        """How far the objectives (n_obj,) reach over the front."""
+        return np.asarray(np.ptp(self.values, axis=0))
+
+    @cached_property
+    def program(self) -> MotionProgram:
+        """Our own program, objectives divided by their ranges."""
+        return motion_program(self.task, self.ranges)
+
+
+def five_joints() -> pk.Tracking:
+    """Return kinetic energy against torque norm of a planar 5R arm that also turns its tool."""
+    lengths = [0.25, 0.22, 0.20, 0.15, 0.10]
+    masses = [1.0, 0.8, 0.6, 0.4, 0.2]
+    arm = pk.Arm.planar(
+        lengths=lengths,
+        masses=masses,
+        centers=[length / 2 for length in lengths],
+        inertias=[mass * length**2 / 12 for mass, length in zip(masses, lengths, strict=True)],
+    )
+    start, end = pk.Pose.from_rpy((0.55, -0.15, 0.0), (0, 0, 0)), pk.Pose.from_rpy((0.35, 0.35, 0.0), (0, 0, 0.6))
+    return pk.Tracking(
+        arm,
+        pk.line(start, end, duration=1.0, samples=101),
+        objectives=[pk.kinetic_energy, pk.torque_norm],
+        limits=pk.Limits(position=np.deg2rad(150.0), velocity=4.0),
+    )
+
+
+def panda_by_position() -> pk.Tracking:
+    """Return the Panda across its table, its hand free to turn."""
+    whole = panda.across_the_table().task
+    (only,) = whole.tasks
+    start, end = only.path.positions[[0, -1]]
+    path = pk.line(start, end, duration=float(whole.times[-1]), samples=len(whole.times))
+    return pk.Tracking(panda.panda(), path, objectives=whole.objectives)
+
+
+CASES = (
+    Case(name="energy_torque", make=tringali_2020.energy_torque, points=20),
+    Case(name="planar 5R", make=five_joints, points=10),
+    Case(name="Panda", make=panda.across_the_table, points=20, raced=True),
+    Case(name="Panda by position", make=panda_by_position, points=10, raced=True),
+)
+
+
+def known(case: Case, *, points: int, seed: int, folder: Path) -> Known:
+    """Return a case's certified front and IPOPT's program, compiled into a folder where there is a compiler."""
+    tell(f"{case.name}: first front")
+    problem = case.make()
+    pk.epsilon_front(problem, points=FIRST_POINTS, starts=FIRST_STARTS, seed=seed)
+    tell(f"{case.name}: {points} points")
+    front, seconds, cpu = timed(lambda: pk.epsilon_front(problem, points=points, seed=seed))
+    tell(f"{case.name}: IPOPT's program")
+    begun, named = time.perf_counter(), f"program_{[one.name for one in CASES].index(case.name)}"
+    peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
+    tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
+    return Known(name=case.name, front=front, task=problem.task, peer=peer, seconds=seconds, cpu=cpu)
+
+
+def judged(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
+    """Return a row that is lost where ours is more than the goal, which stands beside it, or no number."""
+    lost = LOSS if not ours <= goal else ""
+    return Row(table=table, row=row, column=column, unit=unit, ours=ours, paper=goal, note=lost + (note or "goal"))
+
+
+def certificate_rows(front: Known) -> list[Row]:
+    """Return what the certificates say, worst of all points."""
+    said = front.front.certificates
+    assert said is not None
+    table, row, points = front.name, "certificates", len(front.q)
+    counts = Counter(said.status.tolist())
+    between = float(said.violation_between.max())
+    at = int(said.violation_between.argmax())
+    fine = front.task.resampled(4 * (len(front.task.times) - 1) + 1)
+    motion = fine.motion(front.task.motion(front.q[at]).at(fine.times))
+    weak = int(said.weak.sum())
+    off = float(front.task.motion(front.q).tracking_error.max())
+    share = "share of range"
+    return [
+        Row(table=table, row=row, column="points", unit="", ours=points, note=f"{weak} weak: a weight below 1e-6"),
+        judged(table, row, "worst violation at samples", share, float(said.violation.max()), HOLDS),
+        Row(
+            table=table,
+            row=row,
+            column="worst violation between",
+            unit=share,
+            ours=between,
+            note=fine.binding(motion) or "none",
+        ),
+        judged(table, row, "worst tracking error", "m, rad", off, TRACKED),
+        judged(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),
+        judged(
+            table,
+            row,
+            "not a minimum",
+            "points",
+            points - counts["minimum"],
+            0,
+            ", ".join(f"{count} {status}" for status, count in counts.most_common()),
+        ),
+    ]

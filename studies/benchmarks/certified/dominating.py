@@ -1,0 +1,171 @@
+"""Attempts to dominate the points of a front: by IPOPT, and by random steps that keep all limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from paretoik.errors import Infeasible
+from paretoik.refinement.linearised import Linearised, evaluated, linearised
+from paretoik.refinement.multistart import distance
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.certified.cases import HOLDS, TRACKED, Known, judged
+from studies.reporting import Row
+
+DOMINATED = 1e-7  # of the ranges
+ROUNDING = 1e-12  # of the ranges: a rise of less is none
+AGAIN = 3  # times below lower ceilings
+SIZES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # rad (RMS) of random steps
+KNOTS = (4, 8, 16, 32)  # of their splines
+ROUNDS = 6  # of Newton's steps back within the limits
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """What an attempt on a point came to.
+
+    ``gain`` is a share of the ranges, −inf where nothing came of it; ``ended`` is whether there is a motion and
+    ``counts`` whether it keeps the path and the limits; ``apart`` is how far it is from the point [rad, RMS].
+    """
+
+    point: int
+    how: str
+    gain: float
+    ended: bool
+    counts: bool
+    apart: float = np.nan
+
+
+def ipopt_rows(front: Known) -> list[Row]:
+    """Return the largest gain that IPOPT finds from any point, no objective rising."""
+    names = front.front.names
+    tries = [
+        ipopt_attempt(front, point, main, warm=warm)
+        for point in range(len(front.q))
+        for main in range(len(names))
+        for warm in (True, False)
+    ]
+    ended, counts = sum(one.ended for one in tries), sum(one.counts for one in tries)
+    said = f"{len(tries)} runs, {ended} ended well, {counts} of them within ceilings and limits"
+    note = ", ".join([said, *_worst(tries)])
+    gain = max(max(one.gain for one in tries), 0.0)
+    return [
+        judged(front.name, "IPOPT from every point", "largest gain, no loss", "share of range", gain, DOMINATED, note)
+    ]
+
+
+def ipopt_attempt(front: Known, point: int, main: int, *, warm: bool) -> Attempt:
+    """Return what IPOPT gains when it minimises objective ``main`` below the point's own values of the others."""
+    q, values, ranges = front.q[point], front.values[point], front.ranges
+    how = f"{front.front.names[main]} minimised, barrier {'low' if warm else 'high'}"
+    ceilings = np.where(np.arange(len(values)) == main, np.inf, values)
+    for _ in range(AGAIN):
+        made, _ = front.peer.solve(q, main, ceilings, ranges, warm=warm)
+        if made is None:
+            return Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False)
+        found = led_back(front.task, made)
+        if found is None or violation(front.task, found) > HOLDS:
+            return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
+        rise = (objectives(front.task, found) - values) / ranges
+        others = np.delete(rise, main)
+        if others.max() <= ROUNDING:
+            gain = float(-rise.min()) if rise.max() <= ROUNDING else -np.inf
+            apart = float(distance(front.task, found, q))
+            return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart)
+        ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
+    return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
+
+
+def perturbation_rows(front: Known, *, steps: int, seed: int) -> list[Row]:
+    """Return the largest gain in all objectives at once that random feasible steps find from any point."""
+    rng = np.random.default_rng(seed)
+    tries = [one for point in range(len(front.q)) for one in perturbations(front, point, steps, rng)]
+    counts = sum(one.counts for one in tries)
+    note = ", ".join([f"{len(tries)} steps, {counts} within limits", *_worst(tries)])
+    gain = max(one.gain for one in tries)
+    return [
+        judged(
+            front.name, "random steps from every point", "largest gain of all", "share of range", gain, DOMINATED, note
+        )
+    ]
+
+
+def perturbations(front: Known, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
+    """Return what so many random smooth steps gain; every other one changes no objective to first order."""
+    at = linearised(front.program, front.q[point])
+    tries = []
+    for k in range(steps):
+        size, level = SIZES[k % len(SIZES)], bool(k // len(SIZES) % 2)
+        how = f"a step of {size:g} rad" + (" along the front's own tangent" if level else "")
+        found = within(at, random_step(at, size, rng), level=level)
+        if found is None:
+            tries.append(Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False))
+            continue
+        gain = float(((front.values[point] - objectives(front.task, found)) / front.ranges).min())
+        apart = float(distance(front.task, found, front.q[point]))
+        tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart))
+    return tries
+
+
+def random_step(at: Linearised, size: float, rng: np.random.Generator) -> np.ndarray:
+    """Return a smooth random step of the self-motion, as unknowns, of this length (RMS over time)."""
+    samples, dof = at.q.shape
+    knots = np.linspace(0.0, samples - 1.0, int(rng.choice(KNOTS)))
+    smooth = CubicSpline(knots, rng.normal(size=(len(knots), dof)))(np.arange(samples))
+    own, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.place
+    step, free = np.zeros(at.gradients.shape[1]), place >= 0
+    step[place[free, None] + np.arange(own.shape[1])] = own[free]
+    moved = at.displacement(step)
+    return step * (size / np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+
+
+def within(at: Linearised, step: np.ndarray, *, level: bool) -> np.ndarray | None:
+    """Return the motion that a step leads to, bent back within the limits; None where that fails."""
+    task, short = at.program.task, np.zeros(len(at.gaps), dtype=bool)
+    flat = at.gradients if level else at.gradients[:0]
+    step = step - np.linalg.pinv(flat) @ (flat @ step) if level else step
+    for _ in range(ROUNDS):
+        found = led_back(task, at.q + at.displacement(step))
+        if found is None:
+            return None
+        if violation(task, found) <= HOLDS:
+            return found
+        gaps = evaluated(at.program, found).gaps
+        short |= gaps < 0
+        rows = np.concatenate([at.slopes[np.flatnonzero(short)].toarray(), flat])
+        step = step + np.linalg.lstsq(rows, np.concatenate([-gaps[short], np.zeros(len(flat))]))[0]
+    return None
+
+
+def led_back(task: MotionTask, q: np.ndarray) -> np.ndarray | None:
+    """Return the motion (time, dof) on the path to within our own tolerance; None where it is lost."""
+    try:
+        found = task.motion(q).at(task.times)
+    except Infeasible:
+        return None
+    return found if task.motion(found).tracking_error.max() <= TRACKED else None
+
+
+def objectives(task: MotionTask, q: np.ndarray) -> np.ndarray:
+    """Return the objectives (n_obj,) of a motion, minimised."""
+    motion = task.motion(q)
+    return np.array([float(one(motion)) * one.sign for one in task.objectives])
+
+
+def violation(task: MotionTask, q: np.ndarray) -> float:
+    """Return the worst violation of a motion's limits, as a share of their ranges."""
+    return float(task.violations(task.motion(q)).max(initial=0.0))
+
+
+def _worst(tries: Sequence[Attempt]) -> list[str]:
+    """Return in words where the largest gain is, if any is."""
+    best = max(tries, key=lambda one: one.gain)
+    if not best.gain > 0:
+        return []
+    return [
+        f"{len({one.point for one in tries if one.gain > DOMINATED})} points beaten",
+        f"most: point {best.point}, {best.how}, {best.apart:.1e} rad away",
+    ]
