@@ -129,8 +129,8 @@ class MotionTask:
     def binding(self, motion: Motion) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
 
-        Limits that are violated as much are named too: where a motion violates all as little as can be, those that stand
-        against each other are.
+        Limits that are violated as much are named too: of a motion that violates all as little as can be, those that
+        stand against each other.
         """
         violations = self.violations(motion)
         if not len(violations) or violations.max() <= 0:
@@ -142,7 +142,7 @@ class MotionTask:
             said = f"clearance is {self.least_clearance - motion.clearance.min():.3g} m short{place}"
         else:
             said = f"{name} is {'exceeded' if place else 'violated'} {share}{place}"
-        others = np.flatnonzero(violations >= (1 - TIED) * violations[worst])
+        others = np.flatnonzero(violations >= (1 - TIED) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._place(i, motion)}" for i in others if i != worst]
         return said + (f"; so is {' and '.join(tied)}" if tied else "")
 
