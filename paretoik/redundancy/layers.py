@@ -138,7 +138,7 @@ def ways_through(layers: Layers, cyclic: bool, nearby: int) -> list[list[int]]:
     """Return ways that are the best through a node and no worse than those through the nodes beside it."""
     came, onward, found = layers.forward(layers.start), layers.backward(), []
     last = len(layers.nodes) - 1
-    for layer in [0] if cyclic else np.unique(np.linspace(0, last, LOOKED_AT).astype(int)):
+    for layer in [0] if cyclic else np.unique(np.linspace(0, last, LOOKED_AT).astype(int)).tolist():
         through, nodes = came[layer] + onward[layer], layers.nodes[layer]
         least = np.full(int(nodes.max()) + 1, np.inf)
         np.minimum.at(least, nodes, through)

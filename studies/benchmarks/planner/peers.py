@@ -18,6 +18,7 @@ from studies.benchmarks.planner.programs import ENERGY, INERTIA, TORQUE, Program
 Settings: TypeAlias = tuple[tuple[str, float], ...]
 
 SAMPLES = 101
+LABELS = {"fatrop": "FATROP", "ipopt": "IPOPT"}
 TOLERANCE, CAP = 1e-8, 100  # of stationarity; iterations
 BEGINNINGS: tuple[Settings, ...] = tuple((("mu_init", mu),) for mu in (0.1, 0.01, 0.001))
 # what a warm start is pushed off its bounds by drives it elsewhere

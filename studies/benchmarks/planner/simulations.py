@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.redundancy.self_motion import JUMP
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.multistart import APART, COLD, Plan, coarse_starts, distance, sizes
+from paretoik.refinement.multistart import COLD, Plan, coarse_starts, sizes
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
 from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
+from studies.benchmarks.planner.optima import optima, oracle
 from studies.benchmarks.planner.peers import (
     BEGINNINGS,
+    LABELS,
     PUSHES,
     SAMPLES,
     Question,
@@ -27,20 +28,16 @@ from studies.benchmarks.planner.peers import (
     peer,
     tracking,
 )
-from studies.benchmarks.planner.verdicts import LOSS, timed, versus
+from studies.benchmarks.planner.verdicts import timed, versus
 from studies.reporting import Row
 
 NAMES = tuple(f"simulation_{i}" for i in range(1, 6))
 COARSE = 26
 CAPS = (100, 70, 50, 35, 25)
 SAME = 1e-5  # relative: a peer that stops its barrier's width above the best optimum has found it
-BELOW = 1e-7  # relative: by so much a peer's best may be below ours
-AGREED = 1e-9  # relative: optima of one basin
-LABELS = {"fatrop": "FATROP", "ipopt": "IPOPT"}
 WARMS: tuple[Settings, ...] = tuple(
     (("mu_init", mu), *((name, push) for name in PUSHES)) for mu, push in ((1e-3, 1e-2), (1e-4, 1e-4), (1e-5, 1e-6))
 )
-TIGHT: Settings = (("mu_init", 1e-8), ("tolerance", 1e-12), *((name, 1e-9) for name in PUSHES))
 SUMMED = "sum of the five"
 
 
@@ -144,7 +141,8 @@ def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effo
             + (f"; compiled in {one.compilation:.2g} s" if one.compilation else "")
         )
         rows.append(_time(row, f"to the best optimum, {one.name}", ours, theirs[one.name], None, note))
-    rows += _optima(row, task, plan, {one: found[one.name][0] for one in quickest(peers)}, masses)
+    rows += optima(row, task, plan, {one.fine: found[one.name][0] for one in quickest(peers)}, masses)
+    rows.append(oracle(row, task, plan))
     rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
     rows += _warm(row, task, plan, peers, masses)
     return Compared(rows=rows, ours=ours, theirs=theirs)
@@ -187,71 +185,6 @@ def expected_time(found: Sequence[Solved], best: float) -> float:
     """Return the seconds that independent starts on all cores are expected to take to the best optimum."""
     hits = _hits(found, best)
     return sum(one.seconds for one in found) / CORES / hits if hits else np.inf
-
-
-def _optima(row: str, task: MotionTask, plan: Plan, found: Mapping[Peered, Sequence[Solved]], masses: str) -> list[Row]:
-    """Return the best objectives, the optima of one basin side by side, and how many there are."""
-    rows = []
-    program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
-    for one, each in found.items():
-        ended = distinct(task, [s for s in each if s.solved])
-        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= JUMP]
-        if not theirs:
-            continue
-        below = plan.best.objective / theirs[0].value - 1
-        rows.append(
-            Row(
-                table="best optimum",
-                row=row,
-                column=f"objective, {one.label}",
-                unit="",
-                ours=plan.best.objective,
-                paper=theirs[0].value,
-                note=(LOSS if below > BELOW else "") + f"relative gap {below:.1e}, goal {BELOW:g}",
-            )
-        )
-        tight = peer(one.fine, TIGHT)
-        basins = [optimum.motion.q for optimum in plan.optima] + [s.q for s in theirs]
-        gaps = []
-        for start in basins:
-            end = tight.solve(start, masses)
-            again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
-            if end.solved and again.converged[0] and distance(task, end.q, again.q[0]) < APART:
-                gaps.append(float(again.totals[0, 0]) * plan.best.objective / end.value - 1)
-        worst = max(np.abs(gaps), default=np.inf)
-        rows.append(
-            Row(
-                table="optima of one basin",
-                row=row,
-                column=f"relative difference, {one.label}",
-                unit="",
-                ours=float(worst),
-                note=(LOSS if worst > AGREED else "") + f"goal {AGREED:g}; {len(gaps)} of {len(basins)} ended in one",
-            )
-        )
-        lost, jumps = len(plan.optima) < len(theirs) and row.startswith(NAMES[0]), len(ended) - len(theirs)
-        left_out = f"{jumps} of theirs left out: a joint jumps by more than {JUMP} rad between samples" if jumps else ""
-        rows.append(
-            Row(
-                table="distinct optima",
-                row=row,
-                column=one.label,
-                unit="",
-                ours=len(plan.optima),
-                paper=len(theirs),
-                note=f"{LOSS if lost else ''}goal: no fewer; {left_out}" if row.startswith(NAMES[0]) else left_out,
-            )
-        )
-    return rows
-
-
-def distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
-    """Return one of every optimum, best first, told apart as ``plan`` does."""
-    kept: list[Solved] = []
-    for one in sorted(found, key=lambda s: s.value):
-        if not kept or distance(task, one.q, np.stack([other.q for other in kept])).min() > APART:
-            kept.append(one)
-    return kept
 
 
 def _coarse(

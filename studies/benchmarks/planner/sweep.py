@@ -20,9 +20,10 @@ from paretoik.refinement.multistart import KEPT, coarse_starts
 from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
-from studies.benchmarks.planner.peers import BEGINNINGS, SAMPLES, Question, Solved, tracking
+from studies.benchmarks.planner.optima import distinct
+from studies.benchmarks.planner.peers import BEGINNINGS, LABELS, SAMPLES, Question, Solved, tracking
 from studies.benchmarks.planner.programs import ENERGY, TORQUE
-from studies.benchmarks.planner.simulations import COARSE, LABELS, WARMS, Effort, distinct
+from studies.benchmarks.planner.simulations import COARSE, WARMS, Effort
 from studies.benchmarks.planner.verdicts import HALF, tell, timed, versus
 from studies.benchmarks.reference_front import REFERENCE_POINT
 from studies.reporting import Row

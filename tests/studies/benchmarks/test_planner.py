@@ -11,9 +11,10 @@ from studies.benchmarks.planner import simulations
 from studies.benchmarks.planner.compiling import COMPILER, blockwise, compiled
 from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
+from studies.benchmarks.planner.optima import TIGHT
 from studies.benchmarks.planner.peers import Peer, Question, Solved, peer, program_of, task_of, tracking, written_out
 from studies.benchmarks.planner.programs import ENERGY, TORQUE, inertia
-from studies.benchmarks.planner.simulations import NAMES, TIGHT, expected_time
+from studies.benchmarks.planner.simulations import NAMES, expected_time
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, versus
 
 SOLVERS = ("fatrop", "ipopt")

@@ -1,0 +1,111 @@
+"""Where we and peers end: best optima, those of one basin, how many there are, and what the grid oracle knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from paretoik.redundancy.grid_oracle import grid_oracle
+from paretoik.redundancy.self_motion import JUMP
+from paretoik.refinement.compiled.interior_point import Rules
+from paretoik.refinement.multistart import APART, COLD, Plan, distance
+from paretoik.refinement.polish import polish
+from paretoik.refinement.program import motion_program
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings, Solved, peer
+from studies.benchmarks.planner.verdicts import LOSS, timed
+from studies.reporting import Row
+
+BELOW = 1e-7  # relative: by so much a peer's best may be below ours
+AGREED = 1e-9  # relative: optima of one basin
+TIGHT: Settings = (("mu_init", 1e-8), ("tolerance", 1e-12), *((name, 1e-9) for name in PUSHES))
+COUNTED = "simulation_1"
+
+
+def optima(
+    row: str, task: MotionTask, plan: Plan, found: Mapping[Question, Sequence[Solved]], masses: str
+) -> list[Row]:
+    """Return the best objectives, the optima of one basin side by side, and how many there are."""
+    rows = []
+    program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
+    for asked, each in found.items():
+        label = LABELS[asked.solver]
+        ended = distinct(task, [s for s in each if s.solved])
+        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= JUMP]
+        if not theirs:
+            continue
+        below = plan.best.objective / theirs[0].value - 1
+        rows.append(
+            Row(
+                table="best optimum",
+                row=row,
+                column=f"objective, {label}",
+                unit="",
+                ours=plan.best.objective,
+                paper=theirs[0].value,
+                note=(LOSS if below > BELOW else "") + f"relative gap {below:.1e}, goal {BELOW:g}",
+            )
+        )
+        tight = peer(asked, TIGHT)
+        basins = [optimum.motion.q for optimum in plan.optima] + [s.q for s in theirs]
+        gaps = []
+        for start in basins:
+            end = tight.solve(start, masses)
+            again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
+            if end.solved and again.converged[0] and distance(task, end.q, again.q[0]) < APART:
+                gaps.append(float(again.totals[0, 0]) * plan.best.objective / end.value - 1)
+        worst = max(np.abs(gaps), default=np.inf)
+        rows.append(
+            Row(
+                table="optima of one basin",
+                row=row,
+                column=f"relative difference, {label}",
+                unit="",
+                ours=float(worst),
+                note=(LOSS if worst > AGREED else "") + f"goal {AGREED:g}; {len(gaps)} of {len(basins)} ended in one",
+            )
+        )
+        lost, jumps = len(plan.optima) < len(theirs) and row.startswith(COUNTED), len(ended) - len(theirs)
+        left_out = f"{jumps} of theirs left out: a joint jumps by more than {JUMP} rad between samples" if jumps else ""
+        rows.append(
+            Row(
+                table="distinct optima",
+                row=row,
+                column=label,
+                unit="",
+                ours=len(plan.optima),
+                paper=len(theirs),
+                note=f"{LOSS if lost else ''}goal: no fewer; {left_out}" if row.startswith(COUNTED) else left_out,
+            )
+        )
+    return rows
+
+
+def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
+    """Return our best beside the best that the grid oracle's ways lead to."""
+    found, seconds, _ = timed(lambda: grid_oracle(task))
+    program = motion_program(task, np.array([plan.best.objective]))
+    led = polish(program, found.q, np.ones((1, 1)), rules=COLD[1])
+    theirs = float(led.totals[led.converged, 0].min(initial=np.inf)) * plan.best.objective
+    below = plan.best.objective / theirs - 1
+    kind = "exact on the grid" if found.exact else "a source of starts"
+    return Row(
+        table="best optimum",
+        row=row,
+        column="objective, grid oracle polished",
+        unit="",
+        ours=plan.best.objective,
+        paper=theirs,
+        note=(LOSS if below > BELOW else "")
+        + f"relative gap {below:.1e}, goal {BELOW:g}; on the grid {found.best:.6g}, {kind}; {seconds:.2g} s",
+    )
+
+
+def distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
+    """Return one of every optimum, best first, told apart as ``plan`` does."""
+    kept: list[Solved] = []
+    for one in sorted(found, key=lambda s: s.value):
+        if not kept or distance(task, one.q, np.stack([other.q for other in kept])).min() > APART:
+            kept.append(one)
+    return kept
