@@ -318,7 +318,7 @@ def _told(
     turns = np.round((change - grid.step(ways[:, -1], ways[:, 0])) / (2 * np.pi)).astype(int)
     found: dict[int, np.ndarray] = {}
     for far in (False, True):  # classes first: none is left out for what is only far
-        for k in np.argsort(cost, kind="stable"):
+        for k in np.argsort(cost, kind="stable").tolist():
             kept = list(found)
             known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
             apart = np.sqrt(np.mean(np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1), axis=-1)).min(initial=np.inf)

@@ -11,7 +11,7 @@ from studies.benchmarks.planner import simulations
 from studies.benchmarks.planner.compiling import COMPILER, blockwise, compiled
 from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
-from studies.benchmarks.planner.optima import TIGHT
+from studies.benchmarks.planner.optima import AGREED, TIGHT
 from studies.benchmarks.planner.peers import Peer, Question, Solved, peer, program_of, task_of, tracking, written_out
 from studies.benchmarks.planner.programs import ENERGY, TORQUE, inertia
 from studies.benchmarks.planner.simulations import NAMES, expected_time
@@ -176,7 +176,7 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
     assert set(found.theirs) == {one.name for one in peers} == {"FATROP", "IPOPT"}
     agreed = [row.ours for row in found.rows if row.table == "optima of one basin"]
     assert len(agreed) == 2
-    assert max(agreed) < simulations.AGREED
+    assert max(agreed) < AGREED
     assert all(row.ours > 0 for row in found.rows)
 
 
