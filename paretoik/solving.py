@@ -15,7 +15,7 @@ import numpy as np
 from paretoik.arrays import Genes, Objectives
 from paretoik.errors import Infeasible, InvalidInput, ParetoikError
 from paretoik.execution.interrupts import Interruption, interruptible
-from paretoik.execution.run_folder import PICTURE, RECORDING, claimed, write_run
+from paretoik.execution.run_folder import CERTIFICATES, PICTURE, RECORDING, claimed, write_run
 from paretoik.front.front import Choice, Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
@@ -320,6 +320,10 @@ def _review(front: Front, folder: Path, recorder: Recorder) -> None:
     choice: Choice = front.select(Weights(dict.fromkeys(front.names, 1.0)))
     recorder.finish(front, choice)
     front_picture(front, folder / PICTURE)
+    if front.certificates is not None:
+        from paretoik.review.certificate_plots import certificates_picture
+
+        certificates_picture(front, folder / CERTIFICATES)
 
 
 def _versions() -> dict[str, str]:

@@ -21,8 +21,9 @@ FORMAT = 1
 RUN = "run.json"
 RECORDING = "review.rrd"
 PICTURE = "front.png"
+CERTIFICATES = "certificates.png"
 CHECKPOINT = "checkpoint"
-CONTENTS = (RUN, "front.parquet", "motions.npz", RECORDING, PICTURE, CHECKPOINT)
+CONTENTS = (RUN, "front.parquet", "motions.npz", RECORDING, PICTURE, CERTIFICATES, CHECKPOINT)
 LOCK = ".lock"
 
 

@@ -74,13 +74,27 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
             trade_off, motions = np.ravel(figure.subfigures(**grid))
             _draw_front(trade_off, front, shown)
             _draw_motions(motions, front, shown)
-        pixels = io.BytesIO()
-        figure.savefig(pixels, format="png")
+        save(figure, file)
+
+
+def save(figure: Figure, file: Path | str) -> None:
+    """Write a figure as a small PNG.
+
+    Raises InvalidInput where the file cannot be written.
+    """
+    pixels = io.BytesIO()
+    figure.savefig(pixels, format="png")
     try:
         # A palette takes a third of the space of true colours, and the eye sees no difference.
         Image.open(pixels).convert("RGB").quantize(128).save(file, format="png", optimize=True)
     except OSError as fault:
         raise InvalidInput(f"{file}: wanted to write a picture, got {fault.strerror}") from fault
+
+
+def label(front: Front, axis: int) -> str:
+    """Return the name of an objective with its unit, as axes show it."""
+    unit = f" [{front.units[axis]}]" if front.units[axis] else ""
+    return _text(f"{front.names[axis]}{unit}" + (", more is better" if front.maximised[axis] else ""))
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = ACCENTS[1]) -> None:
@@ -141,7 +155,7 @@ def _draw_values(axes: Axes, front: Front, shown: Sequence[Shown]) -> None:
         value = front.objectives[point.index, 0]
         axes.plot(value, point.index, color=point.colour, marker="o", markersize=8)
         axes.annotate(f"{value:.4g}", (value, point.index), (0, 9), textcoords="offset points", ha="center")
-    axes.set(xlabel=_label(front, 0), ylabel="point", yticks=places, yticklabels=[str(number) for number in front.ids])
+    axes.set(xlabel=label(front, 0), ylabel="point", yticks=places, yticklabels=[str(number) for number in front.ids])
     axes.margins(0.2)
 
 
@@ -154,7 +168,7 @@ def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], shown: Sequence[
         axes.annotate(
             str(front.ids[point.index]), spot, (6, 5), textcoords="offset points", color=point.colour, weight="bold"
         )
-    axes.set(xlabel=_label(front, pair[0]), ylabel=_label(front, pair[1]))
+    axes.set(xlabel=label(front, pair[0]), ylabel=label(front, pair[1]))
     axes.locator_params(nbins=5)
     axes.margins(0.09)
 
@@ -172,7 +186,7 @@ def _draw_parallel(axes: Axes, front: Front, shown: Sequence[Shown]) -> None:
     for place, best, worst in zip(places, low, high, strict=True):
         axes.annotate(f"{best:.3g}", (place, 0.0), (0, -11), textcoords="offset points", ha="center", color=QUIET)
         axes.annotate(f"{worst:.3g}", (place, 1.0), (0, 5), textcoords="offset points", ha="center", color=QUIET)
-    axes.set_xticks(places, [_label(front, axis) for axis in range(len(places))])
+    axes.set_xticks(places, [label(front, axis) for axis in range(len(places))])
     axes.set(ylabel="worst above, best below", yticks=[], ylim=(-0.02, 1.02))
     axes.spines[["bottom", "left"]].set_visible(False)
     axes.tick_params(axis="x", pad=14, length=0)
@@ -198,11 +212,6 @@ def _draw_motions(figure: Figure | SubFigure, front: Front, shown: Sequence[Show
             axes.set_box_aspect(None, zoom=0.86)
     if planar:
         np.atleast_1d(panels)[0].set_ylabel("y [m]")
-
-
-def _label(front: Front, axis: int) -> str:
-    unit = f" [{front.units[axis]}]" if front.units[axis] else ""
-    return _text(f"{front.names[axis]}{unit}" + (", more is better" if front.maximised[axis] else ""))
 
 
 def _text(words: str) -> str:
