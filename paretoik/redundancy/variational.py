@@ -11,28 +11,24 @@ of a redundant manipulator; Gelfand & Fomin 1963, Calculus of Variations, chapte
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.integrate import RK45
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.redundancy.law_of_motion import Law, law_of_motion
 from paretoik.redundancy.self_motion import charts
-from paretoik.robot import dynamics, kinematics
-from paretoik.robot.arm import Arm
+from paretoik.robot import dynamics
 from paretoik.task.motion import Motion, steepest
 from paretoik.task.motion_task import START_TOLERANCE, MotionTask
 from paretoik.task.retraction import retract, task_errors
-from paretoik.task.task import Task
 
 TOLERANCE = 1e-8  # of positions and velocities (relative past 1), each step
 FINEST, COARSEST = 1e-13, 1e-3  # tolerances that mean something
-KNOTS = 2000  # of the splines that paths are differentiated by
 FIRST, SHORTEST = 1e-2, 1e-5  # steps, as shares of the duration; shorter ones are those of a motion into a singularity
 NEARBY = 1e-4  # rad or m: of the differences that Newton's method takes
 FLAT = 1e-4  # share of the steepest slope: differences cannot tell less from nothing
@@ -92,7 +88,7 @@ def variational(
     Infeasible
         Where a motion ends in a singularity, with sample and time.
     """
-    law = _law(task, tolerance, as_printed=as_printed)
+    law = _asked(task, tolerance, as_printed=as_printed)
     q = _starts(task, start)
     flat = q.reshape(-1, task.arm.dof)
     dq = law.least_rates(flat) if rates is None else _given_rates(law, flat, q.shape, rates)
@@ -110,7 +106,7 @@ def shooting(task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, toler
     """
     if task.start is not None:
         raise InvalidInput("shooting: wants a free start, but the task has a start of its own; variational takes it")
-    law = _law(task, tolerance, as_printed=False)
+    law = _asked(task, tolerance, as_printed=False)
     q = _transversal(law, _starts(task, starts).reshape(-1, task.arm.dof), tolerance)
     if len(q) == 0:
         raise Infeasible("shooting: no start led to a motion that leaves no momentum in the self-motion at its end")
@@ -120,124 +116,13 @@ def shooting(task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, toler
     return Extremal(motion=motion, dq=dq, minimum=_is_minimum(law, motion.q, tolerance))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Law:
-    """The equation of motion: ``arm`` without gravity, ``course`` the targets and their two derivatives in time."""
-
-    task: MotionTask
-    arm: Arm
-    course: tuple[Any, Any, Any]
-    sign: float
-
-    def __call__(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
-        """Return the rates of states (motions, 2 dof): velocities and accelerations."""
-        q, dq = np.split(state, 2, axis=1)
-        jacobian, _, wanted = self.rows(t, q, dq)
-        inertia, torque = _dynamics(self.arm, q, dq)
-        return np.concatenate([dq, _balanced(inertia, jacobian, self.sign * torque, wanted)], axis=1)
-
-    def least_rates(self, q: np.ndarray) -> np.ndarray:
-        """Return the velocities J_B⁺ẋ (motions, dof) of least kinetic energy at sample 0."""
-        return self.led(np.zeros(len(q)), q, np.zeros_like(q))
-
-    def led(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Return the velocities nearest to dq, in the metric of the inertia, that follow the path."""
-        jacobian, wanted, _ = self.rows(t, q, dq)
-        inertia = dynamics.inertia_matrix(self.arm, q)
-        return _balanced(inertia, jacobian, (inertia @ dq[..., None])[..., 0], wanted)
-
-    def rows(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return J (motions, rows, dof), what J q̇ must be, and what J q̈ must be (motions, rows)."""
-        wanted, found, first = [part(t) for part in self.course], [], 0
-        for task in self.task.tasks:
-            own = [part[:, first : first + task.numbers] for part in wanted]
-            found.append(_task_rows(self.arm, task, own, q, dq))
-            first += task.numbers
-        jacobian, speed, acceleration = (np.concatenate(parts, axis=1) for parts in zip(*found, strict=True))
-        return jacobian, speed, acceleration
-
-
-def _dynamics(arm: Arm, q: np.ndarray, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the inertia matrix and the torques n(q, q̇), all from one call: batches are small, and calls cost."""
-    motions, dof = q.shape
-    unit = np.broadcast_to(np.eye(dof + 1, dof, -1)[:, None], (dof + 1, motions, dof))
-    first = np.eye(dof + 1, 1)[:, None]
-    torques = dynamics.inverse_dynamics(arm, np.broadcast_to(q, unit.shape), first * dq, unit)
-    return np.moveaxis(torques[1:], 0, -1), torques[0]
-
-
-def _law(task: MotionTask, tolerance: float, *, as_printed: bool) -> _Law:
+def _asked(task: MotionTask, tolerance: float, *, as_printed: bool) -> Law:
     if not FINEST <= tolerance <= COARSEST:
         raise InvalidInput(f"variational: tolerance must be {FINEST:g} to {COARSEST:g}, got {tolerance:g}")
-    if task.cyclic:
-        raise InvalidInput("variational: wants an open motion, got a cyclic one")
-    probe = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
-    least, most = np.linalg.eigvalsh(probe)[[0, -1]]
-    if least <= 1e-12 * most:
-        raise InvalidInput(f"variational: wants an arm whose every joint moves a mass, {task.arm.name} has others")
-    parts = max(1, -(-KNOTS // (len(task.times) - 1)))
-    knots = np.interp(np.arange(parts * (len(task.times) - 1) + 1) / parts, np.arange(len(task.times)), task.times)
-    course = make_interp_spline(knots, np.concatenate([one.targets(knots) for one in task.tasks], axis=1), k=5)
-    return _Law(
-        task=task,
-        arm=task.arm.mounted(gravity=(0.0, 0.0, 0.0)),
-        course=(course, course.derivative(), course.derivative(2)),
-        sign=1.0 if as_printed else -1.0,
-    )
+    return law_of_motion(task, as_printed=as_printed)
 
 
-def _task_rows(
-    arm: Arm, task: Task, wanted: Sequence[np.ndarray], q: np.ndarray, dq: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (J, what J q̇ must be, what J q̈ must be) of one task, from its targets and their derivatives."""
-    rotation, _, jacobian = kinematics.posed_jacobian(arm, q, task.frame)
-    drift = kinematics.jacobian_rate(arm, q, dq, task.frame)
-    size = 2 if task.axes in ("xy", "xy+angle") else 3
-    linear, speed, acceleration = jacobian[:, :size], wanted[1][:, :size], wanted[2][:, :size] - drift[:, :size]
-    if not task.turns:
-        return linear, speed, acceleration
-    # The sines of R_dᵀR vanish on the path; so do their derivatives, which are linear in those of R and R_d.
-    goal, goal_rate, goal_bend = (np.swapaxes(part[:, size:].reshape(-1, 3, 3), 1, 2) for part in wanted)
-    spin = _skew((jacobian[:, 3:] @ dq[..., None])[..., 0])
-    rate, bend = spin @ rotation, (_skew(drift[:, 3:]) + spin @ spin) @ rotation
-    turns = goal[:, None] @ _skew(np.swapaxes(jacobian[:, 3:], 1, 2)) @ rotation[:, None]
-    turning = -_sines(task, goal_rate @ rotation)
-    bending = -_sines(task, goal @ bend + 2 * goal_rate @ rate + goal_bend @ rotation)
-    return (
-        np.concatenate([linear, np.swapaxes(_sines(task, turns), 1, 2)], axis=1),
-        np.concatenate([speed, turning], axis=1),
-        np.concatenate([acceleration, bending], axis=1),
-    )
-
-
-def _sines(task: Task, between: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch kept"]:
-    """Return what vanishes, of the turn from the desired orientation to the frame's, where the task is met."""
-    if task.axes == "xyz+z-axis":
-        return np.stack([-between[..., 1, 2], between[..., 0, 2]], axis=-1)
-    odd = (between - np.swapaxes(between, -1, -2)) / 2
-    turn = np.stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]], axis=-1)
-    return turn[..., 2:] if task.axes == "xy+angle" else turn
-
-
-def _skew(vector: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Return the matrix that takes the cross product with a vector."""
-    x, y, z = np.moveaxis(vector, -1, 0)
-    nothing = np.zeros_like(x)
-    return np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=-1).reshape(*x.shape, 3, 3)
-
-
-def _balanced(inertia: np.ndarray, jacobian: np.ndarray, force: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return x with J x = ``wanted`` and M x = ``force`` + Jᵀλ, which is J_B⁺ wanted + (I − J_B⁺J) M⁻¹ force."""
-    rows, dof = jacobian.shape[1:]
-    whole = np.zeros((len(jacobian), dof + rows, dof + rows))
-    whole[:, :dof, :dof], whole[:, dof:, :dof] = inertia, jacobian
-    whole[:, :dof, dof:] = np.swapaxes(jacobian, 1, 2)
-    whole[np.linalg.det(whole) == 0] = np.nan  # as at a singularity, where there is no x
-    found: np.ndarray = np.linalg.solve(whole, np.concatenate([force, wanted], axis=1)[..., None])[:, :dof, 0]
-    return found
-
-
-def _integrated(law: _Law, start: np.ndarray, times: np.ndarray, tolerance: float) -> np.ndarray:
+def _integrated(law: Law, start: np.ndarray, times: np.ndarray, tolerance: float) -> np.ndarray:
     """Return states (motions, time, 2 dof), NaN from where on a motion gets no further."""
     states = np.full((len(start), len(times), start.shape[1]), np.nan)
     duration = times[-1] - times[0]
@@ -261,7 +146,7 @@ def _integrated(law: _Law, start: np.ndarray, times: np.ndarray, tolerance: floa
 
 
 def _step(
-    law: _Law, t: np.ndarray, y: np.ndarray, slope: np.ndarray, step: np.ndarray, tolerance: float
+    law: Law, t: np.ndarray, y: np.ndarray, slope: np.ndarray, step: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (state, its rate, error over what is tolerated) after one step each. Source: Dormand & Prince 1980."""
     stages, wide = [slope], step[:, None]
@@ -276,7 +161,7 @@ def _step(
     return trial, stages[-1], np.where(np.isfinite(worst), worst, np.inf)
 
 
-def _followed(law: _Law, q: np.ndarray, dq: np.ndarray, tolerance: float, batch: tuple[int, ...]) -> Extremal:
+def _followed(law: Law, q: np.ndarray, dq: np.ndarray, tolerance: float, batch: tuple[int, ...]) -> Extremal:
     """Return the motions from postures and velocities (motions, dof), led back onto the path sample by sample."""
     task, count = law.task, len(q)
     states = _integrated(law, np.concatenate([q, dq], axis=1), task.times, tolerance)
@@ -328,20 +213,20 @@ def _starts(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
     return np.where(np.isfinite(led), led, flat).reshape(given.shape)
 
 
-def _given_rates(law: _Law, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray) -> np.ndarray:
+def _given_rates(law: Law, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray) -> np.ndarray:
     """Return velocities (motions, dof) that follow the path; raise InvalidInput where the given ones didn't."""
     given = np.asarray(rates, dtype=float)
     if given.shape != shape or not np.isfinite(given).all():
         raise InvalidInput(f"variational: rates want finite numbers of the starts' shape {shape}, got {given.shape}")
     flat = given.reshape(q.shape)
-    jacobian, wanted, _ = law.rows(np.zeros(len(q)), q, flat)
-    apart = np.abs((jacobian @ flat[..., None])[..., 0] - wanted).max(initial=0.0)
+    at = law.at(np.zeros(len(q)), q, flat)
+    apart = np.abs((at.jacobian @ flat[..., None])[..., 0] - at.speed).max(initial=0.0)
     if apart > START_TOLERANCE:
         raise InvalidInput(f"variational: rates must follow the path, but lead {apart:.3g} m/s (or rad/s) away from it")
     return flat
 
 
-def _transversal(law: _Law, q: np.ndarray, tolerance: float) -> np.ndarray:
+def _transversal(law: Law, q: np.ndarray, tolerance: float) -> np.ndarray:
     """Return postures (found, dof) at sample 0 from which motions with free starts end with nothing left."""
     targets, dof = law.task.targets[0], q.shape[1]
     best, step = np.full(len(q), np.inf), np.zeros_like(q)
@@ -366,14 +251,14 @@ def _transversal(law: _Law, q: np.ndarray, tolerance: float) -> np.ndarray:
     return np.concatenate(arrived)
 
 
-def _left_over(law: _Law, q: np.ndarray, tolerance: float) -> np.ndarray:
+def _left_over(law: Law, q: np.ndarray, tolerance: float) -> np.ndarray:
     """Return the self-motion velocity (motions, dof) that motions from postures end with; NaN where they don't."""
     times = law.task.times[[0, -1]]
     states = _integrated(law, np.concatenate([q, law.least_rates(q)], axis=1), times, tolerance)
     return _self_motion(law, states[:, -1])
 
 
-def _self_motion(law: _Law, last: np.ndarray) -> np.ndarray:
+def _self_motion(law: Law, last: np.ndarray) -> np.ndarray:
     """Return what final states (motions, 2 dof) have in velocity beyond the least that the path asks for."""
     q, dq = np.split(last, 2, axis=1)
     with np.errstate(invalid="ignore"):
@@ -406,7 +291,7 @@ def _distinct(task: MotionTask, q: np.ndarray, energy: np.ndarray) -> list[int]:
     return kept
 
 
-def _is_minimum(law: _Law, q: Float[np.ndarray, "motions time dof"], tolerance: float) -> Bool[np.ndarray, " motions"]:
+def _is_minimum(law: Law, q: Float[np.ndarray, "motions time dof"], tolerance: float) -> Bool[np.ndarray, " motions"]:
     """Return which motions satisfy Jacobi's condition, their neighbours with free starts beside them.
 
     The neighbours must not meet a motion before its end, and must arrive there with momentum away from it.
@@ -419,7 +304,7 @@ def _is_minimum(law: _Law, q: Float[np.ndarray, "motions time dof"], tolerance: 
     left = _self_motion(law, states[:, -1]).reshape(count, -1, dof)
     fan = np.einsum("mtdk,mrtd->mtkr", normal, paths[:, 1:] - paths[:, :1]) / NEARBY
     gained = np.swapaxes(left[:, 1:] - left[:, :1], 1, 2) / NEARBY
-    inertia = dynamics.inertia_matrix(law.arm, q[:, -1])
+    inertia = dynamics.inertia_matrix(task.arm, q[:, -1])
     bend = np.swapaxes(normal[:, -1] @ fan[:, -1], 1, 2) @ inertia @ gained
     clear = (np.linalg.det(fan) > 0).all(axis=1)
     upward: np.ndarray = np.linalg.eigvalsh(np.nan_to_num(bend + np.swapaxes(bend, 1, 2))).min(axis=1) > 0

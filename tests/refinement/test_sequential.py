@@ -13,6 +13,8 @@ from paretoik.refinement.program import motion_program
 from paretoik.refinement.sequential import sequential
 from problems import tringali_2020
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
 
 
