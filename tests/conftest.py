@@ -3,6 +3,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # tests share the cores: a thread each, and before NumPy comes
+    os.environ.setdefault(name, "1")
+
 import hypothesis
 import jaxtyping
 import pytest

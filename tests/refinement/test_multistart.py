@@ -101,9 +101,9 @@ def test_what_cannot_be_planned_is_named(change, said):
 
 def test_limits_that_cannot_hold_are_named_with_joint_and_sample():
     limits = pk.Limits(velocity=0.5)
-    problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=[pk.kinetic_energy], limits=limits)
+    problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(26), objectives=[pk.kinetic_energy], limits=limits)
     with pytest.raises(pk.Infeasible, match=r"velocity of joint\d is exceeded by .* at sample \d+") as raised:
-        pk.plan(problem, starts=12)
+        pk.plan(problem, starts=4)
     assert raised.value.motion is not None
     assert raised.value.limit.startswith("velocity of joint")
 

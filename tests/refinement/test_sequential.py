@@ -161,7 +161,7 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
         limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * least)
         path = tringali_2020.straight(26)
         return pk.plan(
-            pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=8
+            pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=4
         )
 
     with pytest.raises(pk.Infeasible, match=r"torque of joint\d .*at sample \d+"):

@@ -163,6 +163,7 @@ def test_losses_come_first_and_say_so():
     assert won.note == "ratio 0.5, goal 0.5"
 
 
+@pytest.mark.usefixtures("unchecked")  # whole plans and a grid oracle
 def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_path):
     monkeypatch.setattr(simulations, "COMPILER", None)  # nothing new: what is compiled is tested above
     effort = simulations.Effort(starts=4, repeats=1)
