@@ -32,7 +32,8 @@ def plan(
     problem
         A ``Tracking`` with one integral objective.
     starts, seed
-        Number of roll-outs to start from, and the seed of their chance: the same seed gives the same plan.
+        Number of roll-outs to start from, for every degree of redundancy, and the seed of their chance: the same seed
+        gives the same plan.
     initial
         Motions of the problem, on its path, to start from as well.
     observe

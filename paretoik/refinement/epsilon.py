@@ -25,6 +25,7 @@ NEAREST = 4  # points whose motions every ε starts from
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
 POOL = 4  # optima of each objective that every ε starts from
 COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
+NEAR = Rules(barrier=1e-6, radius=0.02)
 FOLLOWING = WARM._replace(iterations=60)  # a branch that takes longer to the next level has ended
 
 
@@ -198,6 +199,11 @@ def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> 
     factors = np.zeros((count, len(program.totals)))
     factors[:, :count] = np.where(np.eye(count) > 0, 1.0, YIELD)
     ends = polish(program, best, factors, rules=WARM)
+    for rules in (NEAR, COLD):  # from a flat valley one may get lost, or find a better one
+        other = polish(program, best, factors, rules=rules)
+        worth = [np.where(one.converged, np.sum(factors * one.totals, axis=1), np.inf) for one in (ends, other)]
+        better = worth[1] < worth[0] - SAME
+        ends = ends.merged(better, other[better])
     if not ends.converged.all():
         failed = program.task.objectives[int(np.argmin(ends.converged))].name
         raise EvaluationFailed(f"the end of the front where {failed} is best wanted to converge, but did not")

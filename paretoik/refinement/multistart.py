@@ -24,8 +24,10 @@ from paretoik.task.motion_task import MotionTask
 COARSEST = 26  # samples: with half as many, the best torque optimum does not exist
 APART = 0.01  # rad (RMS): optima nearer than this are one
 HOLDS = 1e-8  # of limits: what is violated by less is not violated
+SAME = 1e-6  # relative: what is better by less is no better
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
+SHAKEN = 3  # optima, and times at most, that are pushed off again where redundancy is more than one
 COLD = (
     Rules(barrier=0.1, radius=0.4),
     Rules(barrier=0.01, radius=0.1),
@@ -77,16 +79,22 @@ def planned(
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     q = coarse_starts(task, starts=starts, seed=seed, given=given)
-    found, levels = descended(ladder(task, sizes(task, q)), q, np.ones(1), np.full(1, np.inf), observe, ease=True)
+    programs = ladder(task, sizes(task, q))
+    found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True)
+    if task.redundancy > 1 and programs[-1].smooth and found.converged.any():
+        found = _shaken(programs[-1], found)
     return Plan(optima=_optima(task, found), levels=levels)
 
 
 def coarse_starts(
     task: MotionTask, *, starts: int, seed: int, given: Float[np.ndarray, "motions time dof"] | None = None
 ) -> Float[np.ndarray, "starts samples dof"]:
-    """Return motions of the coarsest level to start from: given ones, and the most promising of many roll-outs."""
+    """Return motions of the coarsest level to start from: given ones, and the most promising of many roll-outs.
+
+    There are so many ``starts`` for every degree of redundancy.
+    """
     level = task.subsampled(level_samples(len(task.times))[0])
-    q = _promising(level, starts, np.random.default_rng(seed))
+    q = _promising(level, starts * max(task.redundancy, 1), np.random.default_rng(seed))
     return q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
 
 
@@ -133,6 +141,24 @@ def descended(
         if finer:
             q, rules = task.motion(found.q).at(finer.task.times), [WARM] * len(found)
     return found, tuple(levels)
+
+
+def _shaken(program: MotionProgram, found: Polished) -> Polished:
+    """Return optima and those that they lead to when a barrier pushes them off again, as long as the best gets better.
+
+    In two and more directions of self-motion optima of coarse samples say little of finer ones: many valleys are found,
+    and those beside them are better as often as not.
+    """
+    weights = np.zeros((1, len(program.totals)))
+    weights[0, 0] = 1.0
+    for _ in range(SHAKEN):
+        before = found.totals[0, 0]
+        every = [found, *(polish(program, found.q[:SHAKEN], weights, rules=rule) for rule in COLD)]
+        joined = Polished(**{name: np.concatenate([getattr(one, name) for one in every]) for name in vars(found)})
+        found = joined[_distinct(program.task, joined, joined.totals[:, 0], most=len(joined))]
+        if not found.totals[0, 0] < before * (1 - SAME):
+            break
+    return found
 
 
 def _eased(program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray) -> Polished:

@@ -1,0 +1,257 @@
+"""Certified fronts put to the test: an honest front passes, one that was tampered with is told apart."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import jaxtyping
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.refinement.certificates import certify
+from paretoik.refinement.linearised import linearised
+from problems import tringali_2020
+from studies.benchmarks.certified import __main__ as study
+from studies.benchmarks.certified import cases
+from studies.benchmarks.certified.cases import Case, certificate_rows, judged, subject_of
+from studies.benchmarks.certified.dominating import (
+    DOMINATED,
+    SIZES,
+    ipopt_attempt,
+    ipopt_rows,
+    objectives,
+    perturbation_rows,
+    perturbations,
+    random_step,
+    violation,
+    within,
+)
+from studies.benchmarks.certified.exchange import STEP, compared, exchange_rows, pairs
+from studies.benchmarks.certified.racing import ipopt_solve, race_rows
+from studies.benchmarks.planner.verdicts import LOSS
+
+pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
+
+
+def small():
+    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
+    both = [pk.kinetic_energy, pk.torque_norm]
+    return pk.Tracking(pk.tringali_3r(), tringali_2020.straight(26), objectives=both, limits=limits)
+
+
+SMALL = Case(name="small", make=small, points=4, raced=True)
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cases, "COMPILER", None)
+        patch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+        return subject_of(SMALL, points=SMALL.points, seed=0, folder=tmp_path_factory.mktemp("none"))
+
+
+def point_of(subject, q):
+    """Return a subject with this motion alone on its front, certified; ranges are those of the whole front."""
+    F = np.array([[float(one(subject.task.motion(q))) for one in subject.task.objectives]])
+    said = certify(subject.task, q[None], subject.ranges)
+    front = pk.Front(
+        ids=np.zeros(1, dtype=int),
+        objectives=F,
+        names=subject.front.names,
+        units=subject.front.units,
+        maximised=subject.front.maximised,
+        motions=subject.task.motion(q[None]),
+        certificates=said,
+    )
+    return replace(subject, front=front)
+
+
+@pytest.fixture(scope="module")
+def middle(subject):
+    return len(subject.q) // 2
+
+
+@pytest.fixture(scope="module")
+def honest(subject, middle):
+    return point_of(subject, subject.q[middle])
+
+
+@pytest.fixture(scope="module")
+def spoiled(subject, middle):
+    """The same point, moved along the self-motion by a hundredth of a radian."""
+    at = linearised(subject.program, subject.q[middle])
+    found = within(at, random_step(at, 1e-2, np.random.default_rng(1)), level=False)
+    assert found is not None
+    return point_of(subject, found)
+
+
+def test_an_honest_point_is_dominated_neither_by_ipopt_nor_by_random_steps(honest):
+    for row in (*ipopt_rows(honest, barriers=("low", "high")), *perturbation_rows(honest, steps=100, seed=0)):
+        assert row.ours <= DOMINATED
+        assert not row.note.startswith(LOSS)
+
+
+def test_a_point_that_was_moved_along_the_self_motion_is_dominated_by_both(spoiled):
+    for row in (*ipopt_rows(spoiled, barriers=("low",)), *perturbation_rows(spoiled, steps=100, seed=0)):
+        assert row.ours > 100 * DOMINATED
+        assert row.note.startswith(LOSS)
+        assert "1 points beaten, most: point 0" in row.note
+
+
+def test_what_ipopt_gains_costs_no_objective_anything(spoiled, monkeypatch):
+    ended = []
+    solve = type(spoiled.peer).solve
+
+    def watched(*given, **settings):
+        ended.append(solve(*given, **settings)[0])
+        return ended[-1], 0
+
+    monkeypatch.setattr(type(spoiled.peer), "solve", watched)
+    found = ipopt_attempt(spoiled, 0, 0, warm=True)
+    risen = (objectives(spoiled.task, ended[-1]) - spoiled.values[0]) / spoiled.ranges
+    assert found.counts
+    assert found.gain == pytest.approx(-risen.min(), rel=1e-6)
+    assert risen.max() <= 1e-9
+
+
+def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, monkeypatch):
+    """A peer that exceeds its ceiling as long as that is the point's own."""
+    asked = []
+    better = honest.q[0]
+
+    def solve(self, q, main, ceilings, ranges, *, warm):
+        asked.append(ceilings[1])
+        return (subject_end if len(asked) == 1 else better), 1
+
+    at = linearised(honest.program, honest.q[0])
+    steps = (within(at, random_step(at, 1e-4, np.random.default_rng(k)), level=False) for k in range(20))
+    subject_end = next(q for q in steps if objectives(honest.task, q)[1] > honest.values[0, 1])
+    monkeypatch.setattr(type(honest.peer), "solve", solve)
+    found = ipopt_attempt(honest, 0, 0, warm=True)
+    rise = objectives(honest.task, subject_end)[1] - honest.values[0, 1]
+    assert asked == pytest.approx([honest.values[0, 1], honest.values[0, 1] - 2 * rise], rel=1e-12)
+    assert found.counts
+    assert found.gain == pytest.approx(0.0, abs=1e-11)
+
+
+def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subject, middle):
+    at = linearised(subject.program, subject.q[middle])
+    assert subject.said.violation_between[middle] >= 0
+    for k, size in enumerate(SIZES):
+        step = random_step(at, size, np.random.default_rng(k))
+        moved = at.displacement(step)
+        assert np.sqrt(np.mean(np.sum(moved**2, axis=1))) == pytest.approx(size)
+        assert np.abs(np.einsum("trj,tj->tr", at.jacobian, moved)).max() < 1e-12
+    found = perturbations(subject, middle, 40, np.random.default_rng(0))
+    assert sum(one.counts for one in found) > 20
+
+
+def test_steps_that_leave_the_limits_are_bent_back(subject):
+    """At a point that a limit holds, half of all small steps would leave it."""
+    held = next(p for p in range(len(subject.q)) if linearised(subject.program, subject.q[p]).gaps.min() < 1e-6)
+    at, rng, left = linearised(subject.program, subject.q[held]), np.random.default_rng(3), 0
+    for _ in range(10):
+        step = random_step(at, 1e-3, rng)
+        found = within(at, step, level=False)
+        assert found is not None
+        assert violation(subject.task, found) <= 1e-8
+        left += violation(subject.task, subject.task.motion(at.q + at.displacement(step)).at(subject.task.times)) > 1e-8
+    assert left >= 3
+
+
+def test_level_steps_change_no_objective_to_first_order(subject, middle):
+    at = linearised(subject.program, subject.q[middle])
+    for level, order in ((False, 1), (True, 2)):
+        sizes, changes = (1e-3, 1e-4), []
+        for size in sizes:
+            found = within(at, random_step(at, size, np.random.default_rng(5)), level=level)
+            assert found is not None
+            changes.append(np.abs((objectives(subject.task, found) - subject.values[middle]) / subject.ranges).max())
+        assert np.log10(changes[0] / changes[1]) == pytest.approx(order, abs=0.35)
+
+
+def test_exchange_rates_agree_with_differences_and_wrong_ones_are_lost(subject):
+    (row,) = exchange_rows(subject)
+    assert row.ours < 1e-5
+    assert not row.note.startswith(LOSS)
+    said = subject.said
+    wrong = replace(said, exchange_rates=1.01 * said.exchange_rates, exchange_intervals=1.01 * said.exchange_intervals)
+    (row,) = exchange_rows(replace(subject, front=replace(subject.front, certificates=wrong)))
+    assert row.ours == pytest.approx(0.01, rel=0.05)
+    assert row.note.startswith(LOSS)
+
+
+def test_quotients_at_a_kink_are_held_against_the_interval(subject):
+    point, i, j = next(pairs(subject))
+    found = compared(subject, point, i, j)
+    assert found is not None
+    wide = replace(found, interval=found.rate * np.array([1.1, 0.9]))
+    aside = replace(found, interval=found.rate * np.array([1.3, 1.2]))
+    assert not wide.unique
+    assert wide.off == 0.0
+    assert aside.off == pytest.approx(0.2, rel=1e3 * STEP)
+
+
+def test_what_certificates_say_is_held_against_the_goals(honest, spoiled):
+    fine, poor = ({row.column: row for row in certificate_rows(one)} for one in (honest, spoiled))
+    assert not any(row.note.startswith(LOSS) for row in fine.values())
+    assert {column for column, row in poor.items() if row.note.startswith(LOSS)} == {
+        "worst kkt_residual",
+        "not a minimum",
+    }
+    assert poor["not a minimum"].note == f"{LOSS}1 undetermined"
+
+
+def test_a_goal_missed_is_a_loss_and_so_is_no_number():
+    notes = [judged("t", "r", "c", "", ours, 1.0, "said").note for ours in (1.0, 1.1, np.nan)]
+    assert notes == ["said", f"{LOSS}said", f"{LOSS}said"]
+
+
+def test_seconds_a_point_count_those_that_ipopt_reached(subject):
+    tries = [ipopt_solve(subject, point) for point in range(len(subject.q))]
+    reached = sum(one.reached for one in tries)
+    _, median, every = race_rows(subject)
+    assert reached >= len(tries) / 2
+    assert median.ours == every.ours == pytest.approx(subject.seconds / len(tries))
+    assert f"reaches {reached} of them" in median.note
+
+
+def test_what_cannot_be_reached_is_not_and_what_is_beaten_is_told(subject):
+    """Points that are better, or worse, than any motion is."""
+    for share, said in ((-0.5, "reaches 0 of them"), (0.01, f"reaches {len(subject.q)} of them")):
+        moved = replace(subject.front, objectives=subject.front.objectives + share * subject.ranges)
+        better, median, every = race_rows(replace(subject, front=moved))
+        assert said in median.note
+        assert (every.paper is None) == (share < 0)
+        assert (better.ours > 1e-3) == (share > 0)
+
+
+def test_quick_writes_strict_json_of_every_case(tmp_path, monkeypatch, subject, capsys):
+    asked = []
+
+    def found(case, *, points, seed, folder):
+        asked.append((case.name, points, seed))
+        return replace(subject, name=case.name)
+
+    monkeypatch.setattr(study, "subject_of", found)
+    monkeypatch.setattr(study, "QUICK_STEPS", 10)
+    file = tmp_path / "certified.json"
+    study.main(["--quick", "--seed", "7", "--json", str(file)])
+
+    def refuse(name):
+        raise AssertionError(name)
+
+    rows = json.loads(file.read_text(), parse_constant=refuse)
+    assert asked == [("energy_torque", 6, 7), ("Panda", 3, 7)]
+    assert {row["table"] for row in rows} == {"energy_torque", "Panda"}
+    assert "seconds a point" in {row["row"] for row in rows if row["table"] == "Panda"}
+    assert "seconds a point" not in {row["row"] for row in rows if row["table"] == "energy_torque"}
+    assert "largest gain" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("name", "redundancy"), [("planar 5R", 2), ("Panda by position", 4)])
+def test_cases_have_the_redundancy_that_they_are_there_for(name, redundancy):
+    (case,) = (one for one in cases.CASES if one.name == name)
+    assert case.make().task.redundancy == redundancy
