@@ -63,7 +63,8 @@ def epsilon_points(
         found.add_all(got)
     _fill_gaps(found, points)
     q, values = found.front()
-    return Points(q=q, values=values * ranges, ranges=ranges)
+    kept = spread_rows(values, points)
+    return Points(q=q[kept], values=values[kept] * ranges, ranges=ranges)
 
 
 class _Found:
@@ -145,16 +146,25 @@ class _Found:
 
 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " kept"]:
-    """Return which points, as shares of the ranges, no other dominates or repeats within ``SAME``; best first first."""
-    less = shares[:, None] <= shares[None] + SAME  # i no worse than j
-    better = np.any(shares[:, None] < shares[None] - SAME, axis=2)
-    no_worse = np.all(less, axis=2)
-    dominated = np.any(no_worse & better, axis=0)
-    exact = np.all(shares[:, None] <= shares[None], axis=2) & np.any(shares[:, None] < shares[None], axis=2)
-    earlier = np.tri(len(shares), k=-1, dtype=bool).T
-    repeats = np.any(no_worse & no_worse.T & earlier, axis=0)
-    kept = np.flatnonzero(~dominated & ~repeats & ~np.any(exact, axis=0))
-    return kept[np.argsort(shares[kept, 0], kind="stable")]
+    """Return which points, as shares of the ranges, no other dominates or repeats within ``SAME``; best first first.
+
+    Those with the least sum are asked first: what dominates another has the lesser sum.
+    """
+    kept: list[int] = []
+    for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
+        if not (shares[kept] <= shares[i] + SAME).all(axis=1).any():
+            kept.append(i)
+    found = np.array(kept, dtype=int)
+    return found[np.argsort(shares[found, 0], kind="stable")]
+
+
+def spread_rows(shares: Float[np.ndarray, "points n_obj"], most: int) -> Int[np.ndarray, " kept"]:
+    """Return at most so many points, well apart: the best of every objective, then always the farthest from all."""
+    kept = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
+    while len(kept) < min(most, len(shares)):
+        gaps = np.linalg.norm(shares[:, None] - shares[None, kept], axis=2).min(axis=1)
+        kept.append(int(gaps.argmax()))
+    return np.array(sorted(kept), dtype=int)
 
 
 def polished_points(task: MotionTask, q: Float[np.ndarray, "points time dof"], ranges: np.ndarray) -> Polished:
