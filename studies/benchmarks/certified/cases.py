@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
+from paretoik.front.certificates import Certificates
+from paretoik.refinement.certificates import BETWEEN
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
 from problems import panda, tringali_2020
@@ -37,12 +39,17 @@ class Case:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
-    """A certified front, the seconds and the processor's that it took, and IPOPT's program of its task."""
+class Subject:
+    """A certified front that is put to the test.
+
+    ``ranges`` (n_obj,) are how far the objectives of the whole front reach, ``peer`` is IPOPT's program of its task,
+    ``seconds`` and ``cpu``, the processor's, are what the front took.
+    """
 
     name: str
     front: pk.Front
     task: MotionTask
+    ranges: np.ndarray
     peer: JointProgram
     seconds: float
     cpu: float
@@ -58,10 +65,11 @@ class Known:
         """Objectives (points, n_obj), minimised."""
         return np.asarray(self.front.minimised)
 
-    @cached_property
-    def ranges(self) -> np.ndarray:
-        """How far the objectives (n_obj,) reach over the front."""
-        return np.asarray(np.ptp(self.values, axis=0))
+    @property
+    def said(self) -> Certificates:
+        """What the front says of its points."""
+        assert self.front.certificates is not None
+        return self.front.certificates
 
     @cached_property
     def program(self) -> MotionProgram:
@@ -105,7 +113,7 @@ CASES = (
 )
 
 
-def known(case: Case, *, points: int, seed: int, folder: Path) -> Known:
+def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     """Return a case's certified front and IPOPT's program, compiled into a folder where there is a compiler."""
     tell(f"{case.name}: first front")
     problem = case.make()
@@ -113,10 +121,11 @@ def known(case: Case, *, points: int, seed: int, folder: Path) -> Known:
     tell(f"{case.name}: {points} points")
     front, seconds, cpu = timed(lambda: pk.epsilon_front(problem, points=points, seed=seed))
     tell(f"{case.name}: IPOPT's program")
-    begun, named = time.perf_counter(), f"program_{[one.name for one in CASES].index(case.name)}"
+    begun, named = time.perf_counter(), case.name.replace(" ", "_")
     peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
     tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
-    return Known(name=case.name, front=front, task=problem.task, peer=peer, seconds=seconds, cpu=cpu)
+    ranges = np.ptp(front.minimised, axis=0)
+    return Subject(name=case.name, front=front, task=problem.task, ranges=ranges, peer=peer, seconds=seconds, cpu=cpu)
 
 
 def judged(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
@@ -125,39 +134,29 @@ def judged(table: str, row: str, column: str, unit: str, ours: float, goal: floa
     return Row(table=table, row=row, column=column, unit=unit, ours=ours, paper=goal, note=lost + (note or "goal"))
 
 
-def certificate_rows(front: Known) -> list[Row]:
-    """Return what the certificates say, worst of all points."""
-    said = front.front.certificates
-    assert said is not None
-    table, row, points = front.name, "certificates", len(front.q)
+def certificate_rows(subject: Subject) -> list[Row]:
+    """Return what the certificates say, the worst of all points."""
+    said, task, points = subject.said, subject.task, len(subject.q)
+    table, row, share = subject.name, "certificates", "share of range"
     counts = Counter(said.status.tolist())
-    between = float(said.violation_between.max())
+    off = float(task.motion(subject.q).tracking_error.max())
     at = int(said.violation_between.argmax())
-    fine = front.task.resampled(4 * (len(front.task.times) - 1) + 1)
-    motion = fine.motion(front.task.motion(front.q[at]).at(fine.times))
-    weak = int(said.weak.sum())
-    off = float(front.task.motion(front.q).tracking_error.max())
-    share = "share of range"
+    fine = task.resampled(BETWEEN * (len(task.times) - 1) + 1)
+    between = fine.motion(task.motion(subject.q[at]).at(fine.times))
+    weak = f"{np.count_nonzero(said.weak)} weak: an objective without weight"
+    statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())
     return [
-        Row(table=table, row=row, column="points", unit="", ours=points, note=f"{weak} weak: a weight below 1e-6"),
+        Row(table=table, row=row, column="points", unit="", ours=points, note=weak),
         judged(table, row, "worst violation at samples", share, float(said.violation.max()), HOLDS),
         Row(
             table=table,
             row=row,
             column="worst violation between",
             unit=share,
-            ours=between,
-            note=fine.binding(motion) or "none",
+            ours=float(said.violation_between[at]),
+            note=fine.binding(between),
         ),
         judged(table, row, "worst tracking error", "m, rad", off, TRACKED),
         judged(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),
-        judged(
-            table,
-            row,
-            "not a minimum",
-            "points",
-            points - counts["minimum"],
-            0,
-            ", ".join(f"{count} {status}" for status, count in counts.most_common()),
-        ),
+        judged(table, row, "not a minimum", "points", points - counts["minimum"], 0, statuses),
     ]

@@ -12,11 +12,11 @@ from paretoik.errors import Infeasible
 from paretoik.refinement.linearised import Linearised, evaluated, linearised
 from paretoik.refinement.multistart import distance
 from paretoik.task.motion_task import MotionTask
-from studies.benchmarks.certified.cases import HOLDS, TRACKED, Known, judged
+from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, judged
 from studies.reporting import Row
 
 DOMINATED = 1e-7  # of the ranges
-ROUNDING = 1e-12  # of the ranges: a rise of less is none
+ROUNDING = 1e-13  # of the ranges: a rise of less is none
 AGAIN = 3  # times below lower ceilings
 SIZES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # rad (RMS) of random steps
 KNOTS = (4, 8, 16, 32)  # of their splines
@@ -27,8 +27,8 @@ ROUNDS = 6  # of Newton's steps back within the limits
 class Attempt:
     """What an attempt on a point came to.
 
-    ``gain`` is a share of the ranges, −inf where nothing came of it; ``ended`` is whether there is a motion and
-    ``counts`` whether it keeps the path and the limits; ``apart`` is how far it is from the point [rad, RMS].
+    ``gain`` is a share of the ranges, −inf where nothing came of it; ``ended`` is whether there is a motion, ``counts``
+    whether it keeps the path, the limits and the ceilings; ``apart`` [rad, RMS] is how far it is from the point.
     """
 
     point: int
@@ -39,73 +39,83 @@ class Attempt:
     apart: float = np.nan
 
 
-def ipopt_rows(front: Known) -> list[Row]:
-    """Return the largest gain that IPOPT finds from any point, no objective rising."""
-    names = front.front.names
+def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
+    """Return the largest gain that IPOPT finds from any point, no objective rising; ``barriers``: "low", "high"."""
     tries = [
-        ipopt_attempt(front, point, main, warm=warm)
-        for point in range(len(front.q))
-        for main in range(len(names))
-        for warm in (True, False)
+        ipopt_attempt(subject, point, main, warm=barrier == "low")
+        for point in range(len(subject.q))
+        for main in range(len(subject.ranges))
+        for barrier in barriers
     ]
     ended, counts = sum(one.ended for one in tries), sum(one.counts for one in tries)
-    said = f"{len(tries)} runs, {ended} ended well, {counts} of them within ceilings and limits"
-    note = ", ".join([said, *_worst(tries)])
-    gain = max(max(one.gain for one in tries), 0.0)
+    note = f"{len(tries)} runs, {ended} ended well, {counts} of them within ceilings and limits"
+    gain = max(0.0, *(one.gain for one in tries))
     return [
-        judged(front.name, "IPOPT from every point", "largest gain, no loss", "share of range", gain, DOMINATED, note)
+        judged(
+            subject.name,
+            "IPOPT from every point",
+            "largest gain, no loss",
+            "share of range",
+            gain,
+            DOMINATED,
+            ", ".join([note, *_worst(tries)]),
+        )
     ]
 
 
-def ipopt_attempt(front: Known, point: int, main: int, *, warm: bool) -> Attempt:
+def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Attempt:
     """Return what IPOPT gains when it minimises objective ``main`` below the point's own values of the others."""
-    q, values, ranges = front.q[point], front.values[point], front.ranges
-    how = f"{front.front.names[main]} minimised, barrier {'low' if warm else 'high'}"
+    q, values, ranges = subject.q[point], subject.values[point], subject.ranges
+    how = f"{subject.front.names[main]} minimised, barrier {'low' if warm else 'high'}"
     ceilings = np.where(np.arange(len(values)) == main, np.inf, values)
     for _ in range(AGAIN):
-        made, _ = front.peer.solve(q, main, ceilings, ranges, warm=warm)
+        made, _ = subject.peer.solve(q, main, ceilings, ranges, warm=warm)
         if made is None:
             return Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False)
-        found = led_back(front.task, made)
-        if found is None or violation(front.task, found) > HOLDS:
+        found = led_back(subject.task, made)
+        if found is None or violation(subject.task, found) > HOLDS:
             return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
-        rise = (objectives(front.task, found) - values) / ranges
+        rise = (objectives(subject.task, found) - values) / ranges
         others = np.delete(rise, main)
         if others.max() <= ROUNDING:
             gain = float(-rise.min()) if rise.max() <= ROUNDING else -np.inf
-            apart = float(distance(front.task, found, q))
+            apart = float(distance(subject.task, found, q))
             return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
     return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
 
 
-def perturbation_rows(front: Known, *, steps: int, seed: int) -> list[Row]:
+def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
     """Return the largest gain in all objectives at once that random feasible steps find from any point."""
     rng = np.random.default_rng(seed)
-    tries = [one for point in range(len(front.q)) for one in perturbations(front, point, steps, rng)]
-    counts = sum(one.counts for one in tries)
-    note = ", ".join([f"{len(tries)} steps, {counts} within limits", *_worst(tries)])
-    gain = max(one.gain for one in tries)
+    tries = [one for point in range(len(subject.q)) for one in perturbations(subject, point, steps, rng)]
+    note = f"{len(tries)} steps, {sum(one.counts for one in tries)} within limits"
     return [
         judged(
-            front.name, "random steps from every point", "largest gain of all", "share of range", gain, DOMINATED, note
+            subject.name,
+            "random steps from every point",
+            "largest gain of all",
+            "share of range",
+            max(one.gain for one in tries),
+            DOMINATED,
+            ", ".join([note, *_worst(tries)]),
         )
     ]
 
 
-def perturbations(front: Known, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
+def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
     """Return what so many random smooth steps gain; every other one changes no objective to first order."""
-    at = linearised(front.program, front.q[point])
+    at = linearised(subject.program, subject.q[point])
     tries = []
     for k in range(steps):
         size, level = SIZES[k % len(SIZES)], bool(k // len(SIZES) % 2)
-        how = f"a step of {size:g} rad" + (" along the front's own tangent" if level else "")
+        how = f"a step of {size:g} rad" + (" that changes no objective to first order" if level else "")
         found = within(at, random_step(at, size, rng), level=level)
         if found is None:
             tries.append(Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False))
             continue
-        gain = float(((front.values[point] - objectives(front.task, found)) / front.ranges).min())
-        apart = float(distance(front.task, found, front.q[point]))
+        gain = float(((subject.values[point] - objectives(subject.task, found)) / subject.ranges).min())
+        apart = float(distance(subject.task, found, subject.q[point]))
         tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart))
     return tries
 

@@ -8,9 +8,9 @@ from itertools import permutations
 
 import numpy as np
 
-from paretoik.refinement.epsilon import WARM, YIELD
+from paretoik.refinement.epsilon import WARM
 from paretoik.refinement.polish import polish
-from studies.benchmarks.certified.cases import Known, judged
+from studies.benchmarks.certified.cases import Subject, judged
 from studies.reporting import Row
 
 STEP = 1e-4  # of the range: of the ceiling that is moved
@@ -49,10 +49,10 @@ class Compared:
         return float(np.maximum(quotients - high, low - quotients).max(initial=0.0) / abs(self.rate))
 
 
-def exchange_rows(front: Known) -> list[Row]:
+def exchange_rows(subject: Subject) -> list[Row]:
     """Return how far rates are from differences, median and worst, and the same of intervals."""
-    wanted = list(pairs(front))
-    found = [one for one in (compared(front, *pair) for pair in wanted) if one is not None]
+    wanted = list(pairs(subject))
+    found = [one for one in (compared(subject, *pair) for pair in wanted) if one is not None]
     rows = []
     for kind, several in (
         ("rates", [one for one in found if one.unique]),
@@ -61,19 +61,19 @@ def exchange_rows(front: Known) -> list[Row]:
         if not several:
             continue
         off = np.array([one.off for one in several])
-        worst, names = several[int(off.argmax())], front.front.names
+        worst, names = several[int(off.argmax())], subject.front.names
         note = (
-            f"{len(several)} of {len(wanted)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at point "
-            f"{worst.point}, {worst.rate:.6g} beside {worst.backward:.6g} and {worst.forward:.6g}"
+            f"{len(several)} of {len(wanted)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
+            f"point {worst.point}, {worst.rate:.6g} beside {worst.backward:.6g} and {worst.forward:.6g}"
         )
         column = "median relative difference" if kind == "rates" else "worst way outside the interval"
         value = float(np.median(off) if kind == "rates" else off.max())
-        rows.append(judged(front.name, TABLE_ROW, column, "", value, AGREED, note))
+        rows.append(judged(subject.name, TABLE_ROW, column, "", value, AGREED, note))
     lost = len(wanted) - len(found)
     if lost or not wanted:
         rows.append(
             Row(
-                table=front.name,
+                table=subject.name,
                 row=TABLE_ROW,
                 column="not compared",
                 unit="pairs",
@@ -84,42 +84,42 @@ def exchange_rows(front: Known) -> list[Row]:
     return rows
 
 
-def pairs(front: Known) -> Iterator[tuple[int, int, int]]:
+def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
     """Return (point, i, j) where both objectives count, i no more than j: its ceiling moves far for little of j."""
-    said = front.front.certificates
-    assert said is not None
-    for point, (weights, status) in enumerate(zip(said.weights, said.status, strict=True)):
+    for point, (weights, status) in enumerate(zip(subject.said.weights, subject.said.status, strict=True)):
         for i, j in permutations(range(len(weights)), 2):
             if status == "minimum" and WEIGHTY < weights[i] <= weights[j]:
                 yield point, i, j
 
 
-def compared(front: Known, point: int, i: int, j: int) -> Compared | None:
-    """Return ∂f_j/∂f_i beside what it costs f_j to move the ceiling on f_i; None where a solve does not converge."""
-    said = front.front.certificates
-    assert said is not None
-    count, total = len(front.ranges), len(front.program.totals)
+def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
+    """Return ∂f_j/∂f_i beside what it costs f_j to move the ceiling on f_i; None where a solve does not converge.
+
+    Further objectives stay below the point's own values. One of no great weight would be held from one side only: it is
+    added to f_j instead, with its own weight, which leaves the rate as it is.
+    """
+    weights, count, total = subject.said.weights[point], len(subject.ranges), len(subject.program.totals)
+    added = (weights <= WEIGHTY) | (np.arange(count) == j)
     factors, caps = np.zeros((1, total)), np.full((3, total), np.inf)
-    factors[0, :count] = YIELD
-    factors[0, j] = 1.0
-    caps[:, :count] = front.values[point] / front.ranges
-    caps[:, j] = np.inf
+    factors[0, :count] = np.where(added, weights / weights[j], 0.0)
+    caps[:, :count] = np.where(added, np.inf, subject.values[point] / subject.ranges)
     caps[:, i] += STEP * np.array([-1.0, 0.0, 1.0])
-    got = polish(front.program, np.repeat(front.q[point][None], 3, axis=0), factors, caps, WARM)
+    got = polish(subject.program, np.repeat(subject.q[point][None], 3, axis=0), factors, caps, WARM)
     if not got.converged.all():
         return None
-    signs = np.array([one.sign for one in front.task.objectives])
-    low, middle, high = got.totals[:, :count] * front.ranges * signs
+    signs = np.array([one.sign for one in subject.task.objectives])
+    natural = (subject.ranges * signs)[[i, j]]
+    low, middle, high = np.stack([got.totals[:, i], got.totals @ factors[0]], axis=1) * natural
 
     def quotient(one: np.ndarray, other: np.ndarray) -> float:
-        return float((other[j] - one[j]) / (other[i] - one[i]))
+        return float((other[1] - one[1]) / (other[0] - one[0]))
 
     return Compared(
         point=point,
         i=i,
         j=j,
-        rate=float(said.exchange_rates[point, i, j]),
-        interval=said.exchange_intervals[point, i, j],
+        rate=float(subject.said.exchange_rates[point, i, j]),
+        interval=subject.said.exchange_intervals[point, i, j],
         backward=quotient(low, middle),
         forward=quotient(middle, high),
         central=quotient(low, high),
