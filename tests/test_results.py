@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,10 +42,12 @@ def test_a_chosen_point_is_told_with_its_certificate_and_its_prices(front):
     assert float(price[1]) == pytest.approx(-rate, rel=1e-3)
 
 
-def test_an_end_of_the_front_has_no_price_for_what_does_not_count_there(front):
+def test_what_has_no_price_is_not_told(front):
     choice = front.select(pk.Weights(kinetic_energy=1.0))
-    assert np.isnan(front.certificates.exchange_rates[choice.index, 0, 1])
-    assert "less of kinetic_energy" not in choice_text(front, choice)
+    unknown = np.full_like(front.certificates.exchange_intervals, np.nan)
+    silent = replace(front, certificates=replace(front.certificates, exchange_intervals=unknown))
+    assert "more of torque_norm" in choice_text(front, choice)
+    assert "more of torque_norm" not in choice_text(silent, choice)
 
 
 def test_every_entry_has_its_certificate_by_name(front):

@@ -19,7 +19,8 @@ from paretoik.refinement.polish import Polished, polish
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
 
-YIELD = 1e-6  # weight of the other objectives, as shares of their ranges: at an end of the front, at a given ε
+YIELD = 1e-6  # what an objective gives way for the others at an end of the front, and their weight at a given ε
+FIRST_WEIGHT = 1e-3  # of the others at an end, as far as it gives way by no more than that
 SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 NEAREST = 4  # points whose motions every ε starts from
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
@@ -217,7 +218,16 @@ def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> 
     if not ends.converged.all():
         failed = program.task.objectives[int(np.argmin(ends.converged))].name
         raise EvaluationFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
-    return ends
+    own, weight = np.eye(count) > 0, np.full(count, FIRST_WEIGHT)
+    for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
+        factors[:, :count] = np.where(own, 1.0, weight[:, None])
+        finished = polish(program, ends.q, factors, rules=WARM)
+        given = np.diagonal(finished.totals) - np.diagonal(ends.totals)
+        weight = weight * np.sqrt(YIELD / np.maximum(given, YIELD)) / 2
+        kept = finished.converged & (given <= YIELD)
+        if kept.all():
+            break
+    return ends.merged(kept, finished[kept])
 
 
 def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished) -> list[Polished]:
