@@ -19,7 +19,8 @@ from paretoik.refinement.polish import Polished, polish
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
 
-YIELD = 1e-6  # what an objective gives way for the others at an end of the front, and their weight at a given ε
+YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
+WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
 FIRST_WEIGHT = 1e-3  # of the others at an end, as far as it gives way by no more than that
 SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 NEAREST = 4  # points whose motions every ε starts from
@@ -98,7 +99,7 @@ class _Found:
         Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
         """
         task, factors = self.program.task, np.zeros((1, len(self.program.totals)))
-        factors[0, :2] = 1.0, YIELD
+        factors[0, :2] = 1.0, WEIGHT
         own = np.asarray(task.objectives[1](task.motion(self.pool))) * task.objectives[1].sign / self.ranges[1]
         falling, rising = levels[:, None], levels[::-1, None]
         within = own >= falling, own <= rising
@@ -130,7 +131,7 @@ class _Found:
     def _best(self, main: int, caps: np.ndarray, nearest: np.ndarray) -> Polished | None:
         """Return the best motion below caps that these points' motions lead to."""
         factors, below = np.zeros((1, len(self.program.totals))), np.full((1, len(self.program.totals)), np.inf)
-        factors[0, : len(caps)] = YIELD  # a weak point is not enough
+        factors[0, : len(caps)] = WEIGHT
         factors[0, main] = 1.0
         below[0, : len(caps)] = caps
         got = polish(self.program, self.q[nearest], factors, below, WARM)
@@ -239,7 +240,7 @@ def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished
         for main in range(count):
             caps = nadir + share * (ideal - nadir)
             caps[main] = np.inf
-            factors = np.full(count, YIELD)
+            factors = np.full(count, WEIGHT)
             factors[main] = 1.0
             got, _ = descended(programs, cold, factors, caps)
             found.append(got[got.converged][:POOL])

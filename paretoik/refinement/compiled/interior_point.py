@@ -72,7 +72,7 @@ class Rules(NamedTuple):
     """
 
     barrier: float = 0.1
-    last_barrier: float = 1e-11
+    last_barrier: float = 1e-13
     penalty: float = 1.0
     tolerance: float = 1e-8
     iterations: int = 150

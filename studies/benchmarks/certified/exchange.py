@@ -78,7 +78,7 @@ def exchange_rows(subject: Subject) -> list[Row]:
                 column="not compared",
                 unit="pairs",
                 ours=lost,
-                note="no ε-solve converged",
+                note="no ε-solve converged" if wanted else "no point where two objectives count",
             )
         )
     return rows
