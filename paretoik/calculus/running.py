@@ -8,8 +8,10 @@ import numpy as np
 
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.expressions import Op
+from paretoik.calculus.machine import Fused
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
+MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT = (int(op) for op in Fused)
 SINE, COSINE, SQUARE_ROOT = int(Op.SINE), int(Op.COSINE), int(Op.SQUARE_ROOT)
 ABSOLUTE, SIGN, MAXIMUM, MINIMUM = int(Op.ABSOLUTE), int(Op.SIGN), int(Op.MAXIMUM), int(Op.MINIMUM)
 LESS, LESS_EQUAL, CHOOSE, WEIGH = int(Op.LESS), int(Op.LESS_EQUAL), int(Op.CHOOSE), int(Op.WEIGH)
@@ -40,34 +42,42 @@ def run(parts, given, found):
 def block(code, space, n):
     """Run a program on the first ``n`` lanes of its registers."""
     for step in range(code.shape[0]):
-        op, to = code[step, 0], space[code[step, 1]]
-        a, b = space[code[step, 2]], space[code[step, 3]]
+        op, to, a, b, c = code[step, 0], code[step, 1], code[step, 2], code[step, 3], code[step, 4]
         if op == MULTIPLY:
             for lane in range(n):
-                to[lane] = a[lane] * b[lane]
+                space[to, lane] = space[a, lane] * space[b, lane]
+        elif op == MULTIPLY_ADD:
+            for lane in range(n):
+                space[to, lane] = space[a, lane] * space[b, lane] + space[c, lane]
+        elif op == MULTIPLY_SUBTRACT:
+            for lane in range(n):
+                space[to, lane] = space[a, lane] * space[b, lane] - space[c, lane]
+        elif op == SUBTRACT_PRODUCT:
+            for lane in range(n):
+                space[to, lane] = space[c, lane] - space[a, lane] * space[b, lane]
         elif op == ADD:
             for lane in range(n):
-                to[lane] = a[lane] + b[lane]
+                space[to, lane] = space[a, lane] + space[b, lane]
         elif op == SUBTRACT:
             for lane in range(n):
-                to[lane] = a[lane] - b[lane]
+                space[to, lane] = space[a, lane] - space[b, lane]
         elif op == NEGATE:
             for lane in range(n):
-                to[lane] = -a[lane]
+                space[to, lane] = -space[a, lane]
         elif op == DIVIDE:
             for lane in range(n):
-                to[lane] = a[lane] / b[lane]
+                space[to, lane] = space[a, lane] / space[b, lane]
         elif op == SINE:
             for lane in range(n):
-                to[lane] = math.sin(a[lane])
+                space[to, lane] = math.sin(space[a, lane])
         elif op == COSINE:
             for lane in range(n):
-                to[lane] = math.cos(a[lane])
+                space[to, lane] = math.cos(space[a, lane])
         elif op == SQUARE_ROOT:
             for lane in range(n):
-                to[lane] = np.sqrt(a[lane])
+                space[to, lane] = np.sqrt(space[a, lane])
         else:
-            _rare(op, to, a, b, space[code[step, 4]], n)
+            _rare(op, space[to], space[a], space[b], space[c], n)
 
 
 @compiled

@@ -13,6 +13,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ACCEPTED, TOLERANCE, eliminate, retract, task_errors
 
 ATTEMPTS = 40  # Newton steps of a cold start
+DRIFT = 1.0  # rad or m: how far joints are pushed, RMS, where the path leaves them free to go
 JUMP = 0.7  # rad or m: no joint of a candidate moves further than this from one sample to the next
 
 
@@ -73,13 +74,33 @@ def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[
         raise unreachable(task, rng, 0)
     q = _roll_outs(task, start, rng)
     q, on_path = _onto_path(task, _without_drift(task, q) if task.cyclic else q)
-    if task.cyclic:
-        q[:, -1] = q[:, 0]
-    on_path[:, 1:] &= np.abs(np.diff(q, axis=1)).max(axis=2) <= JUMP
     kept = on_path.all(axis=1)
     if not kept.any():
         raise unreachable(task, rng, int(np.argmin(on_path, axis=1).max()))
     return q[kept]
+
+
+def drifted(
+    task: MotionTask, q: Float[np.ndarray, "motions time dof"], rng: np.random.Generator
+) -> Float[np.ndarray, "found time dof"]:
+    """Return motions on the path that drift away from given ones: what roll-outs, which move little, would not do.
+
+    All joints are pushed at random at both ends (in cyclic motions at opposite points), less in between, along the null
+    space of the tasks' Jacobian, and led back; motions that then leave the path or jump are left out.
+    """
+    share, shape = task.times / task.times[-1], (len(q), 1, task.arm.dof)
+    first, last = DRIFT * rng.normal(size=shape), DRIFT * rng.normal(size=shape)
+    if task.cyclic:
+        wave = np.cos(2 * np.pi * (share - rng.uniform(size=(len(q), 1))))[..., None]
+        pushed = first * (1 + wave) / 2 + last * (1 - wave) / 2
+    else:
+        pushed = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
+    rows = _row_spaces(task, q)
+    pushed -= np.einsum("ptdk,ptek,pte->ptd", rows, rows, pushed)
+    found, on_path = _onto_path(task, q + pushed)
+    if task.start is not None:
+        found[:, 0] = task.start
+    return found[on_path.all(axis=1)]
 
 
 def _roll_outs(
@@ -159,15 +180,25 @@ def _without_drift(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -
     return q - (task.times / task.times[-1])[None, :, None] * drift
 
 
+def _row_spaces(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> np.ndarray:
+    """Return orthonormal bases (motions, time, dof, rows) of what moves the tool."""
+    slopes = task_errors(task.arm, task.tasks, q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1)))[1]
+    return steepest(slopes).reshape(*q.shape, task.rows)
+
+
 def _onto_path(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"]
 ) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
-    """Return motions led to the path the shortest way, and which of their samples arrived."""
+    """Return motions led to the path the shortest way, and which of their samples arrived there without a jump."""
     flat, targets = q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1))
     slopes = task_errors(task.arm, task.tasks, flat, targets)[1]
     directions = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-12)
     found = retract(task.arm, task.tasks, flat, targets, np.transpose(directions, (2, 1, 0)))
-    return found.q.reshape(q.shape), found.on_path.reshape(q.shape[:2])
+    led, on_path = found.q.reshape(q.shape), found.on_path.reshape(q.shape[:2])
+    if task.cyclic:
+        led[:, -1] = led[:, 0]
+    on_path[:, 1:] &= np.abs(np.diff(led, axis=1)).max(axis=2) <= JUMP
+    return led, on_path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,17 +6,18 @@ by cost and joint limits (3.1.3), optimised on coarse samples and refined by cub
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.redundancy.branches import labels
-from paretoik.redundancy.self_motion import candidates
+from paretoik.redundancy.self_motion import candidates, drifted
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.polish import REASONS, Polished, polish, within_limits
+from paretoik.refinement.polish import REASONS, Polished, joined, polish, within_limits
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -27,7 +28,9 @@ HOLDS = 1e-8  # of limits: what is violated by less is not violated
 SAME = 1e-6  # relative: what is better by less is no better
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
-SHAKEN = 3  # optima, and times at most, that are pushed off again where redundancy is more than one
+RARE = 2  # starts that reached an optimum: when no more did, others may not have been reached at all
+ROUNDS = 4  # of starts at most, until no optimum is rare
+SHAKEN = 3  # optima, and times at most, that are pushed off again where they are many
 COLD = (
     Rules(barrier=0.1, radius=0.4),
     Rules(barrier=0.01, radius=0.1),
@@ -70,32 +73,40 @@ def planned(
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
-    ``given`` motions on the path are starts too. ``observe`` is called after each level with its number of samples, of
-    starts and of optima.
+    Half of the starts are the most promising of many roll-outs, half move more than roll-outs do. As long as some
+    optimum was reached from one or two starts only, there are likely others that none has reached yet (Good 1953: the
+    share of starts that are alone at an optimum estimates how likely the next one finds another). Then more of the
+    latter kind are added; where that does not end, the best optima are pushed off again. ``given`` motions on the path
+    are starts too. ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
     motion; Infeasible with the least-violating motion where none keeps the limits; EvaluationFailed where limits hold
     but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
-    q = coarse_starts(task, starts=starts, seed=seed, given=given)
+    level, rng, wanted = _coarsest(task), np.random.default_rng(seed), starts * max(task.redundancy, 1)
+    rolled = candidates(level, POOL * wanted, rng)
+
+    def moving_more(most: int) -> np.ndarray:
+        return drifted(level, rng.permutation(rolled)[: 2 * most], rng)[:most]
+
+    away = moving_more(wanted // 2)
+    few = wanted - len(away)
+    q = np.concatenate([_promising(level, rolled[: POOL * few], few), away])
+    q = q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
     programs = ladder(task, sizes(task, q))
-    found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True)
-    if task.redundancy > 1 and programs[-1].smooth and found.converged.any():
+    again = programs[-1].smooth and task.redundancy == 1  # of flat valleys, and many, every start finds another point
+    more = (partial(moving_more, wanted) for _ in range(1, ROUNDS if again else 1))
+    found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True, more=more)
+    if programs[-1].smooth and found.converged.any() and next(more, None) is None:
         found = _shaken(programs[-1], found)
     return Plan(optima=_optima(task, found), levels=levels)
 
 
-def coarse_starts(
-    task: MotionTask, *, starts: int, seed: int, given: Float[np.ndarray, "motions time dof"] | None = None
-) -> Float[np.ndarray, "starts samples dof"]:
-    """Return motions of the coarsest level to start from: given ones, and the most promising of many roll-outs.
-
-    There are so many ``starts`` for every degree of redundancy.
-    """
-    level = task.subsampled(level_samples(len(task.times))[0])
-    q = _promising(level, starts * max(task.redundancy, 1), np.random.default_rng(seed))
-    return q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
+def coarse_starts(task: MotionTask, *, starts: int, seed: int) -> Float[np.ndarray, "starts samples dof"]:
+    """Return the most promising of many roll-outs over the coarsest level, so many for every degree of redundancy."""
+    level, wanted = _coarsest(task), starts * max(task.redundancy, 1)
+    return _promising(level, candidates(level, POOL * wanted, np.random.default_rng(seed)), wanted)
 
 
 def sizes(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
@@ -118,19 +129,26 @@ def descended(
     observe: Callable[[int, int, int], object] | None = None,
     *,
     ease: bool = False,
+    warm: Rules = WARM,
+    more: Iterator[Callable[[], Float[np.ndarray, "starts samples dof"]]] = iter(()),  # noqa: B008  empty for ever
 ) -> tuple[Polished, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of Σ factors · objectives below caps, and samples and optima of each level.
 
-    ``programs`` are those of a ``ladder``, ``q`` starts of the first. Where limits are violated at the end, ``ease``
-    has a look at whether they can hold at all.
+    ``programs`` are those of a ``ladder``, ``q`` starts of the first, ``warm`` the rules of all others. ``more`` starts
+    are used in turn while some optimum is rare. Where limits are violated at the end, ``ease`` has a look at whether
+    they can hold at all.
     """
-    levels, rules = list[tuple[int, int]](), [COLD[i % len(COLD)] for i in range(len(q))]
+    levels = list[tuple[int, int]]()
     rest = len(programs[0].totals) - len(factors)
     weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
-        passing = [rule._replace(last_barrier=WARM.barrier, tolerance=WARM.barrier) for rule in rules]
-        found = polish(program, q, weights[None], below[None], rules=passing if finer else rules)
+        kinds = [_passing(rules) if finer else rules for rules in (COLD if first else (warm,))]
+        led = partial(_led, program, kinds, weights, below)
+        found = led(q)
+        while first and _rarely_reached(task, found) and (others := next(more, None)) is not None:
+            q = np.concatenate([q, others()])
+            found = joined((found, led(q[len(found) :])))
         if ease and (first or not finer) and not found.converged.any() and found.violation.max() > HOLDS:
             least = _distinct(task, found, found.totals @ weights, most=KEPT)
             found = _eased(program, np.concatenate([found.q[least], q[: 2 * KEPT * first]]), weights, below)
@@ -139,23 +157,43 @@ def descended(
         if observe is not None:
             observe(len(task.times), len(q), len(found))
         if finer:
-            q, rules = task.motion(found.q).at(finer.task.times), [WARM] * len(found)
+            q = task.motion(found.q).at(finer.task.times)
     return found, tuple(levels)
+
+
+def _led(
+    program: MotionProgram, kinds: Sequence[Rules], weights: np.ndarray, below: np.ndarray, q: np.ndarray
+) -> Polished:
+    """Return what starts lead to, by each kind of rules in turn."""
+    return polish(program, q, weights[None], below[None], rules=[kinds[i % len(kinds)] for i in range(len(q))])
+
+
+def _passing(rules: Rules) -> Rules:
+    """Return the rules for a level that a finer one follows: it ends where that one begins."""
+    return rules._replace(last_barrier=WARM.barrier, tolerance=WARM.barrier)
+
+
+def _rarely_reached(task: MotionTask, found: Polished) -> bool:
+    """Return whether some optimum was reached from ``RARE`` starts or fewer."""
+    if not found.converged.any():
+        return False
+    optima = found.q[_distinct(task, found, found.totals[:, 0], most=len(found))]
+    every = found.q[found.converged]
+    return any(int((distance(task, each, every) <= APART).sum()) <= RARE for each in optima)
 
 
 def _shaken(program: MotionProgram, found: Polished) -> Polished:
     """Return optima and those that they lead to when a barrier pushes them off again, as long as the best gets better.
 
-    In two and more directions of self-motion optima of coarse samples say little of finer ones: many valleys are found,
-    and those beside them are better as often as not.
+    Where valleys are many, as in two and more directions of self-motion, those beside the ones found are as often
+    better as not.
     """
     weights = np.zeros((1, len(program.totals)))
     weights[0, 0] = 1.0
     for _ in range(SHAKEN):
         before = found.totals[0, 0]
-        every = [found, *(polish(program, found.q[:SHAKEN], weights, rules=rule) for rule in COLD)]
-        joined = Polished(**{name: np.concatenate([getattr(one, name) for one in every]) for name in vars(found)})
-        found = joined[_distinct(program.task, joined, joined.totals[:, 0], most=len(joined))]
+        both = joined((found, *(polish(program, found.q[:SHAKEN], weights, rules=rule) for rule in COLD)))
+        found = both[_distinct(program.task, both, both.totals[:, 0], most=len(both))]
         if not found.totals[0, 0] < before * (1 - SAME):
             break
     return found
@@ -185,9 +223,14 @@ def distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.nda
     return np.asarray(np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1)))
 
 
-def _promising(task: MotionTask, starts: int, rng: np.random.Generator) -> Float[np.ndarray, "starts time dof"]:
-    """Return the roll-outs to start from: in every branch the best by cost and joint limits, the branches in turn."""
-    q = candidates(task, POOL * starts, rng)
+def _coarsest(task: MotionTask) -> MotionTask:
+    return task.subsampled(level_samples(len(task.times))[0])
+
+
+def _promising(
+    task: MotionTask, q: Float[np.ndarray, "motions time dof"], most: int
+) -> Float[np.ndarray, "kept time dof"]:
+    """Return the motions to start from: in every branch the best by cost and joint limits, the branches in turn."""
     motions = task.motion(q)
     values = np.stack([o(motions) * o.sign for o in task.objectives])
     cost = np.sum(values / np.maximum(np.abs(values).mean(axis=1, keepdims=True), 1e-300), axis=0)
@@ -198,7 +241,7 @@ def _promising(task: MotionTask, starts: int, rng: np.random.Generator) -> Float
     for name in np.unique(branch):
         members = np.flatnonzero(branch == name)
         turn[members] = np.arange(len(members))
-    return q[order[np.argsort(turn, kind="stable")[:starts]]]
+    return q[order[np.argsort(turn, kind="stable")[:most]]]
 
 
 def _distinct(task: MotionTask, found: Polished, cost: np.ndarray, *, most: int) -> Int[np.ndarray, " kept"]:

@@ -67,6 +67,11 @@ class Polished:
         return self.status == CONVERGED
 
 
+def joined(parts: Sequence[Polished]) -> Polished:
+    """Return batches as one."""
+    return Polished(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in vars(parts[0])})
+
+
 def polish(
     program: MotionProgram,
     q: Float[np.ndarray, "motions time dof"],

@@ -9,7 +9,7 @@ import pytest
 
 from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, marcos_nr, poses, tringali_3r
 from paretoik.errors import Infeasible, OutOfReach
-from paretoik.redundancy.self_motion import JUMP, candidates, charts, postures
+from paretoik.redundancy.self_motion import JUMP, candidates, charts, drifted, postures
 from paretoik.task.motion_task import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
@@ -103,6 +103,27 @@ def test_candidates_begin_at_the_given_start_to_the_bit():
     q = candidates(paper(start=start), 30, chance())
     np.testing.assert_array_equal(q[:, 0], np.tile(start, (len(q), 1)))
     assert np.ptp(q[:, -1], axis=0).max() > 0.05
+
+
+@every_task
+def test_drifted_motions_stay_on_the_path_and_leave_those_they_come_from(make):
+    task = make()
+    q = candidates(task, 200, chance())
+    away = drifted(task, q, chance(1))
+    assert len(away) > 5
+    assert task.motion(away).tracking_error.max() < 1e-9
+    assert np.abs(np.diff(away, axis=1)).max() <= JUMP
+    apart = np.abs(away[:, None] - q[None]).max(axis=(2, 3)).min(axis=1)
+    assert np.median(apart) > 0.1
+
+
+def test_drifted_motions_keep_a_given_start_and_close_cycles_to_the_bit():
+    start = postures(paper(), 40, chance())[0]
+    away = drifted(paper(start=start), candidates(paper(start=start), 100, chance()), chance(1))
+    np.testing.assert_array_equal(away[:, 0], np.tile(start, (len(away), 1)))
+    assert np.ptp(away[:, -1], axis=0).max() > 0.05
+    closed = drifted(round_trip(), candidates(round_trip(), 100, chance()), chance(1))
+    np.testing.assert_array_equal(closed[:, 0], closed[:, -1])
 
 
 def test_postures_are_drawn_within_one_sided_limits():

@@ -21,6 +21,18 @@ def test_the_printed_arm_has_five_unconstrained_energy_optima():
     assert len({optimum.label for optimum in found.optima}) == 5
 
 
+def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
+    free = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
+    tried = []
+    found = pk.plan(free, seed=0, observe=lambda samples, starts, _: tried.append((samples, starts)))
+    assert tried[0][0] == 26
+    assert tried[0][1] > 48
+    assert found.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
+    tried.clear()
+    pk.plan(tringali_2020.simulation_5(), observe=lambda samples, starts, _: tried.append((samples, starts)))
+    assert tried[0] == (26, 48)  # two optima, each from many
+
+
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
 def test_optima_follow_the_path_within_the_limits_and_are_apart(name):
     problem = getattr(tringali_2020, name)()

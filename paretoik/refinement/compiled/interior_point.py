@@ -105,7 +105,8 @@ def minimise(p, q, factors, caps, rules):
         np.zeros(limits + len(capped)),
         np.zeros(limits + len(capped)),
     )
-    z = np.zeros(limits + len(capped))
+    z, forces = np.zeros(limits + len(capped)), np.zeros(limits + len(capped))
+    by_row = np.zeros((U + G, samples))
     A, L = np.zeros((size, width * r)), np.zeros((size, width * r))
     B, X = np.zeros((borders, size)), np.zeros((borders, size))
     C, S = np.zeros((borders, borders)), np.zeros((borders, borders))
@@ -131,12 +132,12 @@ def minimise(p, q, factors, caps, rules):
         _gradients(p, slopes, K + G, grads, total)
 
         # The gradient of the Lagrangian, the multipliers of the path, and how far all is from being optimal.
-        _clear(given[p.multipliers[2] :])
-        _clear(of_u)
         for i in range(limits):
-            _push(p, i, -z[i], U, K, grads, of_u)
-            if p.limited[i, 0] >= U:
-                given[p.multipliers[2] + p.limited[i, 0] - U, p.limited[i, 1]] -= p.sides[i] * z[i]
+            forces[i] = -z[i]
+        _push(p, forces, grads[K:], by_row, of_u)
+        for g in range(G):
+            for s in range(samples):
+                given[p.multipliers[2] + g, s] = by_row[U + g, s]
         _clear(of_q)
         gather(of_u, p.ones, p.window, p.weights, of_q)
         for k in range(K):
@@ -175,10 +176,10 @@ def minimise(p, q, factors, caps, rules):
         _clear(A)
         _clear(B)
         _clear(C)
-        _curvature(p, seconds, gaps, z, mu, penalty, K, grads, normal, A, B, C)
-        _clear(of_u)
+        _curvature(p, seconds, gaps, z, mu, penalty, grads[K:], normal, by_row, A, B, C)
         for i in range(limits):
-            _push(p, i, -pushed(gaps[i], z[i], mu, penalty)[1], U, K, grads, of_u)
+            forces[i] = -pushed(gaps[i], z[i], mu, penalty)[1]
+        _push(p, forces, grads[K:], by_row, of_u)
         _clear(of_q)
         gather(of_u, p.ones, p.window, p.weights, of_q)
         for k in range(K):
@@ -208,8 +209,7 @@ def minimise(p, q, factors, caps, rules):
         for k in range(K):
             df[k] = _product(total[k], dq)
             slope += factors[k] * df[k]
-        for i in range(limits):
-            changes[i] = p.sides[i] * _change(p.limited[i], U, K, grads, du)
+        _changed(p, du, grads[K:], by_row, changes)
         for e in range(len(capped)):
             changes[limits + e] = -df[capped[e]]
         push, alpha = descent(gaps, changes, mu, penalty, alpha)
@@ -270,50 +270,63 @@ def _gradients(p, slopes, functions, grads, total):
 
 
 @compiled
-def _push(p, i, force, U, K, grads, of_u):
-    """Add the gradient of limit i's gap, times ``force``, to a gradient by u."""
-    row, s = p.limited[i, 0], p.limited[i, 1]
-    if row < U:
-        of_u[row, s] += p.sides[i] * force
-        return
+def _push(p, forces, limited, by_row, of_u):
+    """Write the gradient by u of Σ forces · gaps, and the forces on every variable and limited row (rows, time).
+
+    ``limited`` are the gradients of the limited rows (rows, variables, time).
+    """
+    U, samples = of_u.shape
+    _clear(by_row)
+    for i in range(len(p.sides)):
+        by_row[p.limited[i, 0], p.limited[i, 1]] += p.sides[i] * forces[i]
     for a in range(U):
-        of_u[a, s] += p.sides[i] * force * grads[K + row - U, a, s]
+        for s in range(samples):
+            of_u[a, s] = by_row[a, s]
+        for g in range(len(limited)):
+            for s in range(samples):
+                of_u[a, s] += by_row[U + g, s] * limited[g, a, s]
 
 
 @compiled
-def _change(place, U, K, grads, du):
-    """Return the first-order change of a variable or row at a sample."""
-    row, s = place[0], place[1]
-    if row < U:
-        return du[row, s]
-    total = 0.0
+def _changed(p, du, limited, by_row, changes):
+    """Write the first-order changes of all gaps where the variables change by du."""
+    U, samples = du.shape
     for a in range(U):
-        total += grads[K + row - U, a, s] * du[a, s]
-    return total
+        for s in range(samples):
+            by_row[a, s] = du[a, s]
+    for g in range(len(limited)):
+        for s in range(samples):
+            by_row[U + g, s] = 0.0
+        for a in range(U):
+            for s in range(samples):
+                by_row[U + g, s] += limited[g, a, s] * du[a, s]
+    for i in range(len(p.sides)):
+        changes[i] = p.sides[i] * by_row[p.limited[i, 0], p.limited[i, 1]]
 
 
 @compiled
-def _curvature(p, seconds, gaps, z, mu, penalty, K, grads, normal, A, B, C):
+def _curvature(p, seconds, gaps, z, mu, penalty, limited, normal, by_row, A, B, C):
     """Add up the second derivatives of the Lagrangian and the stiffness of the limits."""
     U, samples, r = p.weights.shape[0] * normal.shape[1], seconds.shape[1], normal.shape[2]
-    phi = np.zeros((samples, U, U))
+    phi, row = np.empty((U, U)), np.empty(U)
     local, half = np.zeros((U, p.weights.shape[2] * r)), np.zeros((U, p.weights.shape[2] * r))
-    for e in range(len(p.second_i)):
-        for s in range(samples):
-            phi[s, p.second_i[e], p.second_j[e]] = phi[s, p.second_j[e], p.second_i[e]] = seconds[e, s]
+    _clear(by_row)
     for i in range(len(p.sides)):
-        row, s = p.limited[i, 0], p.limited[i, 1]
-        stiffness = pushed(gaps[i], z[i], mu, penalty)[0]
-        if row < U:
-            phi[s, row, row] += stiffness
-            continue
-        for a in range(U):
-            slope = stiffness * grads[K + row - U, a, s]
-            if slope != 0.0:
-                for b in range(U):
-                    phi[s, a, b] += slope * grads[K + row - U, b, s]
+        by_row[p.limited[i, 0], p.limited[i, 1]] += pushed(gaps[i], z[i], mu, penalty)[0]
     for s in range(samples):
-        add_curvature(s, phi[s], p.window, p.weights, normal, p.place, local, half, A, B, C)
+        _clear(phi)
+        for e in range(len(p.second_i)):
+            phi[p.second_i[e], p.second_j[e]] = phi[p.second_j[e], p.second_i[e]] = seconds[e, s]
+        for a in range(U):
+            phi[a, a] += by_row[a, s]
+        for g in range(len(limited)):
+            for a in range(U):
+                row[a] = limited[g, a, s]
+            for a in range(U):
+                scaled = by_row[U + g, s] * row[a]
+                for b in range(U):
+                    phi[a, b] += scaled * row[b]
+        add_curvature(s, phi, p.window, p.weights, normal, p.place, local, half, A, B, C)
 
 
 @compiled

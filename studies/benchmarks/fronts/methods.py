@@ -240,7 +240,8 @@ def pygmo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run
     if name == "pygmo NSGA-II":
         method = pygmo.nsga2(gen=1, seed=seed)
     else:
-        method = pygmo.moead_gen(gen=1, seed=seed, weight_generation="low discrepancy")
+        neighbours = min(20, len(first) - 1)
+        method = pygmo.moead_gen(gen=1, seed=seed, weight_generation="low discrepancy", neighbours=neighbours)
     method.set_bfe(pygmo.bfe(pygmo.member_bfe()))
     algorithm = pygmo.algorithm(method)
     step = 0.0
