@@ -10,6 +10,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -133,20 +134,10 @@ def _compiled(
 ) -> Polished:
     count = len(q)
 
-    def part(rows: range) -> list[tuple[Any, ...]]:
-        compiled = program.compiled
-        return [
-            minimise(compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i]) for i in rows
-        ]
+    def one(i: int) -> tuple[Any, ...]:
+        return minimise(program.compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i])
 
-    workers = max(1, min(count, os.cpu_count() or 1))
-    shares = [range(w, count, workers) for w in range(workers)]
-    if workers == 1:
-        parts = [part(shares[0])]
-    else:
-        with ThreadPoolExecutor(workers) as pool:
-            parts = list(pool.map(part, shares))
-    found = [parts[i % workers][i // workers] for i in range(count)]
+    found = list(_pool().map(one, range(count))) if count > 1 else [one(i) for i in range(count)]
     return Polished(
         q=np.array([one[0] for one in found]).reshape(q.shape),
         status=np.array([one[1] for one in found], dtype=int),
@@ -155,6 +146,15 @@ def _compiled(
         stationarity=np.array([one[5] for one in found], dtype=float),
         violation=np.array([one[6] for one in found], dtype=float),
     )
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return threads, one a core, that last as long as the process: compiled code leaves Python's lock alone."""
+    return ThreadPoolExecutor(os.cpu_count() or 1)
+
+
+os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come along
 
 
 def _general(
