@@ -28,7 +28,7 @@ INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts
 POOL = 4  # optima of each objective that every ε starts from
 COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
 NEAR = Rules(barrier=1e-6, radius=0.02)
-FOLLOWING = WARM._replace(iterations=60)  # what takes longer, from one level or ε to the next, has lost its branch
+FOLLOWING = WARM._replace(iterations=60)  # a branch that takes longer to the next level has ended
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +59,7 @@ def epsilon_points(
     pool, best, ranges = _alone(task, starts=starts, seed=seed)
     programs = ladder(task, ranges)
     ends = _ends(programs[-1], best)
-    between = _between(programs, coarse_starts(task, starts=starts, seed=seed), ends)
+    between = _between(programs, coarse_starts(task, starts=-(-starts // 2), seed=seed), ends)
     found = _Found(programs[-1], np.concatenate([pool, *(got.q for got in between)]), ends, ranges, observe, points)
     for got in between:
         found.add_all(got)
@@ -242,7 +242,7 @@ def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished
             caps[main] = np.inf
             factors = np.full(count, WEIGHT)
             factors[main] = 1.0
-            got, _ = descended(programs, cold, factors, caps, warm=FOLLOWING)
+            got, _ = descended(programs, cold, factors, caps)
             found.append(got[got.converged][:POOL])
     return found
 

@@ -29,7 +29,7 @@ SAME = 1e-6  # relative: what is better by less is no better
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
 RARE = 2  # starts that reached an optimum: when no more did, others may not have been reached at all
-ROUNDS = 4  # of starts at most, until no optimum is rare
+ROUNDS = 6  # of half as many starts again, at most, until no optimum is rare
 SHAKEN = 3  # optima, and times at most, that are pushed off again where they are many
 COLD = (
     Rules(barrier=0.1, radius=0.4),
@@ -87,7 +87,7 @@ def planned(
     level, rng, wanted = _coarsest(task), np.random.default_rng(seed), starts * max(task.redundancy, 1)
     rolled = candidates(level, POOL * wanted, rng)
 
-    def moving_more(most: int) -> np.ndarray:
+    def moving_more(most: int) -> Float[np.ndarray, "found samples dof"]:
         return drifted(level, rng.permutation(rolled)[: 2 * most], rng)[:most]
 
     away = moving_more(wanted // 2)
@@ -96,7 +96,7 @@ def planned(
     q = q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
     programs = ladder(task, sizes(task, q))
     again = programs[-1].smooth and task.redundancy == 1  # of flat valleys, and many, every start finds another point
-    more = (partial(moving_more, wanted) for _ in range(1, ROUNDS if again else 1))
+    more = (moving_more(-(-wanted // 2)) for _ in range(ROUNDS if again else 0))
     found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True, more=more)
     if programs[-1].smooth and found.converged.any() and next(more, None) is None:
         found = _shaken(programs[-1], found)
@@ -129,25 +129,23 @@ def descended(
     observe: Callable[[int, int, int], object] | None = None,
     *,
     ease: bool = False,
-    warm: Rules = WARM,
-    more: Iterator[Callable[[], Float[np.ndarray, "starts samples dof"]]] = iter(()),  # noqa: B008  empty for ever
+    more: Iterator[Float[np.ndarray, "starts samples dof"]] = iter(()),  # noqa: B008  empty for ever
 ) -> tuple[Polished, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of Σ factors · objectives below caps, and samples and optima of each level.
 
-    ``programs`` are those of a ``ladder``, ``q`` starts of the first, ``warm`` the rules of all others. ``more`` starts
-    are used in turn while some optimum is rare. Where limits are violated at the end, ``ease`` has a look at whether
-    they can hold at all.
+    ``programs`` are those of a ``ladder``, ``q`` starts of the first. ``more`` starts are used in turn while some
+    optimum is rare. Where limits are violated at the end, ``ease`` has a look at whether they can hold at all.
     """
     levels = list[tuple[int, int]]()
     rest = len(programs[0].totals) - len(factors)
     weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
-        kinds = [_passing(rules) if finer else rules for rules in (COLD if first else (warm,))]
+        kinds = [_passing(rules) if finer else rules for rules in (COLD if first else (WARM,))]
         led = partial(_led, program, kinds, weights, below)
         found = led(q)
         while first and _rarely_reached(task, found) and (others := next(more, None)) is not None:
-            q = np.concatenate([q, others()])
+            q = np.concatenate([q, others])
             found = joined((found, led(q[len(found) :])))
         if ease and (first or not finer) and not found.converged.any() and found.violation.max() > HOLDS:
             least = _distinct(task, found, found.totals @ weights, most=KEPT)

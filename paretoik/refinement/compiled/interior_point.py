@@ -34,7 +34,10 @@ CONVERGED, CAPPED, STUCK, SINGULAR, VIOLATED = 0, 1, 2, 3, 4
 LONGEST = 0.4  # rad or m that a joint may move in one step: enough, and too little to reach another branch unseen
 ARMIJO = 1e-4
 FLAT = 1e-15  # share of the merit function below which what Newton's step promises is rounding
+ROUNDING = 1e-14  # of the merit function
+STILL = 5  # steps at the last barrier that changed no more than rounding: there is no more to be had
 HALVINGS = 40
+SOFT = 100.0  # times barrier over price: by less is a limit violated because the barrier is not yet low
 FIRM = 3e-3  # barrier from which on a limit that is still violated costs more, or proves that all of them cannot hold
 HOPELESS = 100.0  # by so much has the price risen without halving the violation, when it is given up
 
@@ -115,7 +118,7 @@ def minimise(p, q, factors, caps, rules):
     residual, step = np.zeros(p.unknowns), np.zeros(size + borders)
     dq, trial = np.zeros((samples, n)), q.copy()
     mu, penalty, last_delta = rules.barrier, rules.penalty, 0.0
-    violated, helpful, flat = np.inf, rules.penalty, False
+    violated, helpful, flat, still = np.inf, rules.penalty, False, 0
     status, done, stationarity, worst = CAPPED, 0, np.inf, np.inf
 
     _evaluate(p, given, q, values, f, caps, capped, gaps)
@@ -154,11 +157,11 @@ def minimise(p, q, factors, caps, rules):
         apart, worst = off_centre(gaps, z, mu, penalty)
         settled = (flat or stationarity <= max(10 * mu, rules.tolerance)) and apart <= 10 * mu
         if mu <= rules.last_barrier and settled and (flat or stationarity <= rules.tolerance):
-            status = CONVERGED if worst <= rules.tolerance else VIOLATED
+            status = CONVERGED if worst <= max(rules.tolerance, SOFT * mu / penalty) else VIOLATED
             break
         if done == rules.iterations:
             break
-        if settled and mu <= FIRM and worst > 100 * mu / penalty:
+        if settled and mu <= FIRM and worst > SOFT * mu / penalty:
             if worst <= 0.5 * violated:
                 violated, helpful = worst, penalty
             elif penalty >= HOPELESS * helpful:
@@ -215,7 +218,7 @@ def minimise(p, q, factors, caps, rules):
         push, alpha = descent(gaps, changes, mu, penalty, alpha)
         slope = min(slope + push, 0.0)
         before, accepted = _weighed(factors, f) + prices(gaps, mu, penalty), False
-        flat = -slope <= FLAT * (1 + abs(before))
+        flat = -slope <= FLAT * (1 + abs(before)) or still >= STILL
         for _ in range(HALVINGS):
             for s in range(samples):
                 for j in range(n):
@@ -225,8 +228,9 @@ def minimise(p, q, factors, caps, rules):
             if retracted(p.track, given, trial, steep, triangle, tracked):
                 _evaluate(p, given, trial, values, trial_f, caps, capped, trial_gaps)
                 after = _weighed(factors, trial_f) + prices(trial_gaps, mu, penalty)
-                if after <= before + ARMIJO * alpha * slope + 1e-14 * abs(before):
+                if after <= before + ARMIJO * alpha * slope + ROUNDING * abs(before):
                     accepted = True
+                    still = still + 1 if mu <= rules.last_barrier and after >= before - ROUNDING * abs(before) else 0
                     break
             alpha *= 0.5
         if not accepted:
