@@ -26,6 +26,13 @@ def test_the_front_reaches_both_of_ipopts_ends_and_is_not_beaten(front):
     assert not dominated.any()
 
 
+@pytest.mark.parametrize("seed", [12, 19, 21])
+def test_few_points_too_lie_on_the_best_branch_where_neither_end_does(seed):
+    few, reference = pk.epsilon_front(tringali_2020.energy_torque(), points=5, seed=seed), reference_front()
+    gain = (few.minimised[:, None] - reference[None]) / np.ptp(reference, axis=0)
+    assert not np.all(gain > 1e-6, axis=2).any()
+
+
 def test_every_point_is_a_certified_minimum_on_the_path(front):
     known = front.certificates
     assert len(front) >= 12

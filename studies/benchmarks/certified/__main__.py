@@ -5,7 +5,7 @@
 ``pk.epsilon_front`` on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, and on the Panda
 across its table, by pose and by position alone (four degrees of redundancy), its own limits in force. Of every front:
 what its certificates say; what IPOPT and random feasible steps find that is better than a point; exchange rates beside
-differences of neighbouring ε-solves; and on the Panda seconds a point beside IPOPT's.
+differences of neighbouring ε-solves; and on the Panda seconds a point beside IPOPT's and FATROP's.
 
 IPOPT starts from every point and minimises each objective in turn below the point's own values of the others, with its
 barrier low and high. What counts is only what our exact functions say of the motion it returns, led back to the path:
@@ -13,10 +13,10 @@ limits kept to within 1e-8, and no objective risen at all. At an end of a front 
 where IPOPT's tolerance lets a ceiling slip, it goes again below one that is lower by as much. Notes say how far away
 the better motion is: certificates are local, and another basin's may be better.
 
-Seconds: ours are a whole ``epsilon_front`` over its points, after a first one that compiles. IPOPT's are those of the
-same ε-problems alone, each from the motion of the nearest other point of our front; no starts have to be found, and
-building the program and compiling it (-O1) are not counted. FATROP is left out: the programs that it has here are
-those of three planar joints, and the general one is over joint positions alone, which it cannot take stage by stage.
+Seconds: ours are a whole ``epsilon_front`` over its points, after a first one that compiles. The peers', IPOPT's over
+joint positions and FATROP's over stages of postures and rates, are those of the same ε-problems alone, each from the
+motion of the nearest other point of our front; no starts have to be found, and building their programs and compiling
+them (-O1) are not counted.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def rows_of(case: Case, subject: Subject, *, quick: bool, seed: int) -> list[Row
     tell(f"{case.name}: neighbouring ε-solves")
     rows += exchange_rows(subject)
     if case.raced:
-        tell(f"{case.name}: IPOPT's sweep")
+        tell(f"{case.name}: the peers' sweeps")
         rows += race_rows(subject)
     return rows
 

@@ -17,6 +17,7 @@ from paretoik.refinement.certificates import BETWEEN
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
 from problems import panda, tringali_2020
+from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.verdicts import LOSS, tell, timed
@@ -30,7 +31,7 @@ FIRST_POINTS, FIRST_STARTS = 3, 8  # of the call that compiles
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem, how many points its front is asked for, and whether its seconds are held against IPOPT's."""
+    """A problem, how many points its front is asked for, and whether its seconds are held against its peers'."""
 
     name: str
     make: Callable[[], pk.Tracking]
@@ -43,7 +44,7 @@ class Subject:
     """A certified front that is put to the test.
 
     ``ranges`` (n_obj,) are how far the objectives of the whole front reach, ``peer`` is IPOPT's program of its task,
-    ``seconds`` and ``cpu``, the processor's, are what the front took.
+    ``staged`` FATROP's where seconds are compared; ``seconds`` and ``cpu``, the processor's, are what the front took.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Subject:
     peer: JointProgram
     seconds: float
     cpu: float
+    staged: StagedProgram | None = None
 
     @property
     def q(self) -> np.ndarray:
@@ -124,8 +126,22 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     begun, named = time.perf_counter(), case.name.replace(" ", "_")
     peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
     tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
-    ranges = np.ptp(front.minimised, axis=0)
-    return Subject(name=case.name, front=front, task=problem.task, ranges=ranges, peer=peer, seconds=seconds, cpu=cpu)
+    staged = None
+    if case.raced:
+        tell(f"{case.name}: FATROP's program")
+        begun = time.perf_counter()
+        staged = staged_program(problem.task, folder, named)
+        tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
+    return Subject(
+        name=case.name,
+        front=front,
+        task=problem.task,
+        ranges=np.ptp(front.minimised, axis=0),
+        peer=peer,
+        seconds=seconds,
+        cpu=cpu,
+        staged=staged,
+    )
 
 
 def judged(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:

@@ -1,4 +1,4 @@
-"""Seconds a point: ours beside those of IPOPT, which solves the same ε-problems from neighbouring points."""
+"""Seconds a point: ours beside those of IPOPT and FATROP, which solve the same ε-problems from neighbouring points."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 
 from studies.benchmarks.certified.cases import HOLDS, Subject
 from studies.benchmarks.certified.dominating import DOMINATED, led_back, objectives, violation
+from studies.benchmarks.certified.staged import StagedProgram
+from studies.benchmarks.fronts.programs import JointProgram
 from studies.benchmarks.planner.verdicts import versus
 from studies.reporting import Row
 
@@ -18,7 +20,7 @@ GOAL = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """IPOPT's seconds on one ε-problem, whether it reached our point, and what it gained where nothing has risen."""
+    """A peer's seconds on one ε-problem, whether it reached our point, and what it gained where nothing has risen."""
 
     seconds: float
     reached: bool
@@ -26,8 +28,13 @@ class Solved:
 
 
 def race_rows(subject: Subject) -> list[Row]:
-    """Return what IPOPT betters, and our seconds a point beside its median and all of its over the points reached."""
-    tries = [ipopt_solve(subject, point) for point in range(len(subject.q))]
+    """Return what peers better, and our seconds a point beside their median and all of theirs over points reached."""
+    peers = {"IPOPT": subject.peer} | ({"FATROP": subject.staged} if subject.staged is not None else {})
+    return [row for name, peer in peers.items() for row in _against(subject, name, peer)]
+
+
+def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram) -> list[Row]:
+    tries = [solved_by(peer, subject, point) for point in range(len(subject.q))]
     ours, reached = subject.seconds / len(subject.q), sum(one.reached for one in tries)
     every = sum(one.seconds for one in tries)
     theirs = {
@@ -35,12 +42,12 @@ def race_rows(subject: Subject) -> list[Row]:
         "all over points reached": every / reached if reached else np.inf,
     }
     note = (
-        f"{len(subject.q)} points in {subject.seconds:.1f} s (processor {subject.cpu:.1f} s); IPOPT {every:.1f} s, "
+        f"{len(subject.q)} points in {subject.seconds:.1f} s (processor {subject.cpu:.1f} s); {name} {every:.1f} s, "
         f"reaches {reached} of them"
     )
     better = Row(
         table=subject.name,
-        row="IPOPT from neighbours",
+        row=f"{name} from neighbours",
         column="largest gain, no loss",
         unit="share of range",
         ours=max(one.gain for one in tries),
@@ -52,20 +59,20 @@ def race_rows(subject: Subject) -> list[Row]:
             versus(
                 table=subject.name,
                 row="seconds a point",
-                column=f"beside IPOPT's {name}",
+                column=f"beside {name}'s {which}",
                 unit="s",
                 ours=ours,
                 theirs=seconds,
                 goal=GOAL,
                 note=note,
             )
-            for name, seconds in theirs.items()
+            for which, seconds in theirs.items()
         ),
     ]
 
 
-def ipopt_solve(subject: Subject, point: int) -> Solved:
-    """Return what IPOPT makes of a point's ε-problem, from the nearest other point and, should it fail, once more."""
+def solved_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -> Solved:
+    """Return what a peer makes of a point's ε-problem, from the nearest other point and, should it fail, once more."""
     shares = subject.values / subject.ranges
     apart = np.linalg.norm(shares - shares[point], axis=1)
     apart[point] = np.inf
@@ -73,7 +80,7 @@ def ipopt_solve(subject: Subject, point: int) -> Solved:
     ceilings = np.where(np.arange(len(subject.ranges)) == main, np.inf, subject.values[point])
     begun = time.perf_counter()
     for warm in (True, False):
-        made, _ = subject.peer.solve(start, main, ceilings, subject.ranges, warm=warm)
+        made, _ = peer.solve(start, main, ceilings, subject.ranges, warm=warm)
         if made is not None:
             break
     seconds = time.perf_counter() - begun

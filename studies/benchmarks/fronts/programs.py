@@ -101,7 +101,7 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         rows.append(casadi.vec(limits))
         lower.append(np.tile(low, last - first))
         upper.append(np.tile(high, last - first))
-    at_path = _pose(task).map(unknown)(x, task.targets[:unknown].T)
+    at_path = pose_function(task).map(unknown)(x, task.targets[:unknown].T)
     rows += [casadi.vec(at_path), totals / p[count:]]
     off = np.zeros(at_path.numel())
     position = task.bounds["position"][0] if "position" in task.bounds else np.tile([-np.inf, np.inf], (dof, 1))
@@ -125,13 +125,17 @@ def _options(*, warm: bool) -> dict[str, Any]:
 
 def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np.ndarray]:
     """Return a function of ``reach`` + 1 postures: every objective's share and what is limited, and its bounds."""
-    arm = task.arm
-    q: list[Any] = [SX.sym(f"q{back}", arm.dof) for back in range(reach, -1, -1)]
-    here: Any = casadi.vertsplit(q[-1])
+    q: list[Any] = [SX.sym(f"q{back}", task.arm.dof) for back in range(reach, -1, -1)]
     rate: Any = (q[-1] - q[-2]) / dt
-    before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(arm.dof)
-    v: Any = casadi.vertsplit(rate)
-    a: Any = casadi.vertsplit((rate - before) / dt)
+    before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(task.arm.dof)
+    worth, limited = at_sample(task, q[-1], rate, (rate - before) / dt)
+    return casadi.Function("stage", q, [dt * worth, limited]), *limited_sides(task)
+
+
+def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any) -> tuple[Any, Any]:
+    """Return, of SX vectors (dof,), what the objectives are worth at a sample and what is limited there."""
+    arm = task.arm
+    here, v, a = (casadi.vertsplit(one) for one in (q, rate, acceleration))
     torque: Any = vertcat(*dynamics.torque_components(arm, here, v, a))
     lower, upper = arm.position_limits.T
     limited = np.isfinite(upper - lower) & (upper > lower)
@@ -144,15 +148,27 @@ def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np
         "joint_limit_distance": lambda: casadi.sumsqr(ratio) / (2 * arm.dof) / float(task.times[-1] - task.times[0]),
     }
     given = {"velocity": rate, "torque": torque, "power": torque * rate}
-    assert set(task.bounds) <= {"position", *given}, f"limits on joints wanted, got {', '.join(task.bounds)}"
-    kept = [kind for kind in given if kind in task.bounds]
-    sides = [np.concatenate([np.empty(0), *(task.bounds[kind][0][:, side] for kind in kept)]) for side in (0, 1)]
-    shares: Any = vertcat(*(dt * worth[objective.name]() for objective in task.objectives))
-    limited_rows: Any = vertcat(*[given[kind] for kind in kept]) if kept else SX(0, 1)
-    return casadi.Function("stage", q, [shares, limited_rows]), sides[0], sides[1]
+    kept = _limited_kinds(task)
+    shares: Any = vertcat(*(worth[objective.name]() for objective in task.objectives))
+    return shares, vertcat(*[given[kind] for kind in kept]) if kept else SX(0, 1)
 
 
-def _pose(task: MotionTask) -> Any:
+def limited_sides(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bounds of what ``at_sample`` says is limited."""
+    kinds = _limited_kinds(task)
+    lower, upper = (
+        np.concatenate([np.empty(0), *(task.bounds[kind][0][:, side] for kind in kinds)]) for side in (0, 1)
+    )
+    return lower, upper
+
+
+def _limited_kinds(task: MotionTask) -> list[str]:
+    kinds = ("velocity", "torque", "power")
+    assert set(task.bounds) <= {"position", *kinds}, f"limits on joints wanted, got {', '.join(task.bounds)}"
+    return [kind for kind in kinds if kind in task.bounds]
+
+
+def pose_function(task: MotionTask) -> Any:
     """Return a function of a posture and what is wanted there: how far the tool is off."""
     (only,) = task.tasks
     q: Any = SX.sym("q", task.arm.dof)

@@ -91,16 +91,7 @@ class Peer:
         self.lower = {"lbx": casadi.DM(self.x_sides[0]), "lbg": casadi.DM(self.row_sides[0])}
 
     def _narrowed(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return bounds that FATROP makes wider again, which CasADi cannot have it leave."""
-        if self.question.solver != "fatrop":
-            return lower, upper
-        free = lower < upper
-        moved = []
-        for side, way in ((lower, 1.0), (upper, -1.0)):
-            touched = free & np.isfinite(side)
-            moved.append(side.copy())
-            moved[-1][touched] += way * WIDENED * np.maximum(1.0, np.abs(side[touched]))
-        return moved[0], moved[1]
+        return narrowed(lower, upper) if self.question.solver == "fatrop" else (lower, upper)
 
     def start(self, q: np.ndarray, masses: str) -> np.ndarray:
         """Return x of joint angles."""
@@ -138,6 +129,17 @@ class Peer:
             cpu=cpu,
             iterations=int(stats["iter_count"]),
         )
+
+
+def narrowed(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return bounds that FATROP makes wider again, which CasADi cannot have it leave."""
+    free = lower < upper
+    moved = []
+    for side, way in ((lower, 1.0), (upper, -1.0)):
+        touched = free & np.isfinite(side)
+        moved.append(side.copy())
+        moved[-1][touched] += way * WIDENED * np.maximum(1.0, np.abs(side[touched]))
+    return moved[0], moved[1]
 
 
 def _own(question: Question, settings: Settings) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from studies.benchmarks.certified.dominating import (
     within,
 )
 from studies.benchmarks.certified.exchange import STEP, compared, exchange_rows, pairs
-from studies.benchmarks.certified.racing import ipopt_solve, race_rows
+from studies.benchmarks.certified.racing import race_rows, solved_by
 from studies.benchmarks.planner.verdicts import LOSS
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
@@ -212,21 +212,38 @@ def test_a_goal_missed_is_a_loss_and_so_is_no_number():
     assert notes == ["said", f"{LOSS}said", f"{LOSS}said"]
 
 
-def test_seconds_a_point_count_those_that_ipopt_reached(subject):
-    tries = [ipopt_solve(subject, point) for point in range(len(subject.q))]
-    reached = sum(one.reached for one in tries)
-    _, median, every = race_rows(subject)
-    assert reached >= len(tries) / 2
-    assert median.ours == every.ours == pytest.approx(subject.seconds / len(tries))
-    assert f"reaches {reached} of them" in median.note
+def test_seconds_a_point_count_those_that_a_peer_reached(subject):
+    rows = race_rows(subject)
+    for name, peer, (better, median, every) in (
+        ("IPOPT", subject.peer, rows[:3]),
+        ("FATROP", subject.staged, rows[3:]),
+    ):
+        tries = [solved_by(peer, subject, point) for point in range(len(subject.q))]
+        reached = sum(one.reached for one in tries)
+        assert reached >= len(tries) / 2
+        assert better.row == f"{name} from neighbours"
+        assert median.ours == every.ours == pytest.approx(subject.seconds / len(tries))
+        assert f"{name} " in median.note
+        assert f"reaches {reached} of them" in median.note
+
+
+def test_a_motion_packed_for_fatrop_keeps_all_rows_and_gives_its_totals(subject):
+    staged, q = subject.staged, subject.q[1]
+    x, layout = staged.packed(q, subject.ranges), staged.layout
+    assert x[-layout.sums :] == pytest.approx(subject.values[1] / subject.ranges, rel=1e-9)
+    np.testing.assert_array_equal(np.stack([x[layout.posture(k)] for k in range(len(q))]), q)
+    assert np.all((x >= staged.sides["lbx"] - 1e-9) & (x <= staged.sides["ubx"] + 1e-9))
+    again, _ = staged.solve(q, 0, np.array([np.inf, subject.values[1, 1]]), subject.ranges, warm=True)
+    assert np.abs(again - q).max() < 1e-3
 
 
 def test_what_cannot_be_reached_is_not_and_what_is_beaten_is_told(subject):
     """Points that are better, or worse, than any motion is."""
-    for share, said in ((-0.5, "reaches 0 of them"), (0.01, f"reaches {len(subject.q)} of them")):
+    for share in (-0.5, 0.01):
         moved = replace(subject.front, objectives=subject.front.objectives + share * subject.ranges)
-        better, median, every = race_rows(replace(subject, front=moved))
-        assert said in median.note
+        better, median, every = race_rows(replace(subject, front=moved, staged=None))
+        reached = int(median.note.split("reaches ")[1].split()[0])
+        assert reached == 0 if share < 0 else reached >= len(subject.q) / 2
         assert (every.paper is None) == (share < 0)
         assert (better.ours > 1e-3) == (share > 0)
 

@@ -1,0 +1,189 @@
+"""The nonlinear program of a motion in stages, for FATROP: states are posture, rate and sums, controls the next rate.
+
+CasADi finds the stages by itself where every one's variables and rows stand together, its gap first. Sums are divided
+by their ranges; the last ones are the totals, and below ceilings.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+from casadi import MX, SX, vertcat
+
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.fronts.programs import CAP, TOLERANCE, at_sample, limited_sides, pose_function
+from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.planner.peers import narrowed
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where postures, rates and sums, and the controls of all stages stand in x."""
+
+    samples: int
+    dof: int
+    sums: int
+
+    @property
+    def size(self) -> int:
+        """Numbers in x."""
+        return 2 * self.dof + (self.samples - 1) * self.width - self.dof
+
+    @property
+    def width(self) -> int:
+        """Numbers of a stage but the first, which has neither rate nor sums, and the last, which has no control."""
+        return 3 * self.dof + self.sums
+
+    def posture(self, k: int) -> slice:
+        """Return where the posture of sample k is."""
+        return self._part(k, 0, self.dof)
+
+    def state(self, k: int) -> slice:
+        """Return where posture, rate and sums of sample k are; the first has a posture only."""
+        return self._part(k, 0, 2 * self.dof + self.sums if k else self.dof)
+
+    def control(self, k: int) -> slice:
+        """Return where the rate to sample k + 1 is."""
+        return self._part(k, 2 * self.dof + self.sums if k else self.dof, self.dof)
+
+    def _part(self, k: int, begin: int, size: int) -> slice:
+        begin += 2 * self.dof + (k - 1) * self.width if k else 0
+        return slice(begin, begin + size)
+
+
+@dataclass(frozen=True, eq=False)
+class StagedProgram:
+    """Solvers for cold and warm starts, a stage's step, and the bounds of what they ask."""
+
+    task: MotionTask
+    layout: Layout
+    solvers: dict[bool, Any]
+    step: Any
+    sides: dict[str, np.ndarray]
+
+    def solve(
+        self, q: np.ndarray, main: int, ceilings: np.ndarray, ranges: np.ndarray, *, warm: bool
+    ) -> tuple[np.ndarray | None, int]:
+        """Return the motion (samples, dof) that one leads to, None where FATROP is not content, and the iterations."""
+        count = len(ranges)
+        upper = self.sides["ubx"].copy()
+        upper[-count:] = ceilings / ranges
+        lbx, ubx = narrowed(self.sides["lbx"], upper)
+        lbg, ubg = narrowed(self.sides["lbg"], self.sides["ubg"])
+        p = np.concatenate([np.where(np.arange(count) == main, 1.0, 0.0), ranges])
+        solver = self.solvers[warm]
+        found = solver(x0=self.packed(q, ranges), p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        stats, x = solver.stats(), np.asarray(found["x"]).ravel()
+        made = np.stack([x[self.layout.posture(k)] for k in range(len(q))])
+        return (made if stats["success"] else None), int(stats["iter_count"])
+
+    def packed(self, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+        """Return x of a motion."""
+        rates, x = np.diff(q, axis=0) / _dt(self.task), np.empty(self.layout.size)
+        x[self.layout.state(0)] = q[0]
+        before = np.concatenate([q[0], np.zeros(len(q[0]) + len(ranges))])
+        for k, rate in enumerate(rates):
+            x[self.layout.control(k)] = rate
+            before = np.asarray(self.step(before, rate, ranges)[0]).ravel()
+            x[self.layout.state(k + 1)] = before
+        return x
+
+
+def staged_program(task: MotionTask, folder: Path | None = None, name: str = "") -> StagedProgram:
+    """Return the program of a task with backward differences and limits on joints alone.
+
+    Compiled, by this name, where there are a folder and a compiler.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
+        step, pose = _step(task), pose_function(task)
+        layout = Layout(len(task.times), task.arm.dof, len(task.objectives))
+        asked, sides, equality = _written(task, layout, step, pose)
+    library = (
+        _compiled(asked, equality, folder, f"{name}_staged") if folder is not None and COMPILER is not None else ""
+    )
+    solvers = {
+        warm: casadi.nlpsol("peer", "fatrop", library or asked, _options(equality, warm=warm)) for warm in (False, True)
+    }
+    return StagedProgram(task, layout, solvers, step, sides)
+
+
+def _step(task: MotionTask) -> Any:
+    """Return a function of a sample's state, the next rate and the ranges: the next state, and what is limited."""
+    dof, count, dt = task.arm.dof, len(task.objectives), _dt(task)
+    state: Any = SX.sym("state", 2 * dof + count)
+    rate: Any = SX.sym("rate", dof)
+    ranges: Any = SX.sym("ranges", count)
+    q = state[:dof] + dt * rate
+    worth, limited = at_sample(task, q, rate, (rate - state[dof : 2 * dof]) / dt)
+    return casadi.Function(
+        "step", [state, rate, ranges], [vertcat(q, rate, state[2 * dof :] + dt * worth / ranges), limited]
+    )
+
+
+def _written(
+    task: MotionTask, layout: Layout, step: Any, pose: Any
+) -> tuple[dict[str, Any], dict[str, np.ndarray], list[bool]]:
+    x: Any = MX.sym("x", layout.size)
+    p: Any = MX.sym("p", 2 * layout.sums)
+    low, high = limited_sides(task)
+    rows: list[Any] = []
+    lower: list[np.ndarray] = []
+    upper: list[np.ndarray] = []
+    equality: list[bool] = []
+    for k in range(layout.samples):
+        if k < layout.samples - 1:
+            state = x[layout.state(k)] if k else vertcat(x[layout.state(0)], MX.zeros(layout.dof + layout.sums))
+            made, limited = step(state, x[layout.control(k)], p[layout.sums :])
+            rows.append(x[layout.state(k + 1)] - made)
+        at = pose(x[layout.posture(k)], task.targets[k])
+        rows.append(at)
+        tied = at.numel() + (rows[-2].numel() if k < layout.samples - 1 else 0)
+        lower.append(np.zeros(tied))
+        upper.append(np.zeros(tied))
+        equality += [True] * tied
+        if k < layout.samples - 1:
+            rows.append(limited)
+            lower.append(low)
+            upper.append(high)
+            equality += [False] * len(low)
+    sides = {name: np.full(layout.size, side) for name, side in (("lbx", -np.inf), ("ubx", np.inf))}
+    if "position" in task.bounds:
+        for k in range(layout.samples):
+            for name, side in zip(("lbx", "ubx"), task.bounds["position"][0].T, strict=True):
+                sides[name][layout.posture(k)] = side
+    sides |= {"lbg": np.concatenate(lower), "ubg": np.concatenate(upper)}
+    f = casadi.dot(p[: layout.sums], x[layout.size - layout.sums :])
+    return {"x": x, "p": p, "f": f, "g": vertcat(*rows)}, sides, equality
+
+
+def _options(equality: list[bool], *, warm: bool) -> dict[str, Any]:
+    own = {"tolerance": TOLERANCE, "max_iter": CAP, "print_level": 0, "mu_init": 1e-4 if warm else 1e-2}
+    if warm:
+        own |= {"bound_push": 1e-4, "bound_frac": 1e-4}
+    told = {"structure_detection": "auto", "equality": equality}
+    return {"print_time": False, "error_on_fail": False, "fatrop": own, **told}
+
+
+def _compiled(asked: dict[str, Any], equality: list[bool], folder: Path, name: str) -> str:
+    """Return the library that the program and its derivatives were compiled into."""
+    assert COMPILER is not None
+    solver = casadi.nlpsol("peer", "fatrop", asked, _options(equality, warm=False))
+    generator = casadi.CodeGenerator(f"{name}.c")
+    generator.add(casadi.Function("nlp", [asked["x"], asked["p"]], [asked["f"], asked["g"]], ["x", "p"], ["f", "g"]))
+    for part in solver.get_function():
+        generator.add(solver.get_function(part))
+    source, library = generator.generate(f"{folder}{os.sep}"), folder / f"{name}.so"
+    subprocess.run([COMPILER, "-O1", "-fPIC", "-shared", source, "-o", library], check=True)
+    return str(library)
+
+
+def _dt(task: MotionTask) -> float:
+    return float(task.times[1] - task.times[0])
