@@ -1,6 +1,6 @@
 """Certified fronts put to the test; losses first.
 
-    python -m studies.benchmarks.certified [--quick] [--seed N] [--json FILE]
+    python -m studies.benchmarks.certified [--quick] [--problems NAME ...] [--seed N] [--json FILE]
 
 ``pk.epsilon_front`` on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, and on the Panda
 across its table, by pose and by position alone (four degrees of redundancy), its own limits in force. Of every front:
@@ -36,6 +36,7 @@ from studies.benchmarks.planner.verdicts import losses_first, tell
 from studies.reporting import Row, report
 
 QUICK = {"energy_torque": 6, "Panda": 3}  # points
+FEW = 3  # points of other problems with --quick
 STEPS, QUICK_STEPS = 300, 60  # random ones from every point
 
 
@@ -58,15 +59,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="two problems, few points and steps")
+    names = [case.name for case in CASES]
+    parser.add_argument("--problems", nargs="+", choices=names, metavar="NAME", help="only these problems")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
     given = parser.parse_args(arguments)
     if COMPILER is None:
-        tell("no C compiler: IPOPT runs with CasADi's own evaluation")
+        tell("no C compiler: IPOPT and FATROP run with CasADi's own evaluation")
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
-        for case in (one for one in CASES if one.name in QUICK or not given.quick):
-            points = QUICK[case.name] if given.quick else case.points
+        chosen = given.problems or (list(QUICK) if given.quick else names)
+        for case in (one for one in CASES if one.name in chosen):
+            points = QUICK.get(case.name, FEW) if given.quick else case.points
             try:
                 subject = subject_of(case, points=points, seed=given.seed, folder=Path(folder))
             except ParetoikError as error:
