@@ -32,8 +32,9 @@ def plan(
     problem
         A ``Tracking`` with one integral objective.
     starts, seed
-        Number of roll-outs to start from, for every degree of redundancy, and the seed of their chance: the same seed
-        gives the same plan. Up to four times as many are tried where some optimum was reached from one or two only.
+        Number of starts for every degree of redundancy, and the seed of their chance: the same seed gives the same
+        plan. With one degree, and functions without kinks, peaks or whole-motion parts, up to four times as many are
+        tried while some optimum was reached from one or two only.
     initial
         Motions of the problem, on its path, to start from as well.
     observe
@@ -82,7 +83,7 @@ def epsilon_front(
     problem
         A ``Tracking`` with two or more integral objectives.
     points
-        About so many points, ends included; with three and more objectives a grid of ε decides.
+        At most so many points, ends included, spread over the front.
     starts, seed
         As for ``plan``, which finds each objective's own optima first.
     observe

@@ -6,7 +6,7 @@ by cost and joint limits (3.1.3), optimised on coarse samples and refined by cub
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -129,14 +129,14 @@ def descended(
     observe: Callable[[int, int, int], object] | None = None,
     *,
     ease: bool = False,
-    more: Iterator[Float[np.ndarray, "starts samples dof"]] = iter(()),  # noqa: B008  empty for ever
+    more: Iterable[Float[np.ndarray, "starts samples dof"]] = (),
 ) -> tuple[Polished, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of Σ factors · objectives below caps, and samples and optima of each level.
 
     ``programs`` are those of a ``ladder``, ``q`` starts of the first. ``more`` starts are used in turn while some
     optimum is rare. Where limits are violated at the end, ``ease`` has a look at whether they can hold at all.
     """
-    levels = list[tuple[int, int]]()
+    levels, left = list[tuple[int, int]](), iter(more)
     rest = len(programs[0].totals) - len(factors)
     weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
@@ -144,7 +144,7 @@ def descended(
         kinds = [_passing(rules) if finer else rules for rules in (COLD if first else (WARM,))]
         led = partial(_led, program, kinds, weights, below)
         found = led(q)
-        while first and _rarely_reached(task, found) and (others := next(more, None)) is not None:
+        while first and _rarely_reached(task, found) and (others := next(left, None)) is not None:
             q = np.concatenate([q, others])
             found = joined((found, led(q[len(found) :])))
         if ease and (first or not finer) and not found.converged.any() and found.violation.max() > HOLDS:

@@ -29,6 +29,7 @@ from paretoik.refinement.compiled.samples import (
     retracted,
     spread,
 )
+from paretoik.refinement.compiled.tables import add, clear, finite, length, product, put, weighed
 
 CONVERGED, CAPPED, STUCK, SINGULAR, VIOLATED = 0, 1, 2, 3, 4
 LONGEST = 0.4  # rad or m that a joint may move in one step: enough, and too little to reach another branch unseen
@@ -94,7 +95,7 @@ def minimise(p, q, factors, caps, rules):
     U, K, width = p.weights.shape[0] * n, len(factors), p.weights.shape[2]
     rows = p.multipliers[1] - p.multipliers[0]
     G, r = len(p.inputs) - p.multipliers[2], n - rows
-    capped = _finite(caps)
+    capped = finite(caps)
     size, borders, limits = p.unknowns - p.seam, p.seam + len(capped), len(p.sides)
 
     tracked = np.empty((rows + rows * n, samples))
@@ -124,7 +125,7 @@ def minimise(p, q, factors, caps, rules):
     _evaluate(p, given, q, values, f, caps, capped, gaps)
     central(gaps, mu, penalty, z)
     for done in range(rules.iterations + 1):
-        _put(given, q)
+        put(given, q)
         run(p.track, given, tracked)
         if not frames(tracked, normal, steep, triangle):
             status = SINGULAR
@@ -141,19 +142,19 @@ def minimise(p, q, factors, caps, rules):
         for g in range(G):
             for s in range(samples):
                 given[p.multipliers[2] + g, s] = by_row[U + g, s]
-        _clear(of_q)
+        clear(of_q)
         gather(of_u, p.ones, p.window, p.weights, of_q)
         for k in range(K):
             df[k] = factors[k]
         for e in range(len(capped)):
             df[capped[e]] += z[limits + e]
         for k in range(K):
-            _add(of_q, df[k], total[k])
+            add(of_q, df[k], total[k])
             for s in range(samples):
                 given[p.multipliers[1] + k, s] = df[k] * p.quadrature[s]
         reduce(of_q, normal, p.place, residual)
         path_multipliers(of_q, steep, triangle, given[p.multipliers[0] : p.multipliers[1]])
-        stationarity = np.sqrt(samples) * _length(residual)
+        stationarity = np.sqrt(samples) * length(residual)
         apart, worst = off_centre(gaps, z, mu, penalty)
         settled = (flat or stationarity <= max(10 * mu, rules.tolerance)) and apart <= 10 * mu
         if mu <= rules.last_barrier and settled and (flat or stationarity <= rules.tolerance):
@@ -176,20 +177,20 @@ def minimise(p, q, factors, caps, rules):
 
         # Newton's system.
         run(p.curvature, given, seconds)
-        _clear(A)
-        _clear(B)
-        _clear(C)
+        clear(A)
+        clear(B)
+        clear(C)
         _curvature(p, seconds, gaps, z, mu, penalty, grads[K:], normal, by_row, A, B, C)
         for i in range(limits):
             forces[i] = -pushed(gaps[i], z[i], mu, penalty)[1]
         _push(p, forces, grads[K:], by_row, of_u)
-        _clear(of_q)
+        clear(of_q)
         gather(of_u, p.ones, p.window, p.weights, of_q)
         for k in range(K):
-            _add(of_q, factors[k], total[k])
+            add(of_q, factors[k], total[k])
         for e in range(len(capped)):
             stiffness, push = pushed(gaps[limits + e], z[limits + e], mu, penalty)
-            _add(of_q, push, total[capped[e]])
+            add(of_q, push, total[capped[e]])
             reduce(total[capped[e]], normal, p.place, residual)
             for i in range(size):
                 B[p.seam + e, i] = residual[i]
@@ -210,14 +211,14 @@ def minimise(p, q, factors, caps, rules):
         spread(dq, p.window, p.weights, du)
         slope = 0.0
         for k in range(K):
-            df[k] = _product(total[k], dq)
+            df[k] = product(total[k], dq)
             slope += factors[k] * df[k]
         _changed(p, du, grads[K:], by_row, changes)
         for e in range(len(capped)):
             changes[limits + e] = -df[capped[e]]
         push, alpha = descent(gaps, changes, mu, penalty, alpha)
         slope = min(slope + push, 0.0)
-        before, accepted = _weighed(factors, f) + prices(gaps, mu, penalty), False
+        before, accepted = weighed(factors, f) + prices(gaps, mu, penalty), False
         flat = -slope <= FLAT * (1 + abs(before)) or still >= STILL
         for _ in range(HALVINGS):
             for s in range(samples):
@@ -227,7 +228,7 @@ def minimise(p, q, factors, caps, rules):
                 trial[-1] = trial[-2]
             if retracted(p.track, given, trial, steep, triangle, tracked):
                 _evaluate(p, given, trial, values, trial_f, caps, capped, trial_gaps)
-                after = _weighed(factors, trial_f) + prices(trial_gaps, mu, penalty)
+                after = weighed(factors, trial_f) + prices(trial_gaps, mu, penalty)
                 if after <= before + ARMIJO * alpha * slope + ROUNDING * abs(before):
                     accepted = True
                     still = still + 1 if mu <= rules.last_barrier and after >= before - ROUNDING * abs(before) else 0
@@ -269,7 +270,7 @@ def _gradients(p, slopes, functions, grads, total):
         for s in range(slopes.shape[1]):
             grads[p.slope_of[e], p.slope_by[e], s] = slopes[functions + e, s]
     for k in range(len(total)):
-        _clear(total[k])
+        clear(total[k])
         gather(grads[k], p.quadrature, p.window, p.weights, total[k])
 
 
@@ -280,7 +281,7 @@ def _push(p, forces, limited, by_row, of_u):
     ``limited`` are the gradients of the limited rows (rows, variables, time).
     """
     U, samples = of_u.shape
-    _clear(by_row)
+    clear(by_row)
     for i in range(len(p.sides)):
         by_row[p.limited[i, 0], p.limited[i, 1]] += p.sides[i] * forces[i]
     for a in range(U):
@@ -314,11 +315,11 @@ def _curvature(p, seconds, gaps, z, mu, penalty, limited, normal, by_row, A, B, 
     U, samples, r = p.weights.shape[0] * normal.shape[1], seconds.shape[1], normal.shape[2]
     phi, row = np.empty((U, U)), np.empty(U)
     local, half = np.zeros((U, p.weights.shape[2] * r)), np.zeros((U, p.weights.shape[2] * r))
-    _clear(by_row)
+    clear(by_row)
     for i in range(len(p.sides)):
         by_row[p.limited[i, 0], p.limited[i, 1]] += pushed(gaps[i], z[i], mu, penalty)[0]
     for s in range(samples):
-        _clear(phi)
+        clear(phi)
         for e in range(len(p.second_i)):
             phi[p.second_i[e], p.second_j[e]] = phi[p.second_j[e], p.second_i[e]] = seconds[e, s]
         for a in range(U):
@@ -352,63 +353,3 @@ def _made_definite(A, B, C, L, X, S, seam, last_delta):
             C[i, i] += grown - delta
         delta = grown
     return delta if delta > 0 else last_delta / 16
-
-
-@compiled
-def _finite(values):
-    count = 0
-    for value in values:
-        count += np.isfinite(value)
-    found = np.empty(count, dtype=np.int64)
-    count = 0
-    for i in range(len(values)):
-        if np.isfinite(values[i]):
-            found[count] = i
-            count += 1
-    return found
-
-
-@compiled
-def _put(given, q):
-    for j in range(q.shape[1]):
-        for s in range(q.shape[0]):
-            given[j, s] = q[s, j]
-
-
-@compiled
-def _clear(array):
-    for i in range(array.shape[0]):
-        for j in range(array.shape[1]):
-            array[i, j] = 0.0
-
-
-@compiled
-def _add(array, factor, other):
-    for i in range(array.shape[0]):
-        for j in range(array.shape[1]):
-            array[i, j] += factor * other[i, j]
-
-
-@compiled
-def _product(array, other):
-    total = 0.0
-    for i in range(array.shape[0]):
-        for j in range(array.shape[1]):
-            total += array[i, j] * other[i, j]
-    return total
-
-
-@compiled
-def _weighed(factors, f):
-    total = 0.0
-    for k in range(len(f)):
-        total += factors[k] * f[k]
-    return total
-
-
-@compiled
-def _length(vector):
-    total = 0.0
-    for value in vector:
-        total += value * value
-    return np.sqrt(total)

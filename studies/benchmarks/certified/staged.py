@@ -6,8 +6,6 @@ by their ranges; the last ones are the totals, and below ceilings.
 
 from __future__ import annotations
 
-import os
-import subprocess
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +16,15 @@ import numpy as np
 from casadi import MX, SX, vertcat
 
 from paretoik.task.motion_task import MotionTask
-from studies.benchmarks.fronts.programs import CAP, TOLERANCE, at_sample, limited_sides, pose_function
-from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.fronts.programs import (
+    CAP,
+    TOLERANCE,
+    at_sample,
+    check,
+    compiled_library,
+    limited_sides,
+    pose_function,
+)
 from studies.benchmarks.planner.peers import narrowed
 
 
@@ -97,21 +102,22 @@ class StagedProgram:
 
 
 def staged_program(task: MotionTask, folder: Path | None = None, name: str = "") -> StagedProgram:
-    """Return the program of a task with backward differences and limits on joints alone.
+    """Return the program of a task with backward differences, limits on joints alone and a free end.
 
-    Compiled, by this name, where there are a folder and a compiler.
+    It is compiled into a folder, by this name, where one is given.
     """
+    check(task)
+    assert not task.cyclic, "a motion that need not close wanted"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
         step, pose = _step(task), pose_function(task)
         layout = Layout(len(task.times), task.arm.dof, len(task.objectives))
         asked, sides, equality = _written(task, layout, step, pose)
-    library = (
-        _compiled(asked, equality, folder, f"{name}_staged") if folder is not None and COMPILER is not None else ""
-    )
-    solvers = {
-        warm: casadi.nlpsol("peer", "fatrop", library or asked, _options(equality, warm=warm)) for warm in (False, True)
-    }
+    what: Any = asked
+    if folder is not None:
+        solver = casadi.nlpsol("peer", "fatrop", asked, _options(equality, warm=False))
+        what = compiled_library(asked, solver, f"{name}_staged", folder)
+    solvers = {warm: casadi.nlpsol("peer", "fatrop", what, _options(equality, warm=warm)) for warm in (False, True)}
     return StagedProgram(task, layout, solvers, step, sides)
 
 
@@ -170,19 +176,6 @@ def _options(equality: list[bool], *, warm: bool) -> dict[str, Any]:
         own |= {"bound_push": 1e-4, "bound_frac": 1e-4}
     told = {"structure_detection": "auto", "equality": equality}
     return {"print_time": False, "error_on_fail": False, "fatrop": own, **told}
-
-
-def _compiled(asked: dict[str, Any], equality: list[bool], folder: Path, name: str) -> str:
-    """Return the library that the program and its derivatives were compiled into."""
-    assert COMPILER is not None
-    solver = casadi.nlpsol("peer", "fatrop", asked, _options(equality, warm=False))
-    generator = casadi.CodeGenerator(f"{name}.c")
-    generator.add(casadi.Function("nlp", [asked["x"], asked["p"]], [asked["f"], asked["g"]], ["x", "p"], ["f", "g"]))
-    for part in solver.get_function():
-        generator.add(solver.get_function(part))
-    source, library = generator.generate(f"{folder}{os.sep}"), folder / f"{name}.so"
-    subprocess.run([COMPILER, "-O1", "-fPIC", "-shared", source, "-o", library], check=True)
-    return str(library)
 
 
 def _dt(task: MotionTask) -> float:

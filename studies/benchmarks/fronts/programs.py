@@ -64,9 +64,13 @@ def joint_program(task: MotionTask, library: str = "") -> JointProgram:
 
 def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
     """Return the library that a task's program and its derivatives were compiled into."""
-    assert COMPILER is not None
     asked, _ = _asked(task)
-    solver = casadi.nlpsol("peer", "ipopt", asked, _options(warm=False))
+    return compiled_library(asked, casadi.nlpsol("peer", "ipopt", asked, _options(warm=False)), name, folder)
+
+
+def compiled_library(asked: dict[str, Any], solver: Any, name: str, folder: Path) -> str:
+    """Return the library that a program and what its solver derives from it were compiled into."""
+    assert COMPILER is not None
     generator = casadi.CodeGenerator(f"{name}.c")
     generator.add(casadi.Function("nlp", [asked["x"], asked["p"]], [asked["f"], asked["g"]], ["x", "p"], ["f", "g"]))
     for part in solver.get_function():
@@ -76,6 +80,14 @@ def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
     return str(library)
 
 
+def check(task: MotionTask) -> None:
+    """Refuse a task that peers' programs cannot state."""
+    assert task.differences == "backward", "backward differences wanted"
+    assert task.start is None, "a free start wanted"
+    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.stops else [])]
+    assert not others, f"nothing but limits on joints wanted, got {others}"
+
+
 def _asked(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
@@ -83,10 +95,7 @@ def _asked(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    assert task.differences == "backward", "backward differences wanted"
-    assert task.start is None, "a free start wanted"
-    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.stops else [])]
-    assert not others, f"nothing but limits on joints wanted, got {others}"
+    check(task)
     samples, dof, dt = len(task.times), task.arm.dof, float(task.times[1] - task.times[0])
     unknown, count = samples - task.cyclic, len(task.objectives)
     unrolled, p = casadi.MX.sym("x", dof * unknown), casadi.MX.sym("p", 2 * count)
