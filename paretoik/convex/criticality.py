@@ -17,6 +17,9 @@ from jaxtyping import Float
 from paretoik.convex.models import Constraints, Entries, asked
 from paretoik.errors import EvaluationFailed
 
+SHORT = 0.01  # of the longest step: limits that one so short cannot reach are asked only where the others leave a gain
+NOTHING = 1e-10  # of the steepest objective's slope: a gain that needs no more limits to be none
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criticality:
@@ -34,11 +37,21 @@ def criticality(
 ) -> Criticality:
     """Return the criticality where objectives have these gradients.
 
-    Raises EvaluationFailed where Clarabel finds no solution.
+    Of the limits those nearest are asked first: with fewer limits the gain can only be greater, so that none with them
+    is none with all. Raises EvaluationFailed where Clarabel finds no solution.
     """
-    objectives, columns = gradients.shape
-    unknowns, near = constraints.unknowns, constraints.in_reach(radius, order=2)
-    scale = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
+    steepest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
+    found = _within(gradients, constraints, radius, constraints.in_reach(SHORT * radius, order=2), steepest)
+    if found.value <= NOTHING * steepest:
+        return found
+    return _within(gradients, constraints, radius, constraints.in_reach(radius, order=2), steepest)
+
+
+def _within(
+    gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray, scale: float
+) -> Criticality:
+    """Return the criticality as far as the limits ``near`` go, asked with gradients divided by ``scale``."""
+    (objectives, columns), unknowns = gradients.shape, constraints.unknowns
     lengths = constraints.lengths[near]
     row, column = np.indices(gradients.shape).reshape(2, -1)
     gains = Entries(

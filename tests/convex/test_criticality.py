@@ -47,6 +47,13 @@ def test_a_limit_that_is_reached_takes_the_gain_and_its_multiplier_says_so():
     assert found.limits == pytest.approx([2.0], abs=1e-6)
 
 
+def test_a_far_limit_takes_what_goes_beyond_it():
+    wall = Constraints(unknowns=2, gaps=np.array([0.5]), slopes=sparse.csr_array(np.array([[1.0, 0.0]])))
+    found = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
+    assert found.value == pytest.approx(1.0, rel=1e-8)
+    assert found.limits == pytest.approx([2.0], abs=1e-6)
+
+
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
 def test_the_criticality_scales_with_the_objectives(factor):
     gradients, within = random_point(0)

@@ -29,7 +29,7 @@ from studies.benchmarks.certified.dominating import (
     within,
 )
 from studies.benchmarks.certified.exchange import STEP, compared, exchange_rows, pairs
-from studies.benchmarks.certified.racing import race_rows, solved_by
+from studies.benchmarks.certified.racing import race_rows, solved_by, solved_by_us
 from studies.benchmarks.planner.verdicts import LOSS
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
@@ -214,9 +214,9 @@ def test_a_goal_missed_is_a_loss_and_so_is_no_number():
 
 def test_seconds_a_point_count_those_that_a_peer_reached(subject):
     rows = race_rows(subject)
-    for name, peer, (better, median, every) in (
-        ("IPOPT", subject.peer, rows[:3]),
-        ("FATROP", subject.staged, rows[3:]),
+    for name, peer, (better, median, every, *alone) in (
+        ("IPOPT", subject.peer, rows[:5]),
+        ("FATROP", subject.staged, rows[5:]),
     ):
         tries = [solved_by(peer, subject, point) for point in range(len(subject.q))]
         reached = sum(one.reached for one in tries)
@@ -225,6 +225,8 @@ def test_seconds_a_point_count_those_that_a_peer_reached(subject):
         assert median.ours == every.ours == pytest.approx(subject.seconds / len(tries))
         assert f"{name} " in median.note
         assert f"reaches {reached} of them" in median.note
+        assert f"ours reach {sum(solved_by_us(subject, i).reached for i in range(len(tries)))} of" in alone[0].note
+        assert all(row.ours > 0 for row in alone)
 
 
 def test_a_motion_packed_for_fatrop_keeps_all_rows_and_gives_its_totals(subject):
@@ -241,7 +243,7 @@ def test_what_cannot_be_reached_is_not_and_what_is_beaten_is_told(subject):
     """Points that are better, or worse, than any motion is."""
     for share in (-0.5, 0.01):
         moved = replace(subject.front, objectives=subject.front.objectives + share * subject.ranges)
-        better, median, every = race_rows(replace(subject, front=moved, staged=None))
+        better, median, every, *_ = race_rows(replace(subject, front=moved, staged=None))
         reached = int(median.note.split("reaches ")[1].split()[0])
         assert reached == 0 if share < 0 else reached >= len(subject.q) / 2
         assert (every.paper is None) == (share < 0)
