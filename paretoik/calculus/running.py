@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.expressions import Op
 from paretoik.calculus.machine import Fused
+from paretoik.calculus.waves import cosines, sines
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
 MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT = (int(op) for op in Fused)
@@ -68,11 +67,9 @@ def block(code, space, n):
             for lane in range(n):
                 space[to, lane] = space[a, lane] / space[b, lane]
         elif op == SINE:
-            for lane in range(n):
-                space[to, lane] = math.sin(space[a, lane])
+            sines(space[to], space[a], n)
         elif op == COSINE:
-            for lane in range(n):
-                space[to, lane] = math.cos(space[a, lane])
+            cosines(space[to], space[a], n)
         elif op == SQUARE_ROOT:
             for lane in range(n):
                 space[to, lane] = np.sqrt(space[a, lane])
