@@ -10,6 +10,8 @@ import hypothesis
 import jaxtyping
 import pytest
 
+import paretoik.formulations.closed_loop.engine
+import paretoik.redundancy.exact_step
 import paretoik.refinement.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
 import paretoik.task.compiled  # noqa: F401  before the hook, as all that is compiled

@@ -24,11 +24,12 @@ LANES = 128  # that many at once: fewer cost more for reading the code, more no 
 
 
 class Fused(IntEnum):
-    """What a program can do besides the operations of a tape: a product in a sum or a difference."""
+    """What a program can do besides the operations of a tape: a product in a sum or a difference, a sine and cosine."""
 
     MULTIPLY_ADD = len(Op)  # first · second + third
     MULTIPLY_SUBTRACT = len(Op) + 1  # first · second − third
     SUBTRACT_PRODUCT = len(Op) + 2  # third − first · second
+    SINE_COSINE = len(Op) + 3  # of the first; the cosine goes to the second register named
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Program:
 def program(tape: Tape, outputs: Sequence[int]) -> Program:
     """Return the program that computes entries of a tape from all its inputs."""
     order = used(tape, outputs)
-    steps = _steps(tape, order, outputs)
+    steps, both = _steps(tape, order, outputs)
     last = dict.fromkeys(outputs, len(tape.entries))
     for i, (_, operands) in steps.items():
         for operand in operands:
@@ -69,11 +70,14 @@ def program(tape: Tape, outputs: Sequence[int]) -> Program:
     free: list[int] = []
     code: list[tuple[int, ...]] = []
     for i, (op, operands) in steps.items():
-        if free:
-            place[i] = free.pop()
-        else:
-            place[i], count = count, count + 1
-        code.append((op, place[i], *(place[k] for k in operands), *[0] * (3 - len(operands))))
+        found = both.get(i, (i,))
+        for each in found:
+            if free:
+                place[each] = free.pop()
+            else:
+                place[each], count = count, count + 1
+        registers = [place[found[0]], *(place[k] for k in operands), *(place[k] for k in found[1:])]
+        code.append((op, *registers, *[0] * (4 - len(registers))))
         # Given back only now: what is read and what is written must not overlap.
         free += [place[k] for k in dict.fromkeys(operands) if last[k] == i and tape.entries[k][0] > Op.INPUT]
     return Program(
@@ -85,8 +89,10 @@ def program(tape: Tape, outputs: Sequence[int]) -> Program:
     )
 
 
-def _steps(tape: Tape, order: Sequence[int], outputs: Sequence[int]) -> dict[int, tuple[int, list[int]]]:
-    """Return what is to be done for which entry, in order, as (operation, operands)."""
+def _steps(
+    tape: Tape, order: Sequence[int], outputs: Sequence[int]
+) -> tuple[dict[int, tuple[int, list[int]]], dict[int, tuple[int, int]]]:
+    """Return what is to be done for which entry, in order, as (operation, operands), and entries found by one step."""
     operands = {
         i: [k for k in tape.entries[i][1:] if k != NOTHING]
         for i in order
@@ -105,7 +111,17 @@ def _steps(tape: Tape, order: Sequence[int], outputs: Sequence[int]) -> dict[int
                     steps[i] = (int(Fused.MULTIPLY_ADD if op is Op.ADD else fused), [*operands[product], other])
                     del steps[product]
                     break
-    return steps
+    waves = {
+        op: {each[0]: i for i, each in operands.items() if tape.entries[i][0] is op} for op in (Op.SINE, Op.COSINE)
+    }
+    both = dict[int, tuple[int, int]]()
+    for angle, sine in waves[Op.SINE].items():
+        if angle in waves[Op.COSINE]:
+            pair = sine, waves[Op.COSINE][angle]
+            steps[min(pair)] = int(Fused.SINE_COSINE), [angle]
+            del steps[max(pair)]
+            both[min(pair)] = pair
+    return steps, both
 
 
 @cache

@@ -7,10 +7,10 @@ import numpy as np
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.expressions import Op
 from paretoik.calculus.machine import Fused
-from paretoik.calculus.waves import cosines, sines
+from paretoik.calculus.waves import cosines, sines, waves
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
-MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT = (int(op) for op in Fused)
+MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, SINE_COSINE = (int(op) for op in Fused)
 SINE, COSINE, SQUARE_ROOT = int(Op.SINE), int(Op.COSINE), int(Op.SQUARE_ROOT)
 ABSOLUTE, SIGN, MAXIMUM, MINIMUM = int(Op.ABSOLUTE), int(Op.SIGN), int(Op.MAXIMUM), int(Op.MINIMUM)
 LESS, LESS_EQUAL, CHOOSE, WEIGH = int(Op.LESS), int(Op.LESS_EQUAL), int(Op.CHOOSE), int(Op.WEIGH)
@@ -21,20 +21,28 @@ ARC_TANGENT, ARC_SINE, ARC_COSINE = int(Op.ARC_TANGENT), int(Op.ARC_SINE), int(O
 @compiled
 def run(parts, given, found):
     """Run a program over all lanes: ``given`` (inputs, lanes) to ``found`` (outputs, lanes)."""
+    run_first(parts, given, found, given.shape[1])
+
+
+@compiled
+def run_first(parts, given, found, lanes):
+    """Run a program over the first ``lanes``."""
     code, constants, inputs, outputs, space = parts
-    width, lanes, loaded = space.shape[1], given.shape[1], inputs.shape[0]
+    width, loaded = space.shape[1], inputs.shape[0]
     for j in range(constants.shape[0]):
         for lane in range(width):
             space[loaded + j, lane] = constants[j]
     for start in range(0, lanes, width):
         n = min(width, lanes - start)
         for j in range(loaded):
+            row = inputs[j]
             for lane in range(n):
-                space[j, lane] = given[inputs[j], start + lane]
+                space[j, lane] = given[row, start + lane]
         block(code, space, n)
         for j in range(outputs.shape[0]):
+            row = outputs[j]
             for lane in range(n):
-                found[j, start + lane] = space[outputs[j], lane]
+                found[j, start + lane] = space[row, lane]
 
 
 @compiled
@@ -66,6 +74,8 @@ def block(code, space, n):
         elif op == DIVIDE:
             for lane in range(n):
                 space[to, lane] = space[a, lane] / space[b, lane]
+        elif op == SINE_COSINE:
+            waves(space[to], space[b], space[a], n)
         elif op == SINE:
             sines(space[to], space[a], n)
         elif op == COSINE:

@@ -24,6 +24,17 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 
 
 @compiled
+def waves(sine, cosine, x, n):
+    """Write the sines and the cosines [rad] of the first ``n`` lanes."""
+    if _wide(x, n):
+        for lane in range(n):
+            sine[lane], cosine[lane] = math.sin(x[lane]), math.cos(x[lane])
+        return
+    for lane in range(n):
+        sine[lane], cosine[lane] = _both(x[lane])
+
+
+@compiled
 def sines(to, x, n):
     """Write the sines [rad] of the first ``n`` lanes."""
     if _wide(x, n):
@@ -31,7 +42,7 @@ def sines(to, x, n):
             to[lane] = math.sin(x[lane])
         return
     for lane in range(n):
-        to[lane] = _wave(x[lane], 0.0)
+        to[lane] = _both(x[lane])[0]
 
 
 @compiled
@@ -42,7 +53,7 @@ def cosines(to, x, n):
             to[lane] = math.cos(x[lane])
         return
     for lane in range(n):
-        to[lane] = _wave(x[lane], 1.0)
+        to[lane] = _both(x[lane])[1]
 
 
 @compiled
@@ -54,8 +65,7 @@ def _wide(x, n):
 
 
 @compiled
-def _wave(x, ahead):
-    """Return the sine of x + ``ahead`` · π / 2, for ``ahead`` 0 or 1."""
+def _both(x):
     k = (x * QUARTERS + ROUNDING) - ROUNDING
     near = x - k * QUARTER
     a = near - k * QUARTER_REST
@@ -66,7 +76,7 @@ def _wave(x, ahead):
     half = 0.5 * z
     w = 1.0 - half
     cosine = w + (((1.0 - w) - half) + (z * (z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))) - a * rest))
-    quarter = k + ahead
-    quarter -= 4.0 * np.floor(0.25 * quarter)
-    found = cosine if (quarter == 1.0) | (quarter == 3.0) else sine
-    return -found if quarter >= 2.0 else found
+    quarter = k - 4.0 * np.floor(0.25 * k)
+    odd = (quarter == 1.0) | (quarter == 3.0)
+    first, second = (cosine, sine) if odd else (sine, cosine)
+    return -first if quarter >= 2.0 else first, -second if (quarter == 1.0) | (quarter == 2.0) else second

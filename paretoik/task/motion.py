@@ -147,6 +147,16 @@ class Motion:
         return _frozen(np.abs(error).max(axis=0).reshape(self.q.shape[:-1]))
 
     @cached_property
+    def position_error(self) -> Series:
+        """Distance of the frames of its tasks from their targets (*batch, time) [m], the largest; zero without."""
+        if not self.tasks:
+            return np.zeros(self.q.shape[:-1])
+        error, _ = task_errors(self.arm, self.tasks, self._flat, self._targets)
+        begins = np.cumsum([0, *(task.rows for task in self.tasks)])
+        parts = [error[begin : begin + task.positions] for task, begin in zip(self.tasks, begins, strict=False)]
+        return _frozen(np.max([np.linalg.norm(part, axis=0) for part in parts], axis=0).reshape(self.q.shape[:-1]))
+
+    @cached_property
     def clearance(self) -> Series:
         """Distance of the links, capsules of ``link_radius``, from the nearest obstacle (*batch, time) [m]."""
         return _frozen(clearance(self.obstacles, self.links, self.link_radius))

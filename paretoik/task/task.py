@@ -84,6 +84,11 @@ class Task:
         return ROWS[self.axes or ""]
 
     @property
+    def positions(self) -> int:
+        """Number of these that are about position [m]; the others are about rotation [rad]."""
+        return 2 if self.axes in ("xy", "xy+angle") else 3
+
+    @property
     def numbers(self) -> int:
         """Number of target columns a sample."""
         return {"xy": 2, "xyz": 3, "xy+angle": 11}.get(self.axes or "", 12)
@@ -106,7 +111,7 @@ class Task:
         """
         frame = _frame(arm, self.frame)
         rotation, position = located(arm, links, frame)
-        size = 2 if self.axes in ("xy", "xy+angle") else 3
+        size = self.positions
         error = [minus(wanted[i], position[i]) for i in range(size)]
         if self.turns:
             turn = _turn(self.axes or "", rotation, _matrix(wanted[size:]))
@@ -118,7 +123,7 @@ class Task:
         frame = _frame(arm, self.frame)
         rotation, position = located(arm, links, frame)
         pairs = columns(arm, links, frame, position)
-        jacobian = [[linear[i] for linear, _ in pairs] for i in range(2 if self.axes in ("xy", "xy+angle") else 3)]
+        jacobian = [[linear[i] for linear, _ in pairs] for i in range(self.positions)]
         if self.turns:
             spins = [apply_transposed(rotation, angular) for _, angular in pairs]
             jacobian += [[spin[i] for spin in spins] for i in self._kept]
@@ -131,7 +136,7 @@ class Task:
         first and second ones there. They vanish at half turns too: for motions that are on the path.
         """
         rotation, position = located(arm, links, _frame(arm, self.frame))
-        size = 2 if self.axes in ("xy", "xy+angle") else 3
+        size = self.positions
         found = [minus(position[i], wanted[i]) for i in range(size)]
         if self.turns:
             sines = _sines(self.axes or "", multiply(transpose(_matrix(wanted[size:])), rotation))

@@ -1,0 +1,297 @@
+"""A control step's search, compiled: what ``ControlStep.algorithm`` does, some hundred times as fast.
+
+NSGA-II with MaxiMin on the genes of the extended Jacobian, a stream of chance for every seed and step. Objectives and
+clearance are programs, so that arms and objectives of all kinds run through the same code.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.calculus.compiling import compiled
+from paretoik.calculus.running import run_first
+from paretoik.search.compiled.chance import begin
+from paretoik.search.compiled.offspring import anew, offspring
+from paretoik.search.compiled.survival import (
+    by_rank,
+    filled,
+    first_rank,
+    insertion_distances,
+    placed,
+    ranks,
+    ranks_in_order,
+    thinned,
+)
+
+TRIES = 1000  # at a chromosome whose configuration is free
+
+
+@compiled
+def searched(seed, step, generations, operators, place, objectives, guard, room):
+    """Search one step from a place; return how many of the last population in ``room`` have not failed.
+
+    The arguments are those of ``room.py``: Operators, Place, Worth, Guard and Room.
+    """
+    F, order, children, state = room.F, room.order, room.children, room.state
+    row, count = place.null.shape[0] + 1, order.shape[0]
+    begin(state, seed, step)
+    clear = clearance_before(place, guard, room)
+    for child in range(count):
+        anew(state, operators.low, operators.high, children, child)
+    evaluate(place, operators, objectives, guard, clear, count, room)
+    F[:, :count] = np.inf
+    for k in range(count):
+        order[k] = k
+    level = survive(room, count, False)
+    for _ in range(generations):
+        new = offspring(
+            state,
+            room.genes,
+            order,
+            room.worth,
+            F,
+            row,
+            operators.crossing,
+            operators.mutating,
+            operators.low,
+            operators.high,
+            room.pair,
+            children,
+        )
+        evaluate(place, operators, objectives, guard, clear, new, room)
+        level = survive(room, new, level)
+    alive = 0
+    for k in range(count):
+        alive += F[0, k] < np.inf
+    return alive
+
+
+@compiled
+def clearance_before(place, guard, room):
+    """Return by how much the configuration before keeps more than the required distance; inf without obstacles."""
+    if guard.program[3].shape[0] == 0:
+        return np.inf
+    for j in range(place.previous.shape[0]):
+        room.table[j, 0] = place.previous[j]
+    run_first(guard.program, room.table, room.gaps, 1)
+    return room.gaps[0, 0] - guard.required
+
+
+@compiled
+def configurations(genes, first, last, place, work, q):
+    """Write the joint positions (dof, lanes) that genes (genes, lanes) stand for: Eqs. 7, 12 and 13.
+
+    A step Δq that makes Δx is the shortest one plus null · y, of which the rows J* Δq = Δx* leave J* null y = Δx* − J*
+    particular.
+    """
+    previous, particular, null = place.previous, place.particular, place.null
+    n, r = null.shape
+    for i in range(r):
+        right = work[r * r + i]
+        for lane in range(first, last):
+            right[lane] = genes[i * (n + 1) + n, lane]
+        for k in range(n):
+            for lane in range(first, last):
+                right[lane] -= genes[i * (n + 1) + k, lane] * particular[k]
+        for j in range(r):
+            table = work[i * r + j]
+            for lane in range(first, last):
+                table[lane] = 0.0
+            for k in range(n):
+                for lane in range(first, last):
+                    table[lane] += genes[i * (n + 1) + k, lane] * null[k, j]
+    _solve(work, r, first, last)
+    for k in range(n):
+        for lane in range(first, last):
+            q[k, lane] = previous[k] + particular[k]
+        for j in range(r):
+            y = work[r * r + j]
+            for lane in range(first, last):
+                q[k, lane] += null[k, j] * y[lane]
+
+
+@compiled
+def _solve(work, r, first, last):
+    """Solve r equations a lane, table and right sides in rows of ``work``; the solutions replace the right sides."""
+    if r == 1:
+        for lane in range(first, last):
+            work[1, lane] /= work[0, lane]
+        return
+    if r == 2:
+        for lane in range(first, last):
+            a, b, c, d = work[0, lane], work[1, lane], work[2, lane], work[3, lane]
+            e, f, size = work[4, lane], work[5, lane], a * d - b * c
+            work[4, lane], work[5, lane] = (e * d - b * f) / size, (a * f - e * c) / size
+        return
+    for lane in range(first, last):
+        for column in range(r):
+            pivot = column
+            for i in range(column + 1, r):
+                if abs(work[i * r + column, lane]) > abs(work[pivot * r + column, lane]):
+                    pivot = i
+            for j in range(r):
+                one, other = column * r + j, pivot * r + j
+                work[one, lane], work[other, lane] = work[other, lane], work[one, lane]
+            one, other = r * r + column, r * r + pivot
+            work[one, lane], work[other, lane] = work[other, lane], work[one, lane]
+            for i in range(column + 1, r):
+                factor = work[i * r + column, lane] / work[column * r + column, lane]
+                for j in range(column, r):
+                    work[i * r + j, lane] -= factor * work[column * r + j, lane]
+                work[r * r + i, lane] -= factor * work[r * r + column, lane]
+        for i in range(r - 1, -1, -1):
+            for j in range(i + 1, r):
+                work[r * r + i, lane] -= work[i * r + j, lane] * work[r * r + j, lane]
+            work[r * r + i, lane] /= work[i * r + i, lane]
+
+
+@compiled
+def evaluate(place, operators, objectives, guard, clear, count, room):
+    """Write the objectives of ``count`` children; those whose configuration is not free are replaced by new ones."""
+    F, given, found = room.F, room.given, room.values
+    parents, n = room.order.shape[0], place.previous.shape[0]
+    configurations(room.children, 0, count, place, room.work, given)
+    if clear < np.inf or guard.longest.min() < np.inf:
+        _free(place, operators, guard, clear, count, room)
+    for j in range(n):
+        for order in range(1, objectives.orders):
+            before = place.previous[j] if order == 1 else place.rates[order - 2, j]
+            row, now = order * n + j, (order - 1) * n + j
+            for lane in range(count):
+                given[row, lane] = (given[now, lane] - before) / place.dt
+    run_first(objectives.program, given, found, count)
+    for m in range(F.shape[0]):
+        for lane in range(count):
+            F[m, parents + lane] = found[m, lane]
+    for m in range(F.shape[0]):
+        for lane in range(count):
+            if not abs(found[m, lane]) < np.inf:
+                for each in range(F.shape[0]):
+                    F[each, parents + lane] = np.inf
+
+
+@compiled
+def _free(place, operators, guard, clear, left, room):
+    """Replace the chromosomes of configurations that are not free, as often as it takes."""
+    asked = room.asked
+    for lane in range(left):
+        asked[lane] = lane
+    for _ in range(TRIES):
+        left = _blocked(left, place, guard, clear, room)
+        if left == 0:
+            return
+        for k in range(left):
+            anew(room.state, operators.low, operators.high, room.children, asked[k])
+            configurations(room.children, asked[k], asked[k] + 1, place, room.work, room.given)
+    for k in range(left):
+        room.given[0, asked[k]] = np.nan
+
+
+@compiled
+def _blocked(count, place, guard, clear, room):
+    """Move the lanes whose configuration is not free to the front of those asked; return how many.
+
+    No point of the arm moves by more than Σ reach · |Δq|: what is farther from all obstacles than that need not be
+    looked at. A ``swept`` step is free where both its ends together are that far from them.
+    """
+    asked, given, table, places, moved = room.asked, room.given, room.table, room.places, room.moved
+    blocked, near, n = 0, 0, place.previous.shape[0]
+    for k in range(count):
+        lane = asked[k]
+        far, short = 0.0, True
+        for j in range(n):
+            step = abs(given[j, lane] - place.previous[j])
+            far += guard.reach[j] * step
+            short = short and step <= guard.longest[j]  # not for what is no number
+        if not short:
+            asked[blocked] = lane
+            blocked += 1
+        elif far >= clear:
+            for j in range(n):
+                table[j, near] = given[j, lane]
+            places[near], moved[near] = lane, far
+            near += 1
+    if near == 0:
+        return blocked
+    run_first(guard.program, table, room.gaps, near)
+    for k in range(near):
+        gap = room.gaps[0, k] - guard.required
+        free = gap + clear > moved[k] if guard.swept else gap > 0.0
+        if not free:
+            asked[blocked] = places[k]
+            blocked += 1
+    return blocked
+
+
+@compiled
+def survive(room, new, level):
+    """Choose the next population; ``level`` says that all parents were of one rank, and so says what is returned.
+
+    Of two objectives the survivors are in order of the first.
+    """
+    F, order, worth, s = room.F, room.order, room.worth, room.selection
+    objectives, count = F.shape[0], order.shape[0]
+    if objectives > 2:
+        ranks(F, s.rank, s.spare)
+        _ranked(F, count, s)
+        for k in range(count):  # by rank, then distance: so they were chosen
+            tied = k > 0 and s.rank[s.front[k]] == s.rank[s.front[k - 1]] and s.value[k] == s.value[k - 1]
+            worth[k] = worth[k - 1] if tied else -float(k)
+    else:
+        length, total = 0, 0
+        if level:
+            total = placed(F, count, new, True, s.spare, s.begins, s.taken, s.points, s.keys)
+            length = first_rank(s.points, total, s.keys, s.front, s.along)
+        if length < count:
+            total = placed(F, count, count, False, s.spare, s.begins, s.taken, s.points, s.keys)
+            length = first_rank(s.points, total, s.keys, s.front, s.along)
+        level = length >= count
+        if level:
+            insertion_distances(s.along, length, s.x, s.y, s.value, s.waiting)
+            thinned(s.front, s.along, s.value, length, count, s.x, s.y)
+        else:
+            ranks_in_order(s.keys, total, s.rank, s.scaled)
+            by_rank(total, count, s)
+        for k in range(count):
+            worth[k] = s.value[k]
+    for m in range(objectives):
+        for k in range(count):
+            F[m, k] = s.along[m, k]
+    _moved_in(room.genes, order, room.children, s.front, s.taken, s.spare)
+    return level
+
+
+@compiled
+def _ranked(F, count, s):
+    """Choose by rank, and failed points where the others are too few."""
+    found = filled(F, s.rank, count, s.front, s.value, s.scaled, s.nearest, s.spare, s.begins, s.along)
+    for k in range(F.shape[1]):
+        if found < count and s.rank[k] == F.shape[1]:
+            s.front[found], s.value[found] = k, 0.0
+            found += 1
+    for m in range(F.shape[0]):
+        for k in range(count):
+            s.along[m, k] = F[m, s.front[k]]
+
+
+@compiled
+def _moved_in(genes, order, children, front, taken, gone):
+    """Let the chosen points be the parents, in this order; genes move only where a child takes a parent's place."""
+    count = order.shape[0]
+    for k in range(count + 1):
+        gone[k] = 1
+    for k in range(count):
+        gone[min(front[k], count)] = 0
+    place = 0
+    for k in range(count):
+        if front[k] < count:
+            taken[k] = order[front[k]]
+            continue
+        while gone[place] == 0:
+            place += 1
+        taken[k] = order[place]
+        place += 1
+        for j in range(genes.shape[1]):
+            genes[taken[k], j] = children[j, front[k] - count]
+    for k in range(count):
+        order[k] = taken[k]

@@ -1,0 +1,116 @@
+"""What a control step is worth: the paper's two objectives, users' own, and the library's objectives of motions.
+
+A step objective is a plain NumPy function of a batch of ``Step``; it returns one value a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.task.motion import Motion
+from paretoik.task.objectives import Objective
+
+if TYPE_CHECKING:
+    Moving: TypeAlias = Motion
+    Numbers: TypeAlias = np.ndarray
+else:
+    Moving = Numbers = Any  # where programs are written, expressions come in and go out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """A batch of steps (..., time): of the last samples the last is where the step ends.
+
+    ``motion`` has positions, rates, torques and all else of a ``Motion``; ``home`` are the joint positions (dof,) in
+    which the loop began; ``position_error`` (..., time, axes) [m] and ``rotation_error`` (..., time, axes) [rad] are
+    what the tool misses its target by; ``dt`` is the time between steps [s].
+    """
+
+    motion: Moving
+    home: Numbers
+    position_error: Numbers
+    rotation_error: Numbers
+    dt: float
+
+
+Function = Callable[[Step], Any]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepObjective:
+    """A named function of steps with its unit; made with ``@step_objective``."""
+
+    function: Function
+    name: str
+    unit: str
+    maximise: bool = False
+
+    def __repr__(self) -> str:
+        return f"StepObjective {self.name} [{self.unit}]{', maximised' if self.maximise else ''}"
+
+    @property
+    def sign(self) -> float:
+        """−1 where the objective is maximised, so that sign · value is always minimised."""
+        return -1.0 if self.maximise else 1.0
+
+
+def step_objective(
+    *, unit: str, maximise: bool = False, name: str | None = None
+) -> Callable[[Function], StepObjective]:
+    """Make an objective of a function of steps.
+
+    >>> @step_objective(unit="rad")
+    ... def wrist_away(step):
+    ...     return np.abs(step.motion.q[..., -1] - step.home[..., -1])
+    >>> wrist_away
+    StepObjective wrist_away [rad]
+    """
+
+    def wrap(function: Function) -> StepObjective:
+        return StepObjective(function=function, name=name or function.__name__, unit=unit, maximise=maximise)
+
+    return wrap
+
+
+@step_objective(unit="rad²/s²")
+def joint_displacement(step: Step) -> Numbers:
+    """‖q̇‖² + ‖(q − q₀) / Δt‖². Source: Marcos et al. 2012, Eq. 17."""
+    away = (step.motion.q - step.home) / step.dt
+    return np.sum(step.motion.dq**2, axis=-1) + np.sum(away**2, axis=-1)
+
+
+@step_objective(unit="m")
+def position_error(step: Step) -> Numbers:
+    """Distance of the tool from its target. Source: Marcos et al. 2012, Eq. 18."""
+    return np.sqrt(np.sum(step.position_error**2, axis=-1))
+
+
+@step_objective(unit="rad")
+def rotation_error(step: Step) -> Numbers:
+    """Angle by which the tool is turned away from its target."""
+    return np.sqrt(np.sum(step.rotation_error**2, axis=-1))
+
+
+def of_step(given: StepObjective | Objective) -> StepObjective:
+    """Return an objective of motions as one of steps: its integrand, or the series whose peak it is, at the step's end.
+
+    Raises InvalidInput for what is neither, and for objectives that look at a whole motion.
+    """
+    if isinstance(given, StepObjective):
+        return given
+    if not isinstance(given, Objective):
+        raise InvalidInput(f"objectives: wants functions decorated with @objective or @step_objective, got {given!r}")
+    if given.form not in ("integral", "peak"):
+        raise InvalidInput(
+            f"objective {given.name} looks at a whole motion ({given.form}); a control step wants one of form integral "
+            "or peak, or a @step_objective"
+        )
+    function = given.function
+    return StepObjective(
+        function=lambda step: function(step.motion), name=given.name, unit=given.unit, maximise=given.maximise
+    )

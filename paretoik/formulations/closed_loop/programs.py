@@ -1,0 +1,97 @@
+"""What a step is worth and how far it is from obstacles, written down as programs for the engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.calculus.expressions import Expression, Tape, entry
+from paretoik.calculus.machine import Program, program
+from paretoik.calculus.traced import Traced
+from paretoik.errors import InvalidInput
+from paretoik.formulations.closed_loop.objectives import Step, StepObjective
+from paretoik.formulations.closed_loop.step import turning_rows
+from paretoik.robot.kinematics import chain
+from paretoik.task.derivatives import TracedMotion, local, traced_sample
+from paretoik.task.motion_task import MotionTask
+
+ORDERS = 4  # positions, velocities, accelerations, jerks
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepPrograms:
+    """Programs of one arm, task and set of objectives, whatever the step.
+
+    ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
+    home, the target, and what else changes from sample to sample; it reads rates of fewer than ``orders`` orders.
+    ``clearance`` takes positions; it has no outputs where there are no obstacles.
+    """
+
+    objectives: Program
+    orders: int
+    clearance: Program
+    inputs: int
+    varying: Float[np.ndarray, "numbers time"]
+
+    def fixed(self, home: np.ndarray, target: np.ndarray, sample: int) -> Float[np.ndarray, " rows"]:
+        """Return the rows of inputs that a step does not change."""
+        return np.concatenate([home, target, self.varying[:, sample]])
+
+
+def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: float) -> StepPrograms:
+    """Write down what objectives compute of a step.
+
+    Raises InvalidInput, naming the objective and what it did, where that cannot be written down.
+    """
+    motion, dof = traced_sample(task), task.arm.dof
+    trace = motion.trace
+    home, target = trace.inputs(dof), trace.inputs(task.targets.shape[1])
+    error, turns = _errors(motion, task, target), turning_rows(task)
+    step = Step(
+        motion=motion,  # type: ignore[arg-type]  # expressions pass for arrays
+        home=home,  # type: ignore[arg-type]
+        position_error=Traced(trace, error[~turns], shared=True),  # type: ignore[arg-type]
+        rotation_error=Traced(trace, error[turns], shared=True),  # type: ignore[arg-type]
+        dt=dt,
+    )
+    outputs = []
+    for given in objectives:
+        value = local(motion, f"objective {given.name}", _of(given, step))
+        if value is None:
+            raise InvalidInput(f"objective {given.name}: looks at more than the end of the step")
+        outputs.append(entry(trace.tape, given.sign * Expression(trace.tape, entry(trace.tape, value))))
+    found = program(trace.tape, outputs)
+    rates = [int(row) // dof for row in found.inputs if row < ORDERS * dof]
+    return StepPrograms(
+        objectives=found,
+        orders=max(rates, default=0) + 1,
+        clearance=_clearance(task),
+        inputs=len(trace.tape.inputs),
+        varying=np.array(list(trace.data.values())).reshape(len(trace.data), len(task.times)),
+    )
+
+
+def _of(given: StepObjective, step: Step) -> Callable[[TracedMotion], Any]:
+    return lambda _: given.function(step)
+
+
+def _errors(motion: TracedMotion, task: MotionTask, target: Traced) -> np.ndarray:
+    wanted, links, begun = list(target.entries), chain(task.arm, list(motion.q.entries)), 0
+    found = []
+    for each in task.tasks:
+        found += each.errors(task.arm, links, wanted[begun : begun + each.numbers])[0]
+        begun += each.numbers
+    table = np.empty(len(found), dtype=object)
+    table[:] = found
+    return table
+
+
+def _clearance(task: MotionTask) -> Program:
+    if not task.obstacles:
+        return program(Tape(), [])
+    motion = traced_sample(task)
+    return program(motion.trace.tape, [entry(motion.trace.tape, motion.clearance.entries)])

@@ -1,0 +1,137 @@
+"""What the engine works on and in, by name: tuples of arrays and numbers, as compiled code takes them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Operators(NamedTuple):
+    """Chances of crossover and mutation, and the bounds of every gene."""
+
+    crossing: float
+    mutating: float
+    low: float
+    high: float
+
+
+class Place(NamedTuple):
+    """Where a step begins: joint positions (dof,), the shortest step that makes Δx, and the null space of the Jacobian.
+
+    ``rates`` (3, dof) are velocity, acceleration and jerk before, ``dt`` [s] the time between steps.
+    """
+
+    previous: np.ndarray
+    particular: np.ndarray
+    null: np.ndarray
+    rates: np.ndarray
+    dt: float
+
+
+class Worth(NamedTuple):
+    """The program of the objectives, and how many orders of rates it reads: 1 for positions alone."""
+
+    program: Any
+    orders: int
+
+
+class Guard(NamedTuple):
+    """The program of the clearance, what is required of it [m], and how far a step may go.
+
+    ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``longest`` (dof,) the most that each
+    may move; ``swept``, a step must be free all the way.
+    """
+
+    program: Any
+    required: float
+    reach: np.ndarray
+    longest: np.ndarray
+    swept: bool
+
+
+class Selection(NamedTuple):
+    """Room for the choice among N parents and N children."""
+
+    points: np.ndarray
+    front: np.ndarray
+    value: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    waiting: np.ndarray
+    spare: np.ndarray
+    rank: np.ndarray
+    scaled: np.ndarray
+    nearest: np.ndarray
+    taken: np.ndarray
+    keys: np.ndarray
+    begins: np.ndarray
+    along: np.ndarray
+    distance: np.ndarray
+
+
+class Room(NamedTuple):
+    """A population and its children, and room for what is computed of them; one a thread.
+
+    ``genes`` has a row an individual, ``order`` says which row stands at which place, ``worth`` is that in a
+    tournament, by place. ``F`` has the objectives of the parents by place, then those of the children, whose genes are
+    the columns of ``children``.
+    """
+
+    genes: np.ndarray
+    F: np.ndarray
+    order: np.ndarray
+    worth: np.ndarray
+    children: np.ndarray
+    state: np.ndarray
+    given: np.ndarray
+    table: np.ndarray
+    gaps: np.ndarray
+    work: np.ndarray
+    asked: np.ndarray
+    places: np.ndarray
+    moved: np.ndarray
+    selection: Selection
+    values: np.ndarray
+    pair: np.ndarray
+
+
+def room(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Room:
+    """Return room for a population, and programs of so many inputs."""
+    N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
+    index = np.int64
+    selection = Selection(
+        points=np.zeros(both, index),
+        front=np.zeros(both, index),
+        value=np.zeros(both),
+        x=np.zeros(both),
+        y=np.zeros(both),
+        waiting=np.zeros((both, 2), index),
+        spare=np.zeros(both, index),
+        rank=np.zeros(both, index),
+        scaled=np.zeros((M, both)),
+        nearest=np.zeros(both),
+        taken=np.zeros(both, index),
+        keys=np.zeros((4, both)),
+        begins=np.zeros(both + 2, index),
+        along=np.zeros((M, both)),
+        distance=np.zeros(both),
+    )
+    return Room(
+        genes=np.zeros((N, size)),
+        F=np.zeros((M, both)),
+        order=np.zeros(N, index),
+        worth=np.zeros(N),
+        children=np.zeros((size, N)),
+        state=np.zeros(1, np.uint64),
+        given=np.zeros((inputs, N)),
+        table=np.zeros((dof, N)),
+        gaps=np.zeros((1, N)),
+        work=np.zeros((r * r + r, N)),
+        asked=np.zeros(N, index),
+        places=np.zeros(N, index),
+        moved=np.zeros(N),
+        selection=selection,
+        values=np.zeros((M, N)),
+        pair=np.zeros((2, size)),
+    )

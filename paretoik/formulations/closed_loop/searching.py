@@ -1,0 +1,97 @@
+"""Searching one control step with the compiled engine: its room, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Genes, Objectives
+from paretoik.formulations.closed_loop.programs import StepPrograms
+from paretoik.formulations.closed_loop.room import Guard, Operators, Place, Room, Worth, room
+from paretoik.formulations.closed_loop.step import BOUND, Instant, reaches
+
+CROSSING = MUTATING = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Population:
+    """The last population of a search: genes, their objectives, minimised, and the joint positions they lead to."""
+
+    genes: Genes
+    F: Objectives
+    q: Float[np.ndarray, "points dof"]
+
+
+@dataclass(kw_only=True, eq=False)
+class StepSearch:
+    """The compiled search of ``ControlStep``, for steps of one arm, task and set of objectives.
+
+    It holds the room that the engine works in: one a thread.
+    """
+
+    programs: StepPrograms
+    redundancy: int
+    dof: int
+    objectives: int
+    population: int
+    generations: int
+    seed: int
+    room: Room = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Make room."""
+        inputs = max(self.programs.inputs, self.dof)
+        self.room = room(self.dof, self.redundancy, self.population, self.objectives, inputs)
+        self._worth = Worth(self.programs.objectives.parts, self.programs.orders)
+        self._clearance = self.programs.clearance.parts
+
+    def __call__(self, instant: Instant) -> Population:
+        """Search a step; the same seed, step and instant give the same population."""
+        n, task, dt = self.dof, instant.task, instant.dt
+        wanted, jacobian = instant.asked()
+        left, sizes, right = np.linalg.svd(jacobian)
+        particular = right[: len(wanted)].T @ ((left.T @ wanted) / sizes)
+        null = np.ascontiguousarray(right[len(wanted) :].T)
+        rates = np.array([np.diff(instant.history, order, axis=0)[-1] / dt**order for order in (1, 2)] + [np.zeros(n)])
+        given = self.room.given
+        rows = self.programs.fixed(instant.home, instant.target, instant.sample)
+        given[4 * n : 4 * n + len(rows)] = rows[:, None]
+        guard = Guard(
+            self._clearance,
+            task.least_clearance,
+            reaches(task),
+            np.array(instant.safety.longest, dtype=float),
+            bool(instant.safety.swept),
+        )
+        alive = _engine()(
+            self.seed,
+            instant.sample,
+            self.generations,
+            Operators(CROSSING, MUTATING, -BOUND, BOUND),
+            Place(np.array(instant.previous), particular, null, rates, dt),
+            self._worth,
+            guard,
+            self.room,
+        )
+        genes, F, order = self.room.genes, self.room.F, self.room.order
+        kept = genes[order[:alive]]
+        return Population(genes=kept, F=F[:, :alive].T.copy(), q=_configured(kept, instant.previous, particular, null))
+
+
+def _configured(genes: np.ndarray, previous: np.ndarray, particular: np.ndarray, null: np.ndarray) -> np.ndarray:
+    """Return the joint positions that genes lead to."""
+    n, r = null.shape
+    rows = genes.reshape(len(genes), r, n + 1)
+    table, right = rows[..., :-1] @ null, rows[..., -1] - rows[..., :-1] @ particular
+    return previous + particular + np.linalg.solve(table, right[..., None])[..., 0] @ null.T
+
+
+@cache
+def _engine() -> Any:
+    from paretoik.formulations.closed_loop.engine import searched  # here: numba takes its time
+
+    return searched

@@ -1,0 +1,236 @@
+"""One control step as a pymoo problem: rows that extend the Jacobian to a square matrix are searched for.
+
+Source: Marcos et al. 2012, section 4.1. This is the readable form, for any arm, task and number of objectives;
+``engine`` runs the same search compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from pymoo.algorithms.base.genetic import GeneticAlgorithm
+from pymoo.core.population import Population
+from pymoo.core.problem import Problem
+from pymoo.core.repair import Repair
+from pymoo.core.sampling import Sampling
+
+from paretoik.arrays import Genes, Objectives
+from paretoik.formulations.closed_loop.objectives import Step, StepObjective
+from paretoik.search.maximin import MaxiMin
+from paretoik.search.rowwise import BinaryTournament, ReplaceOne, RowCrossover
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import task_errors
+
+HISTORY = 3  # configurations before a step: enough for a jerk
+BOUND = 1.0  # of every gene, either side
+TRIES = 1000  # at a chromosome whose configuration is free
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Safety:
+    """When a step is rejected.
+
+    ``longest`` (dof,) [rad, m] is the most that each joint may move in a step. A step that is ``swept`` must be clear
+    of the obstacles all the way, otherwise at its end only, as in the paper.
+    """
+
+    longest: Float[np.ndarray, " dof"]
+    swept: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Instant:
+    """What is known when a step is taken to sample ``sample`` of the path.
+
+    ``history`` are the last joint positions, the present ones last; ``home`` are those in which the loop began.
+    """
+
+    task: MotionTask
+    sample: int
+    history: Float[np.ndarray, "history dof"]
+    home: Float[np.ndarray, " dof"]
+    safety: Safety
+
+    @property
+    def previous(self) -> Float[np.ndarray, " dof"]:
+        """The joint positions that the step begins in."""
+        return self.history[-1]
+
+    @property
+    def dt(self) -> float:
+        """Time between steps [s]."""
+        return float(self.task.times[self.sample] - self.task.times[self.sample - 1])
+
+    @property
+    def target(self) -> Float[np.ndarray, " numbers"]:
+        """What the tool is to reach, as ``Task.targets`` gives it."""
+        return self.task.targets[self.sample]
+
+    def asked(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows dof"]]:
+        """Return (Δx, J): what the tool still wants, and the Jacobian there."""
+        error, jacobian = task_errors(self.task.arm, self.task.tasks, self.previous[None], self.target[None])
+        return error[:, 0], jacobian[:, :, 0]
+
+    def step(self, q: Float[np.ndarray, "points dof"]) -> Step:
+        """Return steps to joint positions."""
+        task, count = self.task, len(q)
+        before = np.broadcast_to(self.history, (count, *self.history.shape))
+        motion = Motion(
+            arm=task.arm,
+            time=task.times[self.sample] + self.dt * np.arange(-len(self.history), 1),
+            q=np.concatenate([before, q[:, None]], axis=1),
+            obstacles=task.obstacles,
+            link_radius=task.link_radius,
+        )
+        error, _ = task_errors(task.arm, task.tasks, q, np.tile(self.target, (count, 1)))
+        turns = turning_rows(task)
+        return Step(
+            motion=motion,
+            home=self.home,
+            position_error=error[~turns].T[:, None],
+            rotation_error=error[turns].T[:, None],
+            dt=self.dt,
+        )
+
+    def free(self, q: Float[np.ndarray, "points dof"]) -> Bool[np.ndarray, " points"]:
+        """Return which steps are no longer than allowed and clear of obstacles, as far as ``safety`` asks."""
+        step = np.abs(q - self.previous)
+        within: Bool[np.ndarray, " points"] = (step <= self.safety.longest).all(axis=1)
+        if not self.task.obstacles or not within.any():
+            return within
+        gaps = self.gaps(np.concatenate([self.previous[None], np.where(within[:, None], q, self.previous)]))
+        # No point of the arm moves farther than this, and distances change by no more than points move.
+        moved = step @ reaches(self.task)
+        return within & (gaps[1:] + gaps[0] > moved if self.safety.swept else gaps[1:] > 0)
+
+    def gaps(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
+        """Return by how much [m] configurations keep more than the required clearance."""
+        task = self.task
+        motion = Motion(
+            arm=task.arm,
+            time=np.arange(3.0),
+            q=np.repeat(q[:, None], 3, axis=1),
+            obstacles=task.obstacles,
+            link_radius=task.link_radius,
+        )
+        return motion.clearance[:, 0] - task.least_clearance
+
+
+class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """Search the rows J* and Δx* that extend Δx = J Δq to a square system (Eqs. 7 to 18): a vectorised pymoo problem.
+
+    An individual is the matrix (redundancy, dof + 1) of these rows, flattened. F has the objectives, minimised; G, one
+    column, is 1 where ``instant.free`` says no: ``algorithm`` replaces such chromosomes before they are evaluated.
+    """
+
+    def __init__(self, instant: Instant, objectives: Sequence[StepObjective]) -> None:
+        self.instant = instant
+        self.objectives = tuple(objectives)
+        self.rows, self.row = instant.task.redundancy, instant.task.arm.dof + 1
+        self._asked = instant.asked()
+        size = self.rows * self.row
+        super().__init__(
+            n_var=size, n_obj=len(self.objectives), n_ieq_constr=1, xl=-BOUND * np.ones(size), xu=BOUND * np.ones(size)
+        )
+
+    def decode(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
+        """Return the joint positions after the step; not a number where the extended Jacobian is singular."""
+        wanted, jacobian = self._asked
+        rows = genes.reshape(-1, self.rows, self.row)
+        table = np.concatenate([np.tile(jacobian, (len(rows), 1, 1)), rows[..., :-1]], axis=1)
+        right = np.concatenate([np.tile(wanted, (len(rows), 1)), rows[..., -1]], axis=1)
+        singular = np.linalg.det(table) == 0
+        table[singular] = np.eye(self.row - 1)
+        right[singular] = np.nan
+        step: np.ndarray = np.linalg.solve(table, right[..., None])[..., 0]
+        return self.instant.previous + step
+
+    def free(self, genes: Genes) -> Bool[np.ndarray, " points"]:
+        """Return which chromosomes need not be replaced."""
+        return self.instant.free(self.decode(genes))
+
+    def scores(self, q: Float[np.ndarray, "points dof"]) -> Objectives:
+        """Return the objectives of steps, minimised; inf where one is not a number."""
+        known = np.isfinite(q).all(axis=1)
+        F = np.full((len(q), len(self.objectives)), np.inf)
+        step = self.instant.step(q[known])
+        F[known] = np.stack([objective.function(step)[..., -1] * objective.sign for objective in self.objectives], 1)
+        F[~np.isfinite(F).all(axis=1)] = np.inf
+        return F
+
+    def algorithm(self, population: int) -> GeneticAlgorithm:
+        """Return the paper's NSGA-II: tournaments, crossover by rows, one gene replaced, MaxiMin selection."""
+        return GeneticAlgorithm(
+            pop_size=population,
+            sampling=FreeChromosomes(),
+            selection=BinaryTournament(),
+            crossover=RowCrossover(self.row),
+            mutation=ReplaceOne(),
+            survival=MaxiMin(),
+            repair=ReplaceBlocked(),
+            eliminate_duplicates=False,
+        )
+
+    def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
+        q = self.decode(X)
+        out["F"] = self.scores(q)
+        out["G"] = (~self.instant.free(q)).astype(float)[:, None]
+
+
+class FreeChromosomes(Sampling):  # type: ignore[misc]  # pymoo is not typed
+    """Chromosomes drawn uniformly from those whose configuration is free."""
+
+    def _do(
+        self, problem: ControlStep, n_samples: int, *, random_state: np.random.Generator, **kwargs: object
+    ) -> Genes:
+        return replaced(problem, _drawn(problem, n_samples, random_state), random_state)
+
+
+class ReplaceBlocked(Repair):  # type: ignore[misc]  # pymoo is not typed
+    """A chromosome whose configuration is not free is rejected and a new one is drawn (section 5.2)."""
+
+    def do(
+        self, problem: ControlStep, pop: Population, random_state: np.random.Generator, **kwargs: object
+    ) -> Population:
+        """Return the population with such chromosomes replaced."""
+        pop.set("X", replaced(problem, pop.get("X"), random_state))
+        return pop
+
+
+def replaced(problem: ControlStep, genes: Genes, rng: np.random.Generator) -> Genes:
+    """Return genes with those that are not free replaced by drawn ones, as often as it takes."""
+    genes = np.array(genes, dtype=float)
+    for _ in range(TRIES):
+        blocked = np.flatnonzero(~problem.free(genes))
+        if not blocked.size:
+            break
+        genes[blocked] = _drawn(problem, blocked.size, rng)
+    return genes
+
+
+def _drawn(problem: ControlStep, count: int, rng: np.random.Generator) -> Genes:
+    drawn: Genes = rng.uniform(problem.xl, problem.xu, size=(count, problem.n_var))
+    return drawn
+
+
+def turning_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
+    """Return which rows of the task errors are rotations [rad]."""
+    return np.concatenate([np.arange(each.rows) >= each.positions for each in task.tasks])
+
+
+def reaches(task: MotionTask) -> Float[np.ndarray, " dof"]:
+    """Return the most [m] that any point of the arm moves when a joint moves by 1 (rad or m).
+
+    Beyond a joint no point is farther from it than all that follows is long, stretched out. A joint that slides moves
+    what it carries as far as itself; how far it may be out adds to what is beyond the joints before it.
+    """
+    arm = task.arm
+    offsets = [float(np.linalg.norm(place.position)) for place in (*arm.placements[1:], arm.tool)]
+    slides = ~arm.periodic
+    out = np.where(slides, np.abs(arm.position_limits).max(axis=1), 0.0)
+    beyond = np.cumsum((offsets + np.append(out[1:], 0.0))[::-1])[::-1]
+    return np.where(slides, 1.0, beyond)

@@ -1,0 +1,449 @@
+"""MaxiMin survival, compiled: what ``search/maximin`` does with feasible points, on arrays that live through a search.
+
+Points are numbered: first the parents by place, then the children. ``F`` is (objectives, points), minimised; a point
+with inf has failed and comes last. Two objectives have a quick way: as long as all parents are mutually non-dominated
+they are kept sorted by the first objective, and only children that none of them dominates are looked at again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.calculus.compiling import compiled
+
+SMALL = 8  # points that are sorted by insertion
+NONE, ONE = np.uint64(0), np.uint64(1)
+TINY = 2.2250738585072014e-308  # an objective that spreads by less than this does not count
+
+
+@compiled
+def placed(F, parents, children, level, bucket, begins, child, points, xy):
+    """Write parents, which are sorted, and so many children in order of (first, second objective); return how many.
+
+    ``points`` are their numbers, ``xy`` (2, points) their objectives. Children go to buckets between the parents and
+    are sorted there. Where all parents are of one ``level``, children that one dominates, or is worth the same, are left
+    out. What chance decides is written without branches.
+    """
+    for k in range(parents + 2):
+        begins[k] = 0
+    found = 0
+    for k in range(parents, parents + children):
+        x, y = F[0, k], F[1, k]
+        first, length = np.uint64(0), np.uint64(parents)  # unsigned: from no end of an array is counted back
+        while length > ONE:
+            half = length >> ONE
+            u, v = F[0, first + half - ONE], F[1, first + half - ONE]
+            first += half * np.uint64((u < x) | ((u == x) & (v <= y)))
+            length -= half
+        u, v = F[0, first], F[1, first]
+        first += np.uint64((u < x) | ((u == x) & (v <= y)))
+        before = first - np.uint64(first > NONE)
+        u, v = F[0, before], F[1, before]
+        beaten = (first > NONE) & ((v < y) | ((v == y) & (u <= x)))
+        bucket[found], child[found] = np.int64(first), k
+        found += np.int64((not level) | ((x < np.inf) & (not beaten)))
+    for k in range(found):
+        begins[bucket[k] + 1] += 1
+    for k in range(parents + 1):
+        begins[k + 1] += begins[k]
+    for k in range(parents):
+        place = k + begins[k + 1]
+        points[place], xy[0, place], xy[1, place] = k, F[0, k], F[1, k]
+    for k in range(found):
+        place = bucket[k] + begins[bucket[k]]
+        begins[bucket[k]] += 1
+        points[place], xy[0, place], xy[1, place] = child[k], F[0, child[k]], F[1, child[k]]
+    for k in range(parents + 1):
+        end = k + begins[k]  # of the bucket before parent k
+        begin = k + begins[k - 1] if k > 0 else 0
+        if end - begin > SMALL:
+            _merged(points, xy, begin, end, child)
+        else:
+            _inserted(points, xy, begin, end)
+    return parents + found
+
+
+@compiled
+def _later(xy, i, j):
+    """Return whether one place holds what comes after what another holds."""
+    return xy[0, i] > xy[0, j] or (xy[0, i] == xy[0, j] and xy[1, i] > xy[1, j])
+
+
+@compiled
+def _inserted(points, xy, begin, end):
+    """Sort a stretch by insertion."""
+    for k in range(begin + 1, end):
+        j = k
+        while j > begin and _later(xy, j - 1, j):
+            for m in range(2):
+                xy[m, j - 1], xy[m, j] = xy[m, j], xy[m, j - 1]
+            points[j - 1], points[j] = points[j], points[j - 1]
+            j -= 1
+
+
+@compiled
+def _merged(points, xy, begin, end, room):
+    """Sort a stretch by merging; ``xy`` has two rows more, for copies."""
+    for first in range(begin, end, SMALL):
+        _inserted(points, xy, first, min(first + SMALL, end))
+    width = SMALL
+    while width < end - begin:
+        for first in range(begin, end, 2 * width):
+            i, middle, last = first, min(first + width, end), min(first + 2 * width, end)
+            j = middle
+            for k in range(first, last):
+                second = j < last and (i == middle or _later(xy, i, j))
+                at = j if second else i
+                xy[2, k], xy[3, k], room[k] = xy[0, at], xy[1, at], points[at]
+                j += np.int64(second)
+                i += np.int64(not second)
+        for k in range(begin, end):
+            xy[0, k], xy[1, k], points[k] = xy[2, k], xy[3, k], room[k]
+        width *= 2
+
+
+@compiled
+def first_rank(points, count, xy, front, along):
+    """Write the points that none dominates, of so many in order, to ``front`` and ``along``; return how many."""
+    found, least, last = 0, np.inf, np.inf
+    for k in range(count):
+        x, y = xy[0, k], xy[1, k]
+        kept = (y < least) | ((y == least) & (x == last))
+        front[found], along[0, found], along[1, found] = points[k], x, y
+        found += np.int64(kept)
+        least, last = min(least, y), (x if kept else last)
+    return found
+
+
+@compiled
+def ranks_in_order(xy, count, rank, tails):
+    """Write the non-domination rank of each of so many points in order, failed ones beyond all.
+
+    ``tails`` (2, fronts) has the last point of every front: the first that does not dominate the next one is its front.
+    """
+    fronts = 0
+    for k in range(count):
+        x, y = xy[0, k], xy[1, k]
+        if not x < np.inf:
+            rank[k] = count
+            continue
+        low, length = 0, fronts
+        while length > 0:
+            half = length >> 1
+            u, v = tails[0, low + half], tails[1, low + half]
+            beaten = np.int64((v < y) | ((v == y) & (u < x)))
+            low += beaten * (half + 1)
+            length = beaten * (length - half - 1) + (1 - beaten) * half
+        rank[k] = low
+        tails[0, low], tails[1, low] = x, y
+        fronts = max(fronts, low + 1)
+
+
+@compiled
+def by_rank(count, wanted, s):
+    """Keep ``wanted`` of so many points in order: whole ranks, of the last those farthest from all that are kept.
+
+    ``s`` is the room of the selection: points, objectives in ``keys``, ``rank``; what is kept goes to ``front`` and
+    ``along``. Its ``value`` is the worth in a tournament, less for higher ranks; in the last it grows with the distance
+    of insertion.
+    """
+    rank, xy, points, front, along = s.rank, s.keys, s.points, s.front, s.along
+    worth, sizes, nearest, members = s.value, s.begins, s.nearest, s.spare
+    for k in range(count + 1):
+        sizes[k] = 0
+    for k in range(count):
+        sizes[rank[k]] += 1
+    split, left = 0, wanted
+    while split < count and left >= sizes[split]:
+        left -= sizes[split]
+        split += 1
+    first, last = -1, -1
+    for k in range(count):
+        if rank[k] == 0:
+            first, last = (k if first < 0 else first), k
+    width, height = xy[0, last] - xy[0, first], xy[1, first] - xy[1, last]
+    across, down = (1.0 / width if width > TINY else 0.0), (1.0 / height if height > TINY else 0.0)
+    found = 0
+    for k in range(count):
+        members[found] = k
+        found += np.int64(rank[k] == split)
+    if split < count and left > 0:
+        _to_kept(xy, count, rank, split, members, found, across, down, nearest, s.x, s.y)
+        _split(xy, across, down, members, found, nearest, s.distance, s.waiting)
+        _taken(members, found, left, s.distance, rank, worth, split, s.x, s.y)
+    for i in range(left if split == count else 0):  # failed points fill up
+        rank[members[i]], worth[members[i]] = -1, -split
+    kept = 0
+    for k in range(count):
+        front[kept], along[0, kept], along[1, kept] = points[k], xy[0, k], xy[1, k]
+        worth[kept] = worth[k] if rank[k] == -1 else -np.float64(rank[k])
+        kept += np.int64(rank[k] < split)
+
+
+@compiled
+def _split(xy, across, down, members, found, nearest, value, waiting):
+    """Write the squared distance at which each member of a rank, in order, is inserted; ``nearest`` is that to others.
+
+    Of a stretch between inserted members the farthest is the next one, whatever happens elsewhere on the front.
+    """
+    waiting[0, 0], waiting[0, 1] = 0, found
+    left = 1
+    while left > 0:
+        left -= 1
+        begin, end = waiting[left, 0], waiting[left, 1]
+        best = begin
+        for i in range(begin + 1, end):
+            best = i if nearest[i] > nearest[best] else best
+        value[best] = nearest[best]
+        x, y = xy[0, members[best]], xy[1, members[best]]
+        for i in range(begin, end):
+            apart = ((xy[0, members[i]] - x) * across) ** 2 + ((xy[1, members[i]] - y) * down) ** 2
+            nearest[i] = min(nearest[i], apart)
+        waiting[left, 0], waiting[left, 1] = begin, best
+        left += np.int64(best > begin)
+        waiting[left, 0], waiting[left, 1] = best + 1, end
+        left += np.int64(end > best + 1)
+
+
+@compiled
+def _taken(members, found, wanted, value, rank, worth, split, room, other):
+    """Mark the members that were inserted first, and say what they are worth."""
+    least = least_kept(value, found, found - wanted, room, other)
+    spare = wanted
+    for i in range(found):
+        spare -= np.int64(value[i] > least)
+    for i in range(found):
+        if value[i] > least or (value[i] == least and spare > 0):
+            spare -= np.int64(value[i] == least)
+            rank[members[i]] = -1
+            worth[members[i]] = value[i] / (2.0 * (1.0 + value[i])) - split if value[i] < np.inf else 0.5 - split
+
+
+@compiled
+def _to_kept(xy, count, rank, split, members, found, across, down, nearest, x, y):
+    """Write the squared distance of each member of a rank to the nearest point of better rank."""
+    for i in range(found):
+        x[i], y[i], nearest[i] = xy[0, members[i]], xy[1, members[i]], np.inf
+    for k in range(count):
+        if rank[k] < split:
+            u, v = xy[0, k], xy[1, k]
+            for i in range(found):
+                apart = ((x[i] - u) * across) ** 2 + ((y[i] - v) * down) ** 2
+                nearest[i] = apart if apart < nearest[i] else nearest[i]
+
+
+@compiled
+def insertion_distances(along, count, x, y, value, waiting):
+    """Write the squared distance at which MaxiMin inserts each point of a sorted front; its ends have inf.
+
+    Between two inserted points the next is the one whose nearer end is farthest; distances to either end grow along
+    the front, so that it is found by halving.
+    """
+    width, height = along[0, count - 1] - along[0, 0], along[1, 0] - along[1, count - 1]
+    across, down = (1.0 / width if width > TINY else 0.0), (1.0 / height if height > TINY else 0.0)
+    for k in range(count):
+        x[k], y[k] = (along[0, k] - along[0, 0]) * across, (along[1, k] - along[1, count - 1]) * down
+    value[0] = value[count - 1] = np.inf
+    waiting[0, 0], waiting[0, 1] = 0, count - 1
+    left = np.int64(count > 2)
+    while left > 0:
+        left -= 1
+        begin, end = waiting[left, 0], waiting[left, 1]
+        x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
+        low, length = begin + 1, end - begin - 1  # the first that is no nearer to the beginning than to the end
+        while length > 1:
+            half = length >> 1
+            u, v = x[low + half - 1], y[low + half - 1]
+            low += half * np.int64((u - x0) ** 2 + (v - y0) ** 2 < (x1 - u) ** 2 + (y1 - v) ** 2)
+            length -= half
+        best, other = _nearer(x, y, low, begin, end), _nearer(x, y, low - 1, begin, end)
+        chosen = low - np.int64((other >= best) & (low - 1 > begin))
+        value[chosen] = max(best, other)  # an end is at no distance
+        waiting[left, 0], waiting[left, 1] = begin, chosen
+        left += np.int64(chosen - begin > 1)
+        waiting[left, 0], waiting[left, 1] = chosen, end
+        left += np.int64(end - chosen > 1)
+
+
+@compiled
+def _nearer(x, y, k, begin, end):
+    before = (x[k] - x[begin]) ** 2 + (y[k] - y[begin]) ** 2
+    after = (x[end] - x[k]) ** 2 + (y[end] - y[k]) ** 2
+    return min(before, after)
+
+
+@compiled
+def least_kept(value, count, dropped, room, other):
+    """Return the value of rank ``dropped`` from below: what lies under it is dropped (Hoare's selection).
+
+    Values go to either side of a pivot without branches.
+    """
+    for k in range(count):
+        room[k] = value[k]
+    while True:
+        pivot = room[count >> 1]
+        below, above = 0, 0
+        for k in range(count):
+            one = room[k]
+            room[below] = one
+            below += np.int64(one < pivot)
+            other[above] = one
+            above += np.int64(one > pivot)
+        if dropped < below:
+            count = below
+        elif dropped < count - above:
+            return pivot
+        else:
+            dropped -= count - above
+            count = above
+            room, other = other, room
+
+
+@compiled
+def thinned(front, along, value, count, wanted, room, other):
+    """Keep the ``wanted`` points of a sorted front that were inserted first, in their order."""
+    if count == wanted:
+        return
+    least = least_kept(value, count, count - wanted, room, other)
+    spare = wanted  # places for those that are tied with the last
+    for k in range(count):
+        spare -= np.int64(value[k] > least)
+    kept = 0
+    for k in range(count):
+        tied = (value[k] == least) & (spare > 0)
+        keep = (value[k] > least) | tied
+        spare -= np.int64(tied)
+        front[kept], value[kept] = front[k], value[k]
+        along[0, kept], along[1, kept] = along[0, k], along[1, k]
+        kept += np.int64(keep)
+
+
+@compiled
+def ranks(F, rank, room):
+    """Write the non-domination rank of every point, failed ones beyond all, for any number of objectives."""
+    objectives, total = F.shape
+    for k in range(total):
+        rank[k] = total
+    current, left = 0, True
+    while left:
+        left, found = False, 0
+        for i in range(total):
+            if rank[i] < total or not F[0, i] < np.inf:
+                continue
+            beaten = False
+            for j in range(total):
+                if rank[j] < total or not F[0, j] < np.inf:
+                    continue
+                no_worse, better = True, False
+                for m in range(objectives):
+                    no_worse = no_worse and F[m, j] <= F[m, i]
+                    better = better or F[m, j] < F[m, i]
+                if no_worse and better:
+                    beaten = True
+                    break
+            if not beaten:
+                room[found] = i
+                found += 1
+        for k in range(found):
+            rank[room[k]] = current
+            left = True
+        current += 1
+
+
+@compiled
+def filled(F, rank, wanted, chosen, value, Z, nearest, members, begins, table):
+    """Choose ``wanted`` points rank by rank, those of each always farthest from all chosen first; return how many.
+
+    Write their numbers and squared insertion distances; failed points are not chosen.
+    """
+    objectives, total = F.shape
+    for m in range(objectives):
+        ideal, nadir = np.inf, -np.inf
+        for k in range(total):
+            if rank[k] == 0:
+                ideal, nadir = min(ideal, F[m, k]), max(nadir, F[m, k])
+        for k in range(total):
+            Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if nadir - ideal > TINY and rank[k] < total else 0.0
+    for k in range(total + 2):
+        begins[k] = 0
+    for k in range(total):
+        begins[rank[k] + 1] += 1
+    for k in range(total):
+        begins[k + 1] += begins[k]
+    for k in range(total):
+        members[begins[rank[k]]] = k
+        begins[rank[k]] += 1
+    taken, first, current = 0, 0, 0
+    while taken < wanted and current < total and begins[current] > first:
+        count = begins[current] - first
+        own = members[first : first + count]
+        for i in range(count):
+            nearest[i] = _to_chosen(table, taken, Z, own[i])
+        wanted_here = min(count, wanted - taken)
+        begun = _started(Z, own, wanted_here, chosen, value, nearest) if current == 0 else 0
+        for at in range(taken + begun, taken + wanted_here):
+            best = 0
+            for i in range(1, count):
+                if nearest[i] > nearest[best]:
+                    best = i
+            chosen[at], value[at] = own[best], nearest[best]
+            _seen(Z, own, own[best], nearest)
+            nearest[best] = -1.0  # below every distance: never again
+        for at in range(taken, taken + wanted_here):
+            for m in range(objectives):
+                table[m, at] = Z[m, chosen[at]]
+        taken += wanted_here
+        first += count
+        current += 1
+    return taken
+
+
+@compiled
+def _to_chosen(table, taken, Z, point):
+    """Return the squared distance of a point to the nearest of those chosen."""
+    least = np.inf
+    if table.shape[0] == 2:
+        u, v = Z[0, point], Z[1, point]
+        for k in range(taken):
+            least = min(least, (table[0, k] - u) ** 2 + (table[1, k] - v) ** 2)
+        return least
+    for k in range(taken):
+        apart = 0.0
+        for m in range(table.shape[0]):
+            apart += (table[m, k] - Z[m, point]) ** 2
+        least = min(least, apart)
+    return least
+
+
+@compiled
+def _started(Z, members, wanted, chosen, value, nearest):
+    """Choose the first points of the first rank: the best along each axis."""
+    objectives, taken = Z.shape[0], 0
+    for axis in range(objectives):
+        best, least, second = -1, np.inf, np.inf
+        for i in range(members.shape[0]):
+            k = members[i]
+            if objectives <= 2:
+                worth, other = Z[axis, k], Z[objectives - 1 - axis, k]
+            else:
+                worth, other = -np.inf, 0.0
+                for m in range(objectives):
+                    worth = max(worth, Z[m, k] if m == axis else Z[m, k] * 1e6)
+            if best < 0 or worth < least or (worth == least and other < second):
+                best, least, second = i, worth, other
+        if nearest[best] >= 0.0 and taken < wanted:
+            chosen[taken], value[taken] = members[best], np.inf
+            _seen(Z, members, members[best], nearest)
+            nearest[best] = -1.0
+            taken += 1
+    return taken
+
+
+@compiled
+def _seen(Z, members, point, nearest):
+    """Note that a point was chosen: how far the members of its rank are from it."""
+    for i in range(members.shape[0]):
+        apart = 0.0
+        for m in range(Z.shape[0]):
+            apart += (Z[m, members[i]] - Z[m, point]) ** 2
+        nearest[i] = min(nearest[i], apart)

@@ -1,0 +1,97 @@
+"""Marcos, Machado & Azevedo-Perdicoúlis 2012: two turns of a circle, the way searched for anew every millisecond.
+
+Arms of three or four unit links, the circle's centre 0.7 or 2 m from the base, with or without the two obstacles of
+section 5.2. A closed loop is followed, not searched once: ``solve`` runs it and keeps its one motion, and ``select``
+runs it again with other weights::
+
+    paretoik solve problems/marcos_2012.py:circle_3r --out runs/circle
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from paretoik import Box, Circle, ClosedLoop, Path, circle, marcos_nr
+from paretoik.task.obstacles import Obstacle
+
+RATE = 7.0  # rad/s
+RADIUS = 0.5
+STEP = 1e-3  # s
+TURNS = 2
+STEPS = int(TURNS * 2 * np.pi / RATE / STEP)
+DISTANCES = (0.7, 2.0)
+POPULATION = {3: 200, 4: 400}
+Links = Literal[3, 4]
+
+
+def round_trip(distance: float, steps: int = STEPS) -> Path:
+    """Return the circle, as far as so many steps go: two turns take 0.2 ms more than a whole number of them."""
+    angle = RATE * STEP * steps
+    return circle(
+        (distance, 0.0), RADIUS, duration=STEP * steps, samples=steps + 1, turns=angle / (2 * np.pi), timing="uniform"
+    )
+
+
+def obstacles(distance: float) -> list[Obstacle]:
+    """Return the circle and the rectangle of section 5.2."""
+    if distance == DISTANCES[0]:
+        return [Circle((1.4, 0.5), 0.2), _rectangle((0.3, 1.7), (0.8, 1.3))]
+    return [Circle((1.6, 0.6), 0.2), _rectangle((0.4, 1.0), (0.9, 0.6))]
+
+
+def loop(
+    links: Links,
+    distance: float,
+    *,
+    weight: float = 0.5,
+    blocked: bool = False,
+    steps: int = STEPS,
+    start: np.ndarray | None = None,
+    population: int | None = None,
+    generations: int = 200,
+    seed: int = 0,
+    as_printed: bool = False,
+) -> ClosedLoop:
+    """Return the closed loop of the paper; ``weight`` is that of the displacement.
+
+    ``as_printed`` tests obstacles at the end of a step only and lets joints move at will, as the paper does.
+    """
+    return ClosedLoop(
+        marcos_nr(links),
+        round_trip(distance, steps),
+        weights=[weight, 1.0 - weight],
+        start=start,
+        obstacles=obstacles(distance) if blocked else [],
+        longest_step=np.inf if as_printed else None,
+        swept=not as_printed,
+        population=POPULATION[links] if population is None else population,
+        generations=generations,
+        seed=seed,
+    )
+
+
+def circle_3r() -> ClosedLoop:
+    """Two turns of a circle with three links, displacement and error alike."""
+    return loop(3, 0.7)
+
+
+def circle_4r() -> ClosedLoop:
+    """Two turns of a circle with four links, displacement and error alike."""
+    return loop(4, 0.7)
+
+
+def circle_3r_obstacles() -> ClosedLoop:
+    """Two turns of a circle with three links, clear of two obstacles."""
+    return loop(3, 0.7, blocked=True)
+
+
+def circle_4r_obstacles() -> ClosedLoop:
+    """Two turns of a circle with four links, clear of two obstacles."""
+    return loop(4, 0.7, blocked=True)
+
+
+def _rectangle(upper_left: tuple[float, float], lower_right: tuple[float, float]) -> Box:
+    first, last = np.array(upper_left), np.array(lower_right)
+    return Box((first + last) / 2, np.abs(last - first) / 2)
