@@ -55,7 +55,6 @@ def searched(seed, step, generations, operators, place, objectives, guard, room)
             operators.mutating,
             operators.low,
             operators.high,
-            room.pair,
             children,
         )
         evaluate(place, operators, objectives, guard, clear, new, room)

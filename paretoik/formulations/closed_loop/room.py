@@ -93,7 +93,6 @@ class Room(NamedTuple):
     moved: np.ndarray
     selection: Selection
     values: np.ndarray
-    pair: np.ndarray
 
 
 def room(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Room:
@@ -133,5 +132,4 @@ def room(dof: int, redundancy: int, population: int, objectives: int, inputs: in
         moved=np.zeros(N),
         selection=selection,
         values=np.zeros((M, N)),
-        pair=np.zeros((2, size)),
     )

@@ -22,10 +22,10 @@ def winner(state, worth, count):
 
 
 @compiled
-def offspring(state, genes, order, worth, F, row, crossing, mutating, low, high, pair, children):
+def offspring(state, genes, order, worth, F, row, crossing, mutating, low, high, children):
     """Fill ``children`` (genes, places) with the offspring of ``genes`` (rows, genes), rows of ``row`` genes each.
 
-    Return how many are new; the others, at the end, are copies of a parent and get its objectives: ``F`` (objectives,
+    Return how many are new; the others, at the end, are copies of a parent and have its objectives: ``F`` (objectives,
     points) has those of the parents by place, then those of the children. What chance decides is written without
     branches: a processor cannot foretell it.
     """
@@ -34,30 +34,33 @@ def offspring(state, genes, order, worth, F, row, crossing, mutating, low, high,
     for made in range(0, count, 2):
         place, other_place = winner(state, worth, parents), winner(state, worth, parents)
         mother, father = order[place], order[other_place]
-        drawn, exchanged = bits(state), False
-        idle = np.int64(lower(drawn, DECIDING) >= crossing * DECIDING)
+        drawn, one_drawn, other_drawn = bits(state), bits(state), bits(state)
+        crossed = np.int64(lower(drawn, DECIDING) < crossing * DECIDING)
+        mutated = np.int64(lower(one_drawn, DECIDING) < mutating * DECIDING)
+        other_mutated = np.int64(lower(other_drawn, DECIDING) < mutating * DECIDING)
+        changed, other_changed = crossed | mutated, crossed | other_mutated
+        one = changed * new + (1 - changed) * last
+        new, last = new + changed, last - (1 - changed)
+        other = other_changed * new + (1 - other_changed) * last
+        if made + 1 == count:
+            other = one
+        else:
+            new, last = new + other_changed, last - (1 - other_changed)
         for begun in range(0, size, row):
-            cut = max(1 + upper(drawn, row - 1), row * idle)
+            cut = crossed * (1 + upper(drawn, row - 1)) + (1 - crossed) * row
             drawn = bits(state)
             for k in range(row):
-                first, second, crossed = genes[mother, begun + k], genes[father, begun + k], k >= cut
-                exchanged |= crossed & (first != second)
-                pair[0, begun + k] = second if crossed else first
-                pair[1, begun + k] = first if crossed else second
-        for child in range(min(2, count - made)):
-            drawn, value = bits(state), low + (high - low) * share(state)
-            mutated = lower(drawn, DECIDING) < mutating * DECIDING
-            gene = upper(drawn, size)
-            pair[child, gene] = value if mutated else pair[child, gene]
-            changed = np.int64(mutated | exchanged)
-            lane = changed * new + (1 - changed) * last
-            for k in range(size):
-                children[k, lane] = pair[child, k]
-            for m in range(F.shape[0]):
-                F[m, parents + lane] = F[m, place]
-            new += changed
-            last -= 1 - changed
-            place = other_place
+                first, second = genes[mother, begun + k], genes[father, begun + k]
+                children[begun + k, other] = first if k >= cut else second
+                children[begun + k, one] = second if k >= cut else first
+        for m in range(F.shape[0]):
+            F[m, parents + other] = F[m, other_place]
+            F[m, parents + one] = F[m, place]
+        if made + 1 < count:
+            gene, value = upper(other_drawn, size), low + (high - low) * share(state)
+            children[gene, other] = value if other_mutated else children[gene, other]
+        gene, value = upper(one_drawn, size), low + (high - low) * share(state)
+        children[gene, one] = value if mutated else children[gene, one]
     return new
 
 
