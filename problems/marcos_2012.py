@@ -1,10 +1,10 @@
 """Marcos, Machado & Azevedo-Perdicoúlis 2012: two turns of a circle, the way searched for anew every millisecond.
 
 Arms of three or four unit links, the circle's centre 0.7 or 2 m from the base, with or without the two obstacles of
-section 5.2. A closed loop is followed, not searched once: ``solve`` runs it and keeps its one motion, and ``select``
-runs it again with other weights::
+section 5.2. A closed loop is followed, not searched once::
 
-    paretoik solve problems/marcos_2012.py:circle_3r --out runs/circle
+    run = circle_3r().run()
+    run.position_error, run.drift
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik import Box, Circle, ClosedLoop, Path, circle, marcos_nr
+from paretoik import Box, Circle, Path, circle, marcos_nr
+from paretoik.formulations.closed_loop.loop import ClosedLoop
 from paretoik.task.obstacles import Obstacle
 
 RATE = 7.0  # rad/s
@@ -56,7 +57,7 @@ def loop(
 ) -> ClosedLoop:
     """Return the closed loop of the paper; ``weight`` is that of the displacement.
 
-    ``as_printed`` tests obstacles at the end of a step only and lets joints move at will, as the paper does.
+    ``as_printed`` lets joints move at will, as the paper does: it can jump through an obstacle.
     """
     return ClosedLoop(
         marcos_nr(links),
@@ -65,7 +66,6 @@ def loop(
         start=start,
         obstacles=obstacles(distance) if blocked else [],
         longest_step=np.inf if as_printed else None,
-        swept=not as_printed,
         population=POPULATION[links] if population is None else population,
         generations=generations,
         seed=seed,

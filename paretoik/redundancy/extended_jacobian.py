@@ -34,7 +34,7 @@ def exact_steps(
     """
     from paretoik.redundancy.exact_step import best_step  # here: numba takes its time
 
-    lengths, circles, boxes = link_lengths(arm), *_shapes(obstacles)
+    lengths, circles, boxes = link_lengths(arm), *shapes(obstacles)
     q = np.empty((len(targets), arm.dof))
     q[0] = start
     for k in range(1, len(targets)):
@@ -55,7 +55,8 @@ def link_lengths(arm: Arm) -> Float[np.ndarray, " dof"]:
     return np.ascontiguousarray(offsets[:, 0])
 
 
-def _shapes(obstacles: Sequence[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
+def shapes(obstacles: Sequence[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
+    """Return circles (x, y, radius) and boxes (left, bottom, right, top); raise InvalidInput for other obstacles."""
     circles, boxes = [], []
     for obstacle in obstacles:
         if isinstance(obstacle, Circle):

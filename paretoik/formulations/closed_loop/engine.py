@@ -23,7 +23,8 @@ from paretoik.search.compiled.survival import (
     thinned,
 )
 
-TRIES = 1000  # at a chromosome whose configuration is free
+TRIES = 100  # at a chromosome whose configuration is free
+ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
 
 
 @compiled
@@ -171,10 +172,11 @@ def evaluate(place, operators, objectives, guard, clear, count, room):
 
 @compiled
 def _free(place, operators, guard, clear, left, room):
-    """Replace the chromosomes of configurations that are not free, as often as it takes."""
+    """Shorten steps that are too long, and replace the chromosomes of those that are not free, as often as it takes."""
     asked = room.asked
     for lane in range(left):
         asked[lane] = lane
+    _shorten(left, place, guard, room)
     for _ in range(TRIES):
         left = _blocked(left, place, guard, clear, room)
         if left == 0:
@@ -182,8 +184,30 @@ def _free(place, operators, guard, clear, left, room):
         for k in range(left):
             anew(room.state, operators.low, operators.high, room.children, asked[k])
             configurations(room.children, asked[k], asked[k] + 1, place, room.work, room.given)
+        _shorten(left, place, guard, room)
     for k in range(left):
         room.given[0, asked[k]] = np.nan
+
+
+@compiled
+def _shorten(count, place, guard, room):
+    """Take of the self-motion of the lanes asked no more than the longest step leaves; their genes follow."""
+    q, genes, n = room.given, room.children, place.previous.shape[0]
+    for i in range(count):
+        lane, kept = room.asked[i], 1.0
+        for k in range(n):
+            least = place.particular[k]
+            more = q[k, lane] - place.previous[k] - least
+            if abs(least + kept * more) > guard.longest[k]:
+                kept = min(kept, max((np.copysign(guard.longest[k], more) - least) / more, 0.0))
+        if kept < 1.0:
+            for k in range(n):
+                at = place.previous[k] + place.particular[k]
+                q[k, lane] = at + kept * (q[k, lane] - at)
+            for begun in range(0, genes.shape[0], n + 1):
+                genes[begun + n, lane] = 0.0
+                for k in range(n):
+                    genes[begun + n, lane] += genes[begun + k, lane] * (q[k, lane] - place.previous[k])
 
 
 @compiled
@@ -191,9 +215,9 @@ def _blocked(count, place, guard, clear, room):
     """Move the lanes whose configuration is not free to the front of those asked; return how many.
 
     No point of the arm moves by more than Σ reach · |Δq|: what is farther from all obstacles than that need not be
-    looked at. A ``swept`` step is free where both its ends together are that far from them.
+    looked at.
     """
-    asked, given, table, places, moved = room.asked, room.given, room.table, room.places, room.moved
+    asked, given, table, places = room.asked, room.given, room.table, room.places
     blocked, near, n = 0, 0, place.previous.shape[0]
     for k in range(count):
         lane = asked[k]
@@ -201,22 +225,20 @@ def _blocked(count, place, guard, clear, room):
         for j in range(n):
             step = abs(given[j, lane] - place.previous[j])
             far += guard.reach[j] * step
-            short = short and step <= guard.longest[j]  # not for what is no number
+            short = short and step <= guard.longest[j] * ROUNDED  # not for what is no number
         if not short:
             asked[blocked] = lane
             blocked += 1
         elif far >= clear:
             for j in range(n):
                 table[j, near] = given[j, lane]
-            places[near], moved[near] = lane, far
+            places[near] = lane
             near += 1
     if near == 0:
         return blocked
     run_first(guard.program, table, room.gaps, near)
     for k in range(near):
-        gap = room.gaps[0, k] - guard.required
-        free = gap + clear > moved[k] if guard.swept else gap > 0.0
-        if not free:
+        if not room.gaps[0, k] > guard.required:
             asked[blocked] = places[k]
             blocked += 1
     return blocked

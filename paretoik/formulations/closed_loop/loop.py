@@ -17,7 +17,7 @@ from paretoik.formulations.closed_loop.objectives import StepObjective, joint_di
 from paretoik.formulations.closed_loop.posture import first_posture
 from paretoik.formulations.closed_loop.programs import StepPrograms, step_programs
 from paretoik.formulations.closed_loop.searching import Population, StepSearch
-from paretoik.formulations.closed_loop.step import HISTORY, Instant, Safety
+from paretoik.formulations.closed_loop.step import HISTORY, Instant
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import finite_array
@@ -57,7 +57,7 @@ class Taken:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """What a closed loop did: ``q`` (time, dof), the steps to the samples asked for, digests of the state on the way."""
+    """What a closed loop did: ``q`` (time, dof), the steps that were asked for, and digests of the state on the way."""
 
     task: MotionTask
     q: Float[np.ndarray, "time dof"]
@@ -96,13 +96,12 @@ class ClosedLoop:
     start
         Joint positions (dof,) that the loop begins in; None searches for some by OLGA (section 4.2).
     obstacles, link_radius, limits
-        What the links, capsules of this radius [m], must stay clear of (by ``limits.clearance``). Of the limits,
+        What the links, capsules of this radius [m], must be clear of (by ``limits.clearance``) where a step ends. Of
+        the limits,
         positions bound the search for a start, and velocities the length of a step.
     longest_step
         The most that a joint may move in a step [rad, m]; None takes 0.1, or what the velocity limits allow if that is
         less; np.inf is the paper's.
-    swept
-        Whether a step must be clear of obstacles all the way; False looks at its end only, as the paper does.
     population, generations, seed
         Of the search in every step, and of all chance.
 
@@ -126,7 +125,6 @@ class ClosedLoop:
         link_radius: float = 0.0,
         limits: Limits | None = None,
         longest_step: float | None = None,
-        swept: bool = True,
         population: int = 200,
         generations: int = 200,
         seed: int = 0,
@@ -158,7 +156,7 @@ class ClosedLoop:
             raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
         self.population, self.generations, self.seed = int(population), int(generations), int(seed)
         self.start = first_posture(self.task, seed=seed) if start is None else _given_start(arm, start)
-        self.safety = Safety(longest=_longest(self.task, longest_step), swept=swept)
+        self.longest = _longest(self.task, longest_step)
 
     def weighed(self, weights: Sequence[float]) -> ClosedLoop:
         """Return the same loop, from the same start, with other weights."""
@@ -180,7 +178,7 @@ class ClosedLoop:
     def instant(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> Instant:
         """Return what is known before a step, after these joint positions; at rest in the start if None."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
-        return Instant(task=self.task, sample=sample, history=before, home=self.start, safety=self.safety)
+        return Instant(task=self.task, sample=sample, history=before, home=self.start, longest=self.longest)
 
     def search(self) -> StepSearch:
         """Return the compiled search of its steps; one a thread."""
@@ -227,7 +225,7 @@ class ClosedLoop:
 
     def _blocked(self, instant: Instant) -> Infeasible:
         time = self.task.times[instant.sample]
-        most = float(instant.safety.longest.max())
+        most = float(instant.longest.max())
         said = f"step {instant.sample} ({time:.3g} s): a free configuration wanted, none was found"
         said += f" within {most:.3g} rad" if np.isfinite(most) else ""
         if not self.task.obstacles:

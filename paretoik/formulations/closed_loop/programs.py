@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,11 @@ from paretoik.calculus.machine import Program, program
 from paretoik.calculus.traced import Traced
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop.objectives import Step, StepObjective
-from paretoik.formulations.closed_loop.step import turning_rows
+from paretoik.formulations.closed_loop.step import HISTORY, turning_rows
 from paretoik.robot.kinematics import chain
 from paretoik.task.derivatives import TracedMotion, local, traced_sample
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.path import Path
 
 ORDERS = 4  # positions, velocities, accelerations, jerks
 
@@ -27,7 +28,7 @@ class StepPrograms:
     """Programs of one arm, task and set of objectives, whatever the step.
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
-    home, the target, and what else changes from sample to sample; it reads rates of fewer than ``orders`` orders.
+    home, the target and constants; it reads rates of fewer than ``orders`` orders.
     ``clearance`` takes positions; it has no outputs where there are no obstacles.
     """
 
@@ -35,11 +36,11 @@ class StepPrograms:
     orders: int
     clearance: Program
     inputs: int
-    varying: Float[np.ndarray, "numbers time"]
+    constants: Float[np.ndarray, " numbers"]
 
-    def fixed(self, home: np.ndarray, target: np.ndarray, sample: int) -> Float[np.ndarray, " rows"]:
+    def fixed(self, home: np.ndarray, target: np.ndarray) -> Float[np.ndarray, " rows"]:
         """Return the rows of inputs that a step does not change."""
-        return np.concatenate([home, target, self.varying[:, sample]])
+        return np.concatenate([home, target, self.constants])
 
 
 def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: float) -> StepPrograms:
@@ -47,7 +48,7 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
 
     Raises InvalidInput, naming the objective and what it did, where that cannot be written down.
     """
-    motion, dof = traced_sample(task), task.arm.dof
+    motion, dof = traced_sample(_window(task, dt)), task.arm.dof
     trace = motion.trace
     home, target = trace.inputs(dof), trace.inputs(task.targets.shape[1])
     error, turns = _errors(motion, task, target), turning_rows(task)
@@ -71,8 +72,17 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
         orders=max(rates, default=0) + 1,
         clearance=_clearance(task),
         inputs=len(trace.tape.inputs),
-        varying=np.array(list(trace.data.values())).reshape(len(trace.data), len(task.times)),
+        constants=np.array([values[-1] for values in trace.data.values()]),
     )
+
+
+def _window(task: MotionTask, dt: float) -> MotionTask:
+    """Return the task of the few samples that a step is judged by: a mean over time is one over these."""
+    times = dt * np.arange(HISTORY + 1)
+    given, first = task.tasks[0].path, np.zeros(len(times), dtype=int)
+    turns = None if given.quaternions is None else given.quaternions[first]
+    path = Path(times, given.positions[first], turns, given.curve)
+    return replace(task, tasks=(replace(task.tasks[0], path=path), *task.tasks[1:]))
 
 
 def _of(given: StepObjective, step: Step) -> Callable[[TracedMotion], Any]:

@@ -40,14 +40,13 @@ class Guard(NamedTuple):
     """The program of the clearance, what is required of it [m], and how far a step may go.
 
     ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``longest`` (dof,) the most that each
-    may move; ``swept``, a step must be free all the way.
+    may move.
     """
 
     program: Any
     required: float
     reach: np.ndarray
     longest: np.ndarray
-    swept: bool
 
 
 class Selection(NamedTuple):
@@ -90,7 +89,6 @@ class Room(NamedTuple):
     work: np.ndarray
     asked: np.ndarray
     places: np.ndarray
-    moved: np.ndarray
     selection: Selection
     values: np.ndarray
 
@@ -129,7 +127,6 @@ def room(dof: int, redundancy: int, population: int, objectives: int, inputs: in
         work=np.zeros((r * r + r, N)),
         asked=np.zeros(N, index),
         places=np.zeros(N, index),
-        moved=np.zeros(N),
         selection=selection,
         values=np.zeros((M, N)),
     )

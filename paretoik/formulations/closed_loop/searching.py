@@ -58,14 +58,13 @@ class StepSearch:
         null = np.ascontiguousarray(right[len(wanted) :].T)
         rates = np.array([np.diff(instant.history, order, axis=0)[-1] / dt**order for order in (1, 2)] + [np.zeros(n)])
         given = self.room.given
-        rows = self.programs.fixed(instant.home, instant.target, instant.sample)
+        rows = self.programs.fixed(instant.home, instant.target)
         given[4 * n : 4 * n + len(rows)] = rows[:, None]
         guard = Guard(
             self._clearance,
             task.least_clearance,
             reaches(task),
-            np.array(instant.safety.longest, dtype=float),
-            bool(instant.safety.swept),
+            np.array(instant.longest, dtype=float),
         )
         alive = _engine()(
             self.seed,

@@ -27,33 +27,23 @@ from paretoik.task.retraction import task_errors
 
 HISTORY = 3  # configurations before a step: enough for a jerk
 BOUND = 1.0  # of every gene, either side
-TRIES = 1000  # at a chromosome whose configuration is free
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Safety:
-    """When a step is rejected.
-
-    ``longest`` (dof,) [rad, m] is the most that each joint may move in a step. A step that is ``swept`` must be clear
-    of the obstacles all the way, otherwise at its end only, as in the paper.
-    """
-
-    longest: Float[np.ndarray, " dof"]
-    swept: bool = True
+TRIES = 100  # at a chromosome whose configuration is free
+ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Instant:
     """What is known when a step is taken to sample ``sample`` of the path.
 
-    ``history`` are the last joint positions, the present ones last; ``home`` are those in which the loop began.
+    ``history`` are the last joint positions, the present ones last; ``home`` are those in which the loop began;
+    ``longest`` [rad, m] is the most that each joint may move.
     """
 
     task: MotionTask
     sample: int
     history: Float[np.ndarray, "history dof"]
     home: Float[np.ndarray, " dof"]
-    safety: Safety
+    longest: Float[np.ndarray, " dof"]
 
     @property
     def previous(self) -> Float[np.ndarray, " dof"]:
@@ -97,15 +87,11 @@ class Instant:
         )
 
     def free(self, q: Float[np.ndarray, "points dof"]) -> Bool[np.ndarray, " points"]:
-        """Return which steps are no longer than allowed and clear of obstacles, as far as ``safety`` asks."""
-        step = np.abs(q - self.previous)
-        within: Bool[np.ndarray, " points"] = (step <= self.safety.longest).all(axis=1)
+        """Return which steps are no longer than allowed and end clear of obstacles."""
+        within: Bool[np.ndarray, " points"] = (np.abs(q - self.previous) <= self.longest * ROUNDED).all(axis=1)
         if not self.task.obstacles or not within.any():
             return within
-        gaps = self.gaps(np.concatenate([self.previous[None], np.where(within[:, None], q, self.previous)]))
-        # No point of the arm moves farther than this, and distances change by no more than points move.
-        moved = step @ reaches(self.task)
-        return within & (gaps[1:] + gaps[0] > moved if self.safety.swept else gaps[1:] > 0)
+        return within & (self.gaps(np.where(within[:, None], q, self.previous)) > 0)
 
     def gaps(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
         """Return by how much [m] configurations keep more than the required clearance."""
@@ -152,6 +138,23 @@ class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
     def free(self, genes: Genes) -> Bool[np.ndarray, " points"]:
         """Return which chromosomes need not be replaced."""
         return self.instant.free(self.decode(genes))
+
+    def shortened(self, genes: Genes) -> Genes:
+        """Return genes of steps with no more self-motion than the longest step leaves.
+
+        What the step to the target itself takes is not shortened.
+        """
+        wanted, jacobian = self._asked
+        least, longest = np.linalg.pinv(jacobian) @ wanted, self.instant.longest
+        more = np.nan_to_num(self.decode(genes) - self.instant.previous - least)
+        far = np.abs(least + more) > longest
+        left = np.maximum((np.copysign(longest, more) - least) / np.where(far, more, 1.0), 0.0)
+        kept = np.where(far, np.minimum(left, 1.0), 1.0).min(axis=1, keepdims=True)
+        rows = genes.reshape(-1, self.rows, self.row)
+        ahead = np.einsum("prk,pk->pr", rows[..., :-1], least + kept * more)
+        found = np.concatenate([rows[..., :-1], np.where(kept < 1, ahead, rows[..., -1])[..., None]], axis=-1)
+        made: Genes = found.reshape(genes.shape)
+        return made
 
     def scores(self, q: Float[np.ndarray, "points dof"]) -> Objectives:
         """Return the objectives of steps, minimised; inf where one is not a number."""
@@ -202,13 +205,13 @@ class ReplaceBlocked(Repair):  # type: ignore[misc]  # pymoo is not typed
 
 
 def replaced(problem: ControlStep, genes: Genes, rng: np.random.Generator) -> Genes:
-    """Return genes with those that are not free replaced by drawn ones, as often as it takes."""
-    genes = np.array(genes, dtype=float)
+    """Return genes of steps that are short enough, those that are not free replaced by drawn ones."""
+    genes = problem.shortened(np.array(genes, dtype=float))
     for _ in range(TRIES):
         blocked = np.flatnonzero(~problem.free(genes))
         if not blocked.size:
             break
-        genes[blocked] = _drawn(problem, blocked.size, rng)
+        genes[blocked] = problem.shortened(_drawn(problem, blocked.size, rng))
     return genes
 
 

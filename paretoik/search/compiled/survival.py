@@ -21,8 +21,8 @@ def placed(F, parents, children, level, bucket, begins, child, points, xy):
     """Write parents, which are sorted, and so many children in order of (first, second objective); return how many.
 
     ``points`` are their numbers, ``xy`` (2, points) their objectives. Children go to buckets between the parents and
-    are sorted there. Where all parents are of one ``level``, children that one dominates, or is worth the same, are left
-    out. What chance decides is written without branches.
+    are sorted there. Where all parents are of one ``level``, children that one dominates, or that are worth the same,
+    are left out. What chance decides is written without branches.
     """
     for k in range(parents + 2):
         begins[k] = 0

@@ -8,6 +8,8 @@ from moocore import pareto_rank
 
 import paretoik as pk
 from paretoik.formulations.closed_loop import engine
+from paretoik.formulations.closed_loop.loop import ClosedLoop
+from paretoik.formulations.closed_loop.objectives import joint_displacement, position_error
 from paretoik.formulations.closed_loop.room import room
 from paretoik.formulations.closed_loop.step import ControlStep
 from paretoik.front.indicators import hypervolume
@@ -131,9 +133,23 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
     q = np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
     where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
-    objectives = [pk.joint_displacement, pk.position_error, pk.joint_limit_distance]
-    found = pk.ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
+    objectives = [joint_displacement, position_error, pk.joint_limit_distance]
+    found = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
     population = found.search()(found.instant(1))
     step = ControlStep(found.instant(1), found.objectives)
     np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-8)
     np.testing.assert_allclose(step.scores(population.q), population.F, rtol=1e-6, atol=1e-10)
+
+
+def test_steps_that_are_too_long_are_shortened_alike_by_engine_and_problem():
+    loop = marcos_2012.loop(4, 0.7, start=posture(4), steps=4, population=40, generations=10)
+    step = ControlStep(loop.instant(1), loop.objectives)
+    drawn = np.random.default_rng(0).uniform(-1, 1, size=(200, step.n_var))
+    assert not step.free(drawn).all()
+    short = step.shortened(drawn)
+    assert step.free(short).all()
+    near = step.free(drawn)
+    np.testing.assert_array_equal(short[near], drawn[near])
+    found = loop.search()(loop.instant(1))
+    assert np.abs(found.q - loop.start).max() <= 0.1 * (1 + 1e-9)
+    np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)

@@ -1,0 +1,108 @@
+"""Every closed loop of the tables, searched and exact, on all cores."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from paretoik.formulations.closed_loop.loop import ClosedLoopRun
+from paretoik.redundancy.extended_jacobian import exact_steps
+from problems import marcos_2012
+from problems.marcos_2012 import DISTANCES, STEPS, Links
+
+WEIGHTS = tuple(round(0.1 * k, 1) for k in range(11))
+LINKS: tuple[Links, ...] = (4, 3)  # the longer runs first, so that all cores end together
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One cell of Tables 1 and 2, or with obstacles of Tables 3 and 4."""
+
+    links: Links
+    distance: float
+    blocked: bool
+    weight: float
+
+    @property
+    def arm(self) -> str:
+        """The arm as the paper's columns call it."""
+        return f"{self.links}R"
+
+    @property
+    def row(self) -> str:
+        """The row as the paper's numbers are kept."""
+        return f"r = {self.distance}, w = {self.weight}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Followed:
+    """A cell's closed loop, searched, its seconds of processor time, and the exact one from the same start."""
+
+    cell: Cell
+    run: ClosedLoopRun
+    seconds: float
+    exact: ClosedLoopRun
+
+
+def cells(
+    *, links: Sequence[Links] = LINKS, distances: Sequence[float] = DISTANCES, weights: Sequence[float] = WEIGHTS
+) -> list[Cell]:
+    """Return the cells of these arms, distances and weights, with and without obstacles."""
+    return [
+        Cell(links=n, distance=r, blocked=blocked, weight=w)
+        for n, blocked, r, w in product(links, (False, True), distances, weights)
+    ]
+
+
+def starts(wanted: Sequence[Cell], *, seed: int) -> dict[tuple[int, float], np.ndarray]:
+    """Return where each arm begins on each circle, by OLGA, clear of the obstacles: the same with and without them."""
+    found: dict[tuple[int, float], np.ndarray] = {}
+    for cell in wanted:
+        key = (cell.links, cell.distance)
+        if key not in found:
+            found[key] = marcos_2012.loop(cell.links, cell.distance, blocked=True, steps=3, seed=seed).start
+    return found
+
+
+def followed(
+    wanted: Sequence[Cell], begins: dict[tuple[int, float], np.ndarray], *, steps: int = STEPS, seed: int = 0
+) -> Iterator[Followed]:
+    """Follow every cell's loop on all cores, as they end."""
+    done = 0
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        for one in pool.map(
+            lambda cell: follow(cell, begins[cell.links, cell.distance], steps=steps, seed=seed), wanted
+        ):
+            done += 1
+            print(f"\r{done} of {len(wanted)} closed loops", end="", file=sys.stderr, flush=True)
+            yield one
+    print(file=sys.stderr)
+
+
+def follow(cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations: int = 200) -> Followed:
+    """Follow one cell's loop from a start, searched and exact."""
+    loop = marcos_2012.loop(
+        cell.links,
+        cell.distance,
+        weight=cell.weight,
+        blocked=cell.blocked,
+        steps=steps,
+        start=start,
+        seed=seed,
+        generations=generations,
+        as_printed=True,
+    )
+    begun = time.thread_time()
+    run = loop.run(fronts=(1, 2))
+    seconds = time.thread_time() - begun
+    obstacles = loop.task.obstacles
+    q = exact_steps(loop.task.arm, loop.task.targets, start, weight=cell.weight, obstacles=obstacles)
+    exact = ClosedLoopRun(task=loop.task, q=q, fronts={}, digests=())
+    return Followed(cell=cell, run=run, seconds=seconds, exact=exact)

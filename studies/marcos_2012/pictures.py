@@ -1,0 +1,95 @@
+"""Figures 2 to 9 as pictures: arms, joints over time, and the fronts of the first two steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle as Disc
+from matplotlib.patches import Rectangle
+
+from paretoik.review.plots import ACCENTS, INK, QUIET, STYLE, stroboscopic
+from paretoik.task.obstacles import Box, Circle, Obstacle
+from problems.marcos_2012 import DISTANCES
+from studies.marcos_2012.loops import Cell, Followed
+
+MOTIONS = {False: (2, 3), True: (6, 7)}  # figures of arms and joints, by whether there are obstacles
+FRONTS = {(False, 0.7): 4, (False, 2.0): 5, (True, 0.7): 8, (True, 2.0): 9}
+ENDS = (0.0, 1.0)
+
+
+def draw(folder: Path, found: Sequence[Followed]) -> list[Path]:
+    """Draw every figure whose loops are there, of four links, into a folder; return the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    known = {one.cell: one for one in found}
+    drawn: list[Path] = []
+
+    def wanted(distance: float, blocked: bool, weights: Sequence[float]) -> list[Followed]:
+        asked = [Cell(links=4, distance=distance, blocked=blocked, weight=w) for w in weights]
+        return [known[cell] for cell in asked if cell in known]
+
+    for blocked, (arms, joints) in MOTIONS.items():
+        pair = wanted(DISTANCES[0], blocked, ENDS)
+        if len(pair) == len(ENDS):
+            with _figure(folder / f"figure_{arms}.png", (8.0, 4.0), drawn) as figure:
+                _arms(figure, pair)
+            with _figure(folder / f"figure_{joints}.png", (8.0, 3.4), drawn) as figure:
+                _joints(figure, pair)
+    for (blocked, distance), number in FRONTS.items():
+        for one in wanted(distance, blocked, ENDS[:1]):
+            with _figure(folder / f"figure_{number}.png", (8.0, 3.4), drawn) as figure:
+                _fronts(figure, one)
+    return drawn
+
+
+@contextmanager
+def _figure(file: Path, size: tuple[float, float], drawn: list[Path]) -> Iterator[Figure]:
+    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
+        figure = Figure(figsize=size, dpi=125, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.savefig(file)
+        drawn.append(file)
+
+
+def _arms(figure: Figure, pair: Sequence[Followed]) -> None:
+    for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
+        for obstacle in one.run.task.obstacles:
+            _obstacle(axes, obstacle)
+        stroboscopic(axes, one.run.motion)
+        axes.set(title=f"w = {one.cell.weight}", xlabel="x [m]", aspect="equal")
+    figure.axes[0].set_ylabel("y [m]")
+
+
+def _obstacle(axes: Axes, obstacle: Obstacle) -> None:
+    if isinstance(obstacle, Circle):
+        axes.add_patch(Disc(tuple(obstacle.center), obstacle.radius, facecolor=QUIET, alpha=0.5))
+    elif isinstance(obstacle, Box):
+        corner = obstacle.pose.position[:2] - obstacle.half_sizes[:2]
+        axes.add_patch(Rectangle(tuple(corner), *(2 * obstacle.half_sizes[:2]), facecolor=QUIET, alpha=0.5))
+
+
+def _joints(figure: Figure, pair: Sequence[Followed]) -> None:
+    for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
+        for j, joint in enumerate(one.run.q.T):
+            axes.plot(one.run.task.times, joint, color=ACCENTS[j % len(ACCENTS)], label=f"joint {j + 1}")
+        axes.set(title=f"w = {one.cell.weight}", xlabel="time [s]")
+    figure.axes[0].set_ylabel("joint position [rad]")
+    figure.axes[-1].legend(frameon=False)
+
+
+def _fronts(figure: Figure, one: Followed) -> None:
+    for axes, taken in zip(figure.subplots(1, 2), (one.run.fronts[1], one.run.fronts[2]), strict=True):
+        F = taken.front.F
+        axes.plot(*F.T, linestyle="none", marker=".", markersize=3, color=INK)
+        for axis, name in enumerate("ab"):
+            best = F[int(np.argmin(F[:, axis]))]
+            axes.plot(*best, marker="o", color=ACCENTS[axis])
+            axes.annotate(name, best, textcoords="offset points", xytext=(5, 5), color=ACCENTS[axis])
+        axes.set(title=f"t = {one.run.task.times[taken.sample]:.3f} s", xlabel="f₁ [rad²/s²]", ylabel="f₂ [m]")

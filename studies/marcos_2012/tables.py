@@ -1,0 +1,120 @@
+"""Tables 1 to 4, ours beside the paper's and the oracle's, and what they say."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from studies.marcos_2012.loops import Cell, Followed, follow
+from studies.reporting import REPORTED, Row
+
+ERROR_GOAL, DRIFT_GOAL = 0.005, 0.03  # of the oracle's, for w ≥ 0.5 and three links
+SEEDS, SHORT = 11, 100  # of four links, and steps that each follows
+
+
+@cache
+def paper() -> dict[tuple[str, str, str], float]:
+    """Return what the paper prints, by table, row and arm."""
+    with (REPORTED / "marcos_2012.csv").open(encoding="utf-8") as file:
+        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
+
+
+def table_rows(found: Sequence[Followed]) -> list[Row]:
+    """Return Tables 1 to 4 (Eqs. 23 and 25), the oracle's number and how far ours is from it in the note."""
+    rows = []
+    for one in found:
+        cell = one.cell
+        names = ("Table 3", "Table 4") if cell.blocked else ("Table 1", "Table 2")
+        values = (
+            (one.run.position_error, one.exact.position_error, "m", "mean position error"),
+            (one.run.drift, one.exact.drift, "rad", "drift"),
+        )
+        for name, (ours, exact, unit, what) in zip(names, values, strict=True):
+            with_them = "with two obstacles" if cell.blocked else "no obstacles"
+            rows.append(
+                Row(
+                    table=f"{name}: {what}, {with_them}",
+                    row=cell.row,
+                    column=cell.arm,
+                    unit=unit,
+                    ours=ours,
+                    paper=paper()[name, cell.row, cell.arm],
+                    note=f"oracle {exact:.4g}, ours {100 * (ours / exact - 1):+.2f} % of it",
+                )
+            )
+    return sorted(rows, key=lambda row: (row.table, row.row, row.column))
+
+
+def oracle_rows(found: Sequence[Followed]) -> list[Row]:
+    """Return how far three links are from the oracle at most, where the displacement weighs half or more."""
+    rows = []
+    kept = [one for one in found if one.cell.links == 3 and one.cell.weight >= 0.5]
+    for blocked in dict.fromkeys(one.cell.blocked for one in kept):
+        for what, goal in (("position_error", ERROR_GOAL), ("drift", DRIFT_GOAL)):
+            apart = [
+                (abs(getattr(one.run, what) / getattr(one.exact, what) - 1), one.cell.row)
+                for one in kept
+                if one.cell.blocked == blocked
+            ]
+            worst, where = max(apart)
+            lost = "LOSS: " if worst > goal else ""
+            rows.append(
+                Row(
+                    table="beside the oracle, 3R, w of 0.5 and more",
+                    row="with two obstacles" if blocked else "no obstacles",
+                    column=what.replace("_", " "),
+                    unit="relative",
+                    ours=worst,
+                    paper=goal,
+                    note=f"{lost}goal; worst of {len(apart)} cells: {where}",
+                )
+            )
+    return rows
+
+
+def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEEDS, steps: int = SHORT) -> list[Row]:
+    """Return how four links spread over seeds, beside the oracle."""
+    rows = []
+    for (links, distance), start in starts.items():
+        cell = Cell(links=4, distance=distance, blocked=False, weight=0.5)
+        if links != 4:
+            continue
+        found = [follow(cell, start, steps=steps, seed=seed) for seed in range(seeds)]
+        for what, unit in (("position_error", "m"), ("drift", "rad")):
+            values = [getattr(one.run, what) for one in found]
+            low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
+            rows.append(
+                Row(
+                    table=f"4R over {seeds} seeds, {steps} steps: median beside the oracle",
+                    row=cell.row,
+                    column=what.replace("_", " "),
+                    unit=unit,
+                    ours=float(middle),
+                    paper=float(getattr(found[0].exact, what)),
+                    note=f"quartiles {low:.4g} and {high:.4g}",
+                )
+            )
+    return rows
+
+
+def time_rows(found: Sequence[Followed], seconds: float) -> list[Row]:
+    """Return what the loops took: processor time a generation, and all of them."""
+    rows = []
+    for links in sorted({one.cell.links for one in found}):
+        own = [one for one in found if one.cell.links == links]
+        generations = sum((len(one.run.q) - 1) * 200 for one in own)
+        rows.append(
+            Row(
+                table="time",
+                row=f"{links}R",
+                column="a generation, processor time",
+                unit="µs",
+                ours=1e6 * sum(one.seconds for one in own) / generations,
+                note=f"{len(own)} loops of {len(own[0].run.q) - 1} steps",
+            )
+        )
+    rows.append(Row(table="time", row="all", column="whole run", unit="s", ours=seconds, note=f"{len(found)} loops"))
+    return rows
