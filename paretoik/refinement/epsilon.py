@@ -24,6 +24,7 @@ WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may b
 FIRST_WEIGHT = 1e-3  # of the others at an end, as far as it gives way by no more than that
 SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 NEAREST = 4  # points whose motions every ε starts from
+SETTLING, BESIDE = 3, 2  # rounds at most in which points try motions of so many neighbours
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
 POOL = 4  # optima of each objective that every ε starts from
 COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
@@ -64,6 +65,8 @@ def epsilon_points(
     for got in between:
         found.add_all(got)
     _fill_gaps(found, points)
+    if task.redundancy > 1:
+        _settle(found, points)
     q, values = found.front()
     kept = spread_rows(values, points)
     return Points(q=q[kept], values=values[kept] * ranges, ranges=ranges)
@@ -270,6 +273,32 @@ def _fill_gaps(found: _Found, points: int) -> None:
         middle = (values[i] + values[j]) / 2
         if not any(found.add(main, np.where(np.arange(count) == main, np.inf, middle)) for main in mains):
             closed.add((*values[i], *values[j]))
+
+
+def _settle(found: _Found, points: int) -> None:
+    """Try for every point of the front whether the motions of its neighbours lead to one that is better in everything.
+
+    Where the self-motion has several dimensions its valleys are many, and a neighbour that came later may lie in a
+    better one.
+    """
+    for _ in range(SETTLING):
+        q, values = found.front()
+        kept = spread_rows(values, points)
+        q, values = q[kept], values[kept]
+        if len(q) < 2:
+            return
+        apart = np.linalg.norm(values[:, None] - values[None], axis=2)
+        near = np.argsort(apart + np.where(np.eye(len(q)) > 0, np.inf, 0.0), axis=1)[:, : min(BESIDE, len(q) - 1)]
+        factors = np.zeros((1, len(found.program.totals)))
+        factors[0, : values.shape[1]] = 1.0
+        caps = np.full((near.size, len(found.program.totals)), np.inf)
+        caps[:, : values.shape[1]] = np.repeat(values, near.shape[1], axis=0)
+        got = polish(found.program, q[near.ravel()], factors, caps, WARM)
+        gained = np.repeat(values.sum(axis=1), near.shape[1]) - got.totals[:, : values.shape[1]].sum(axis=1)
+        better = got.converged & (gained > 10 * SAME)
+        if not better.any():
+            return
+        found.add_all(got[better])
 
 
 def _gaps(values: np.ndarray) -> list[tuple[int, int]]:

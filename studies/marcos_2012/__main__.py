@@ -15,17 +15,19 @@ from studies.marcos_2012.pictures import draw
 from studies.marcos_2012.tables import oracle_rows, spread_rows, table_rows, time_rows
 from studies.reporting import report
 
+QUICK_STEPS = 300
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Follow the paper's closed loops, report their tables and draw the figures."""
     parser = argparse.ArgumentParser(prog="python -m studies.marcos_2012", description="Marcos et al. 2012, CLMOGA.")
-    parser.add_argument("--quick", action="store_true", help="three links, one circle, two weights, 600 steps")
+    parser.add_argument("--quick", action="store_true", help="three links, one circle, two weights, 300 steps")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, help="file to write the rows to")
     parser.add_argument("--out", type=Path, default=Path("runs/marcos_2012"), help="folder for the pictures")
     given = parser.parse_args(arguments)
     begun = time.perf_counter()
-    steps = 600 if given.quick else STEPS
+    steps = QUICK_STEPS if given.quick else STEPS
     wanted = cells(links=[3], distances=[0.7], weights=[0.5, 1.0]) if given.quick else cells()
     begins = starts(wanted, seed=given.seed)
     found = list(followed(wanted, begins, steps=steps, seed=given.seed))

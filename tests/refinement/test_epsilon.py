@@ -4,9 +4,11 @@ import pytest
 import paretoik as pk
 from paretoik.front.indicators import hypervolume
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.epsilon import front_rows, spread_rows
+from paretoik.refinement.epsilon import _Found, _settle, front_rows, spread_rows
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
+from paretoik.task.motion import steepest
+from paretoik.task.retraction import retract, task_errors
 from problems import tringali_2020
 from studies.benchmarks.energy_torque import REFERENCE_POINT, reference_front
 
@@ -117,3 +119,31 @@ def test_too_many_points_are_thinned_to_those_well_apart():
     shares = np.array([[0.0, 1.0], [0.01, 0.98], [0.02, 0.97], [0.5, 0.5], [0.52, 0.49], [1.0, 0.0]])
     assert spread_rows(shares, 3).tolist() in ([0, 3, 5], [0, 4, 5])
     assert spread_rows(shares, 10).tolist() == list(range(6))
+
+
+def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
+    problem = pk.Tracking(
+        pk.marcos_nr(4),
+        pk.line([2.0, 0.0], [1.5, 1.0], duration=1.0, samples=26),
+        objectives=[pk.joint_limit_distance, pk.manipulability],
+        limits=pk.Limits(position=3.0),
+    )
+    front = pk.epsilon_front(problem, points=5, starts=8)
+    ranges = np.ptp(front.minimised, axis=0)
+    program, task = motion_program(problem.task, ranges), problem.task
+    bump = 0.01 * np.sin(np.linspace(0, np.pi, 26))[:, None] * np.array([0.3, -1.0, 1.0, -0.4])
+    motion = front.motions.q[2] + bump
+    directions = steepest(task_errors(task.arm, task.tasks, motion, task.targets)[1])
+    spoiled = retract(task.arm, task.tasks, motion, task.targets, directions)
+    assert spoiled.on_path.all()
+    ends = polish(program, front.motions.q[:1], np.ones((1, len(program.totals))))
+    found = _Found(program, front.motions.q, ends, ranges, None, 5)
+    found.q = np.array(front.motions.q)
+    found.q[2] = spoiled.q
+    found.values = np.stack([o(task.motion(found.q)) * o.sign for o in task.objectives], axis=1) / ranges
+    worse = found.values[2].copy()
+    others = np.delete(found.values, 2, axis=0)
+    assert not np.any(np.all(others <= worse, axis=1))
+    _settle(found, 5)
+    gained = np.all(found.values <= worse + 1e-9, axis=1) & np.any(found.values < worse - 1e-4, axis=1)
+    assert gained.any()

@@ -25,7 +25,7 @@ from paretoik.search.seeding import SMALLEST_POPULATION, check_size
 from paretoik.task.limits import Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
-from paretoik.task.objectives import Objective, joint_drift, objective
+from paretoik.task.objectives import Found, Moving, Objective, joint_drift, objective
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.path import Path
 from paretoik.task.task import Task
@@ -36,7 +36,7 @@ HASHED = 100  # steps between digests of the state
 
 
 @objective(unit="m", form="general")
-def mean_position_error(motion: Motion) -> np.ndarray:
+def mean_position_error(motion: Moving) -> Found:
     """Mean over the steps of the distance of the tool from its target. Source: Marcos et al. 2012, Eq. 23."""
     return motion.position_error[..., 1:].mean(axis=-1)
 

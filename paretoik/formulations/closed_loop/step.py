@@ -176,6 +176,7 @@ class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
             survival=MaxiMin(),
             repair=ReplaceBlocked(),
             eliminate_duplicates=False,
+            advance_after_initial_infill=True,
         )
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:

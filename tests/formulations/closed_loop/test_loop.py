@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+
+from paretoik.errors import Infeasible
+from paretoik.formulations.closed_loop.loop import ClosedLoop
+from paretoik.formulations.closed_loop.posture import first_posture
+from paretoik.redundancy.exact_step import hits
+from paretoik.redundancy.extended_jacobian import exact_steps, link_lengths, shapes
+from paretoik.robot.library import marcos_nr
+from paretoik.task.obstacles import Circle, signed_distance
+from problems import marcos_2012
+from tests.formulations.closed_loop.postures import posture
+
+STEPS = 25
+
+
+def small(links, weight=0.5, **settings):
+    given = {"start": posture(links), "steps": STEPS, "population": 60, "generations": 40, "as_printed": True}
+    return marcos_2012.loop(links, 0.7, weight=weight, **{**given, **settings})
+
+
+def brute_force(loop, weight, *, fine=200001):
+    """Return the best first step of three links, of all on a line."""
+    instant = loop.instant(1)
+    wanted, jacobian = instant.asked()
+    null = np.linalg.svd(jacobian)[2][2]
+    y = np.sinh(np.linspace(-12, 12, fine)) / np.sinh(12) * 3.0
+    q = instant.previous + np.linalg.pinv(jacobian) @ wanted + y[:, None] * null
+    F = np.stack(
+        [
+            ((q - instant.previous) ** 2).sum(1) + ((q - instant.home) ** 2).sum(1),
+            np.hypot(
+                np.cos(np.cumsum(q, axis=1)).sum(1) - instant.target[0],
+                np.sin(np.cumsum(q, axis=1)).sum(1) - instant.target[1],
+            ),
+        ],
+        axis=1,
+    )
+    ends = F[F.argmin(axis=0)]
+    z = (F - ends.min(axis=0)) / np.ptp(ends, axis=0)
+    return q[np.argmin(z @ [weight, 1 - weight])]
+
+
+@pytest.mark.parametrize("weight", [0.1, 0.5, 0.9])
+def test_the_exact_step_is_the_best_of_all(weight):
+    loop = small(3)
+    q = exact_steps(loop.task.arm, loop.task.targets[:2], loop.start, weight=weight)
+    np.testing.assert_allclose(q[1], brute_force(loop, weight), atol=2e-7)
+
+
+@pytest.mark.parametrize("weight", [0.3, 1.0])
+def test_searched_loops_go_where_exact_ones_go(weight):
+    loop = small(3, weight, population=120, generations=100)
+    run = loop.run(fronts=[1, STEPS])
+    q = exact_steps(loop.task.arm, loop.task.targets, loop.start, weight=weight)
+    assert run.position_error == pytest.approx(loop.task.motion(q).position_error[1:].mean(), rel=0.01)
+    assert np.abs(run.q - q).max() < 2e-3
+    assert sorted(run.fronts) == [1, STEPS]
+    assert run.drift == pytest.approx(np.linalg.norm(run.q[-1] - run.q[0]) / 3)
+
+
+def test_weights_alone_change_what_is_chosen():
+    loop = small(4)
+    near, far = loop.weighed([1, 0]).run(), loop.weighed([0, 1]).run()
+    np.testing.assert_array_equal(near.q[0], far.q[0])
+    assert near.drift < far.drift
+    assert near.position_error > far.position_error
+
+
+def test_states_are_the_same_again_and_tell_seeds_apart(monkeypatch):
+    monkeypatch.setattr("paretoik.formulations.closed_loop.loop.HASHED", 5)
+    first, again, other = small(3).run(), small(3).run(), small(3, seed=1).run()
+    assert len(first.digests) == STEPS // 5
+    assert first.digests == again.digests
+    assert first.digests != other.digests
+
+
+def test_every_step_is_shown_as_it_is_taken():
+    seen = []
+    small(3).run(observe=lambda taken: seen.append((taken.sample, len(taken.front.F))))
+    assert [sample for sample, _ in seen] == list(range(1, STEPS + 1))
+
+
+def test_steps_end_clear_of_obstacles_by_other_geometry():
+    loop = small(3, blocked=True, as_printed=False)
+    run = loop.run()
+    lengths, (circles, boxes) = link_lengths(loop.task.arm), shapes(loop.task.obstacles)
+    assert not any(hits(lengths, q, circles, boxes) for q in run.q)
+    assert np.abs(np.diff(run.q, axis=0)).max() <= 0.1 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_oracles_geometry_is_that_of_obstacles(seed):
+    rng = np.random.default_rng(seed)
+    circle, box = marcos_2012.obstacles(0.7)
+    circles, boxes = shapes([circle, box])
+    for q in rng.uniform(-np.pi, np.pi, size=(300, 3)):
+        angles = np.cumsum(q)
+        nodes = np.zeros((4, 3))
+        nodes[1:, 0], nodes[1:, 1] = np.cumsum(np.cos(angles)), np.cumsum(np.sin(angles))
+        gap = min(float(signed_distance(o, nodes[:-1], nodes[1:]).min()) for o in (circle, box))
+        if abs(gap) > 1e-9:
+            assert bool(hits(np.ones(3), q, circles, boxes)) == (gap < 0)
+
+
+def test_an_obstacle_that_encloses_the_path_is_named_with_the_step():
+    start = posture(3)
+    wall = Circle((0.7 + 0.5 * np.cos(0.3), 0.5 * np.sin(0.3)), 0.05)
+    loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 60), start=start, obstacles=[wall], population=8)
+    loop.generations = 3
+    with pytest.raises(Infeasible, match=r"step \d+ .*: a free configuration wanted.*from obstacle 1 of 1"):
+        loop.run()
+
+
+def test_a_start_is_found_near_the_path_and_clear_of_obstacles():
+    task = small(4, blocked=True).task
+    q = first_posture(task, population=200, generations=60, seed=3)
+    assert np.linalg.norm(forward(q) - task.targets[0]) < 0.05
+    lengths, (circles, boxes) = link_lengths(task.arm), shapes(task.obstacles)
+    assert not hits(lengths, q, circles, boxes)
+
+
+def forward(q):
+    angles = np.cumsum(q)
+    return np.array([np.cos(angles).sum(), np.sin(angles).sum()])

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from pymoo.core.individual import Individual
+from pymoo.core.population import Population
+from pymoo.core.problem import Problem
+
+from paretoik.search.rowwise import BinaryTournament, RankWeighting, ReplaceOne, RowCrossover
+
+
+class Box(Problem):
+    def __init__(self, genes):
+        super().__init__(n_var=genes, n_obj=1, xl=-np.ones(genes), xu=2 * np.ones(genes))
+
+
+def test_every_row_is_cut_at_a_place_of_its_own_and_both_children_are_complementary():
+    rng, row, rows = np.random.default_rng(0), 4, 3
+    parents = np.stack([np.zeros((500, row * rows)), np.ones((500, row * rows))])
+    one, other = RowCrossover(row)._do(Box(row * rows), parents, random_state=rng)
+    np.testing.assert_array_equal(one + other, 1.0)
+    behind = one.reshape(500, rows, row)
+    assert (np.diff(behind, axis=-1) >= 0).all()  # of the other parent from some gene on
+    cuts = row - behind.sum(axis=-1)
+    assert set(np.unique(cuts)) == {1, 2, 3}
+    assert abs(np.corrcoef(cuts[:, 0], cuts[:, 1])[0, 1]) < 0.2
+
+
+def test_rows_of_one_gene_are_exchanged_whole_or_not_at_all():
+    parents = np.stack([np.zeros((400, 2)), np.ones((400, 2))])
+    one, _ = RowCrossover(1)._do(Box(2), parents, random_state=np.random.default_rng(1))
+    assert 0.3 < one.mean() < 0.7
+
+
+def test_one_gene_is_replaced_by_a_number_within_its_bounds():
+    X = np.full((1000, 5), 7.0)
+    made = ReplaceOne()._do(Box(5), X, random_state=np.random.default_rng(0))
+    changed = made != 7.0
+    assert (changed.sum(axis=1) == 1).all()
+    assert (changed.sum(axis=0) > 120).all()
+    assert made[changed].min() >= -1
+    assert made[changed].max() <= 2
+    assert made[changed].max() > 1.9
+
+
+def ranked(rank, distance):
+    found = Population.new("X", np.zeros((len(rank), 1)))
+    for individual, r, d in zip(found, rank, distance, strict=True):
+        individual.data["rank"], individual.data["crowding"] = r, d
+    return found
+
+
+def test_a_tournament_is_won_by_rank_then_by_distance():
+    population = ranked([0, 0, 1, 1], [1.0, np.inf, 5.0, 2.0])
+    won = BinaryTournament()._do(Box(1), population, 20000, 1, random_state=np.random.default_rng(0))[:, 0]
+    shares = np.bincount(won, minlength=4) / len(won)
+    assert shares == pytest.approx([5 / 16, 7 / 16, 3 / 16, 1 / 16], abs=0.015)
+
+
+def test_rank_weighting_draws_the_best_most_often():
+    population = Population(individuals=[Individual(X=np.zeros(1), F=np.array([f])) for f in (3.0, 1.0, 2.0)])
+    for individual in population:
+        individual.CV = np.zeros(1)
+    drawn = RankWeighting()._do(Box(1), population, 30000, 1, random_state=np.random.default_rng(0))[:, 0]
+    assert np.bincount(drawn) / len(drawn) == pytest.approx([1 / 6, 3 / 6, 2 / 6], abs=0.015)

@@ -1,0 +1,83 @@
+"""The study of the closed loop, on a few steps."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studies.marcos_2012 import __main__ as study
+from studies.marcos_2012 import loops, tables
+from studies.marcos_2012.collisions import meets
+from studies.marcos_2012.loops import Cell, cells, follow
+from studies.marcos_2012.pictures import draw
+from studies.marcos_2012.tables import oracle_rows, paper, table_rows, time_rows
+from tests.formulations.closed_loop.postures import posture
+
+CELL = Cell(links=3, distance=0.7, blocked=False, weight=0.5)
+
+
+@pytest.fixture(scope="module")
+def followed():
+    return follow(CELL, posture(3), steps=12, seed=0, generations=60)
+
+
+def test_the_papers_tables_are_whole_and_agree_with_its_text():
+    assert len(cells()) == 88
+    assert len(paper()) == 176
+    errors = [paper()["Table 1", f"r = 0.7, w = {w}", "4R"] for w in loops.WEIGHTS]
+    assert (min(errors), max(errors)) == (3.44e-07, 1.03e-05)  # section 5.1: 3E-07 and 1E-05
+    assert paper()["Table 3", "r = 0.7, w = 0.0", "4R"] == 7.73e-07  # section 5.2: 8E-07
+
+
+def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed):
+    error, drift = table_rows([followed])
+    assert error.table == "Table 1: mean position error, no obstacles"
+    assert (error.paper, drift.paper) == (7.35e-06, 1.32e-03)
+    assert error.ours == pytest.approx(followed.exact.position_error, rel=0.01)
+    assert drift.ours == pytest.approx(followed.exact.drift, rel=0.05)
+    assert f"oracle {followed.exact.drift:.4g}" in drift.note
+
+
+def test_what_is_off_the_oracle_is_told_as_lost(followed):
+    assert not any(row.note.startswith("LOSS") for row in oracle_rows([followed]))
+    q = followed.run.q.copy()
+    q[1:] += 1e-2
+    off = replace(followed, run=replace(followed.run, q=q))
+    assert all(row.note.startswith("LOSS") for row in oracle_rows([off]))
+
+
+def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
+    blocked = follow(replace(CELL, blocked=True), posture(3), steps=3, seed=0, generations=5).run
+    through = replace(blocked, q=np.array([[0.5, 0.0, 0.0], [0.2, 0.0, 0.0], [0.5, 0.0, 0.0]]))
+    assert meets(blocked)[0] == 0
+    count, longest = meets(through)
+    assert count > 0
+    assert longest == pytest.approx(0.3)
+
+
+def test_times_are_those_of_a_generation(followed):
+    (each, whole) = time_rows([followed], 3.0)
+    assert each.ours == pytest.approx(1e6 * followed.seconds / (12 * 200))
+    assert whole.ours == 3.0
+
+
+def test_figures_are_drawn_of_what_is_there(tmp_path):
+    found = [
+        follow(Cell(links=4, distance=0.7, blocked=False, weight=w), posture(4), steps=4, seed=0, generations=5)
+        for w in (0.0, 1.0)
+    ]
+    assert [file.name for file in draw(tmp_path, found)] == ["figure_2.png", "figure_3.png", "figure_4.png"]
+    assert all(file.stat().st_size > 5000 for file in draw(tmp_path, found))
+
+
+def test_quick_writes_strict_json(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "QUICK_STEPS", 4)
+    monkeypatch.setattr(study, "starts", lambda wanted, seed: {(3, 0.7): posture(3)})
+    monkeypatch.setattr(tables, "SEEDS", 1)
+    file = tmp_path / "rows.json"
+    study.main(["--quick", "--json", str(file), "--out", str(tmp_path / "pictures")])
+    rows = json.loads(file.read_text())
+    assert {row["row"] for row in rows} >= {"no obstacles", "with two obstacles", "3R", "all"}
