@@ -1,8 +1,7 @@
 """Sine and cosine of many lanes at once: without branches, so that a processor works on several together.
 
 Reduction by multiples of π/2 in two parts, then the polynomials of fdlibm's kernels (Sun Microsystems 1993): right
-within one unit in the last place, or 1e-20 where that is more. The mathematical library's own take four times as long,
-one lane after the other.
+within one unit in the last place, or 1e-20 where that is more.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from studies.marcos_2012 import __main__ as study
-from studies.marcos_2012 import loops, tables
+from studies.marcos_2012 import loops
 from studies.marcos_2012.collisions import meets
 from studies.marcos_2012.loops import Cell, cells, follow
 from studies.marcos_2012.pictures import draw
@@ -76,7 +76,6 @@ def test_figures_are_drawn_of_what_is_there(tmp_path):
 def test_quick_writes_strict_json(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "QUICK_STEPS", 4)
     monkeypatch.setattr(study, "starts", lambda wanted, seed: {(3, 0.7): posture(3)})
-    monkeypatch.setattr(tables, "SEEDS", 1)
     file = tmp_path / "rows.json"
     study.main(["--quick", "--json", str(file), "--out", str(tmp_path / "pictures")])
     rows = json.loads(file.read_text())

@@ -1,4 +1,4 @@
-"""A control step's search, compiled: what ``ControlStep.algorithm`` does, some hundred times as fast.
+"""A control step's search, compiled: what ``ControlStep.algorithm`` does.
 
 NSGA-II with MaxiMin on the genes of the extended Jacobian, a stream of chance for every seed and step. Objectives and
 clearance are programs, so that arms and objectives of all kinds run through the same code.
@@ -10,21 +10,18 @@ import numpy as np
 
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.running import run_first
+from paretoik.formulations.closed_loop.room import ROUNDED, TRIES
 from paretoik.search.compiled.chance import begin
+from paretoik.search.compiled.many_objectives import filled, ranks
 from paretoik.search.compiled.offspring import anew, offspring
 from paretoik.search.compiled.survival import (
     by_rank,
-    filled,
     first_rank,
     insertion_distances,
     placed,
-    ranks,
     ranks_in_order,
     thinned,
 )
-
-TRIES = 100  # at a chromosome whose configuration is free
-ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
 
 
 @compiled

@@ -96,9 +96,9 @@ class ClosedLoop:
     start
         Joint positions (dof,) that the loop begins in; None searches for some by OLGA (section 4.2).
     obstacles, link_radius, limits
-        What the links, capsules of this radius [m], must be clear of (by ``limits.clearance``) where a step ends. Of
-        the limits,
-        positions bound the search for a start, and velocities the length of a step.
+        What the links, capsules of this radius [m], must be clear of (by ``limits.clearance``) where a step ends;
+        between its ends nothing is looked at. Position limits bound the search for a start alone, velocity limits the
+        length of a step.
     longest_step
         The most that a joint may move in a step [rad, m]; None takes 0.1, or what the velocity limits allow if that is
         less; np.inf is the paper's.

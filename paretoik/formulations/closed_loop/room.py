@@ -6,6 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+BOUND = 1.0  # of every gene, either side
+TRIES = 100  # at a chromosome whose configuration is free
+ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
+
 
 class Operators(NamedTuple):
     """Chances of crossover and mutation, and the bounds of every gene."""

@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.programs import StepPrograms
-from paretoik.formulations.closed_loop.room import Guard, Operators, Place, Room, Worth, room
-from paretoik.formulations.closed_loop.step import BOUND, Instant, reaches
+from paretoik.formulations.closed_loop.room import BOUND, Guard, Operators, Place, Room, Worth, room
+from paretoik.formulations.closed_loop.step import Instant, reaches
 
 CROSSING = MUTATING = 0.5
 

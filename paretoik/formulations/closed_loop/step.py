@@ -19,6 +19,7 @@ from pymoo.core.sampling import Sampling
 
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.objectives import Step, StepObjective
+from paretoik.formulations.closed_loop.room import BOUND, ROUNDED, TRIES
 from paretoik.search.maximin import MaxiMin
 from paretoik.search.rowwise import BinaryTournament, ReplaceOne, RowCrossover
 from paretoik.task.motion import Motion
@@ -26,9 +27,6 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
 HISTORY = 3  # configurations before a step: enough for a jerk
-BOUND = 1.0  # of every gene, either side
-TRIES = 100  # at a chromosome whose configuration is free
-ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
