@@ -25,7 +25,7 @@ Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every
 Result = TypeVar("Result")
 
 KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
-CORES = 2
+CORES = os.cpu_count() or 1
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
