@@ -11,6 +11,7 @@ import jaxtyping
 import pytest
 
 import paretoik.formulations.closed_loop.engine
+import paretoik.formulations.closed_loop.surroundings
 import paretoik.redundancy.exact_step
 import paretoik.refinement.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes

@@ -10,7 +10,8 @@ import numpy as np
 
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.running import run_first
-from paretoik.formulations.closed_loop.room import ROUNDED, TRIES
+from paretoik.formulations.closed_loop.room import FINEST, LOOKED, ROUNDED, TRIES
+from paretoik.formulations.closed_loop.surroundings import gaps
 from paretoik.search.compiled.chance import begin
 from paretoik.search.compiled.many_objectives import filled, ranks
 from paretoik.search.compiled.offspring import anew, offspring
@@ -66,12 +67,21 @@ def searched(seed, step, generations, operators, place, objectives, guard, room)
 @compiled
 def clearance_before(place, guard, room):
     """Return by how much the configuration before keeps more than the required distance; inf without obstacles."""
-    if guard.program[3].shape[0] == 0:
+    if guard.obstacles.shape[0] == 0:
         return np.inf
     for j in range(place.previous.shape[0]):
         room.table[j, 0] = place.previous[j]
-    run_first(guard.program, room.table, room.gaps, 1)
-    return room.gaps[0, 0] - guard.required
+    _spare(guard, 1, room)
+    return room.gaps[0]
+
+
+@compiled
+def _spare(guard, count, room):
+    """Write by how much the configurations in ``room.table`` keep more than the required distance."""
+    run_first(guard.nodes, room.table, room.nodes, count)
+    gaps(guard.obstacles, room.nodes, count, room.gaps)
+    for k in range(count):
+        room.gaps[k] -= guard.required
 
 
 @compiled
@@ -175,7 +185,7 @@ def _free(place, operators, guard, clear, left, room):
         asked[lane] = lane
     _shorten(left, place, guard, room)
     for _ in range(TRIES):
-        left = _blocked(left, place, guard, clear, room)
+        left = blocked(left, place, guard, clear, room)
         if left == 0:
             return
         for k in range(left):
@@ -208,14 +218,14 @@ def _shorten(count, place, guard, room):
 
 
 @compiled
-def _blocked(count, place, guard, clear, room):
-    """Move the lanes whose configuration is not free to the front of those asked; return how many.
+def blocked(count, place, guard, clear, room):
+    """Move the lanes whose step is not free to the front of those asked; return how many.
 
     No point of the arm moves by more than Σ reach · |Δq|: what is farther from all obstacles than that need not be
-    looked at.
+    looked at, and between two places that are together as far from them the arm is clear.
     """
     asked, given, table, places = room.asked, room.given, room.table, room.places
-    blocked, near, n = 0, 0, place.previous.shape[0]
+    stopped, near, n = 0, 0, place.previous.shape[0]
     for k in range(count):
         lane = asked[k]
         far, short = 0.0, True
@@ -224,21 +234,70 @@ def _blocked(count, place, guard, clear, room):
             far += guard.reach[j] * step
             short = short and step <= guard.longest[j] * ROUNDED  # not for what is no number
         if not short:
-            asked[blocked] = lane
-            blocked += 1
+            asked[stopped] = lane
+            stopped += 1
         elif far >= clear:
             for j in range(n):
                 table[j, near] = given[j, lane]
-            places[near] = lane
+            places[near], room.spans[near] = lane, far
             near += 1
     if near == 0:
-        return blocked
-    run_first(guard.program, table, room.gaps, near)
+        return stopped
+    _spare(guard, near, room)
+    doubtful = 0
     for k in range(near):
-        if not room.gaps[0, k] > guard.required:
-            asked[blocked] = places[k]
-            blocked += 1
-    return blocked
+        if not room.gaps[k] > guard.standoff:
+            asked[stopped] = places[k]
+            stopped += 1
+        elif guard.swept and clear + room.gaps[k] <= room.spans[k]:
+            places[doubtful], room.spans[doubtful], room.parts[4, doubtful] = places[k], room.spans[k], room.gaps[k]
+            doubtful += 1
+    if doubtful > 0:
+        _look_between(doubtful, place, clear, guard, room)
+    for k in range(doubtful):
+        if room.spans[k] < 0.0:
+            asked[stopped] = places[k]
+            stopped += 1
+    return stopped
+
+
+@compiled
+def _look_between(count, place, clear, guard, room):
+    """Mark the lanes in ``places`` whose steps are not seen to be clear all the way: their span turns negative.
+
+    Parts of steps (which one, begin, width, distance at begin and end) wait on a stack; what its ends do not tell of is
+    halved.
+    """
+    parts, table, q = room.parts, room.table, room.given
+    left = count
+    for k in range(count):
+        parts[0, k], parts[1, k], parts[2, k], parts[3, k] = k, 0.0, 1.0, clear
+    while left > 0:
+        taken = min(left, LOOKED)
+        left -= taken
+        for i in range(taken):
+            lane, share = room.places[np.int64(parts[0, left + i])], parts[1, left + i] + 0.5 * parts[2, left + i]
+            for j in range(place.previous.shape[0]):
+                table[j, i] = place.previous[j] + share * (q[j, lane] - place.previous[j])
+        _spare(guard, taken, room)
+        popped = parts[:, left : left + taken].copy()
+        for i in range(taken):
+            k, width, middle = np.int64(popped[0, i]), 0.5 * popped[2, i], room.gaps[i]
+            span = room.spans[k]
+            if span < 0.0:
+                continue
+            told, rest = popped[3, i] + middle > span * width, middle + popped[4, i] > span * width
+            if not middle > 0.0 or (not (told and rest) and width <= FINEST):
+                room.spans[k] = -1.0
+                continue
+            if not told:
+                parts[0, left], parts[1, left], parts[2, left] = k, popped[1, i], width
+                parts[3, left], parts[4, left] = popped[3, i], middle
+                left += 1
+            if not rest:
+                parts[0, left], parts[1, left], parts[2, left] = k, popped[1, i] + width, width
+                parts[3, left], parts[4, left] = middle, popped[4, i]
+                left += 1
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""What a step is worth and how far it is from obstacles, written down as programs for the engine."""
+"""What a step is worth and where the arm is then, written down as programs for the engine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.calculus.expressions import Expression, Tape, entry
+from paretoik.calculus.expressions import Expression, entry
 from paretoik.calculus.machine import Program, program
 from paretoik.calculus.traced import Traced
 from paretoik.errors import InvalidInput
@@ -29,12 +29,12 @@ class StepPrograms:
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
     home, the target and constants; it reads rates of fewer than ``orders`` orders.
-    ``clearance`` takes positions; it has no outputs where there are no obstacles.
+    ``nodes`` takes positions, to x, y, z of base, joints and tool.
     """
 
     objectives: Program
     orders: int
-    clearance: Program
+    nodes: Program
     inputs: int
     constants: Float[np.ndarray, " numbers"]
 
@@ -70,7 +70,7 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
     return StepPrograms(
         objectives=found,
         orders=max(rates, default=0) + 1,
-        clearance=_clearance(task),
+        nodes=_nodes(task),
         inputs=len(trace.tape.inputs),
         constants=np.array([values[-1] for values in trace.data.values()]),
     )
@@ -100,8 +100,6 @@ def _errors(motion: TracedMotion, task: MotionTask, target: Traced) -> np.ndarra
     return table
 
 
-def _clearance(task: MotionTask) -> Program:
-    if not task.obstacles:
-        return program(Tape(), [])
+def _nodes(task: MotionTask) -> Program:
     motion = traced_sample(task)
-    return program(motion.trace.tape, [entry(motion.trace.tape, motion.clearance.entries)])
+    return program(motion.trace.tape, [entry(motion.trace.tape, node) for node in motion.links.entries.ravel()])

@@ -9,6 +9,8 @@ import numpy as np
 BOUND = 1.0  # of every gene, either side
 TRIES = 100  # at a chromosome whose configuration is free
 ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
+FINEST = 2.0**-12  # of a step: parts that are not seen to be clear are halved down to this
+LOOKED = 64  # places on the way of steps that are looked at together
 
 
 class Operators(NamedTuple):
@@ -41,16 +43,20 @@ class Worth(NamedTuple):
 
 
 class Guard(NamedTuple):
-    """The program of the clearance, what is required of it [m], and how far a step may go.
+    """The obstacles, what is required of the distance of the arm's polyline from them [m], and how far a step may go.
 
-    ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``longest`` (dof,) the most that each
-    may move.
+    ``nodes`` is the program of the polyline, ``obstacles`` what ``scene`` returns. ``reach`` (dof,) is the most that
+    any point of the arm moves with each joint, ``longest`` (dof,) the most that each may move; ``swept`` says that all
+    of a step is to be clear, not its end alone. Its end keeps a ``standoff`` [m] beyond what is required.
     """
 
-    program: Any
+    nodes: Any
+    obstacles: np.ndarray
     required: float
     reach: np.ndarray
     longest: np.ndarray
+    swept: bool
+    standoff: float
 
 
 class Selection(NamedTuple):
@@ -89,10 +95,13 @@ class Room(NamedTuple):
     state: np.ndarray
     given: np.ndarray
     table: np.ndarray
+    nodes: np.ndarray
     gaps: np.ndarray
     work: np.ndarray
     asked: np.ndarray
     places: np.ndarray
+    spans: np.ndarray
+    parts: np.ndarray
     selection: Selection
     values: np.ndarray
 
@@ -100,6 +109,7 @@ class Room(NamedTuple):
 def room(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Room:
     """Return room for a population, and programs of so many inputs."""
     N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
+    looked = max(N, LOOKED)
     index = np.int64
     selection = Selection(
         points=np.zeros(both, index),
@@ -126,11 +136,14 @@ def room(dof: int, redundancy: int, population: int, objectives: int, inputs: in
         children=np.zeros((size, N)),
         state=np.zeros(1, np.uint64),
         given=np.zeros((inputs, N)),
-        table=np.zeros((dof, N)),
-        gaps=np.zeros((1, N)),
+        table=np.zeros((dof, looked)),
+        nodes=np.zeros((3 * (dof + 2), looked)),
+        gaps=np.zeros(looked),
         work=np.zeros((r * r + r, N)),
         asked=np.zeros(N, index),
         places=np.zeros(N, index),
+        spans=np.zeros(N),
+        parts=np.zeros((5, N + LOOKED * 16)),
         selection=selection,
         values=np.zeros((M, N)),
     )

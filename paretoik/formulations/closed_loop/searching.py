@@ -13,6 +13,7 @@ from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.programs import StepPrograms
 from paretoik.formulations.closed_loop.room import BOUND, Guard, Operators, Place, Room, Worth, room
 from paretoik.formulations.closed_loop.step import Instant, reaches
+from paretoik.formulations.closed_loop.surroundings import scene
 
 CROSSING = MUTATING = 0.5
 
@@ -47,46 +48,54 @@ class StepSearch:
         inputs = max(self.programs.inputs, self.dof)
         self.room = room(self.dof, self.redundancy, self.population, self.objectives, inputs)
         self._worth = Worth(self.programs.objectives.parts, self.programs.orders)
-        self._clearance = self.programs.clearance.parts
 
     def __call__(self, instant: Instant) -> Population:
         """Search a step; the same seed, step and instant give the same population."""
-        n, task, dt = self.dof, instant.task, instant.dt
-        wanted, jacobian = instant.asked()
-        left, sizes, right = np.linalg.svd(jacobian)
-        particular = right[: len(wanted)].T @ ((left.T @ wanted) / sizes)
-        null = np.ascontiguousarray(right[len(wanted) :].T)
-        rates = np.array([np.diff(instant.history, order, axis=0)[-1] / dt**order for order in (1, 2)] + [np.zeros(n)])
-        given = self.room.given
+        place, guard = self.situation(instant)
+        n, given = self.dof, self.room.given
         rows = self.programs.fixed(instant.home, instant.target)
         given[4 * n : 4 * n + len(rows)] = rows[:, None]
-        guard = Guard(
-            self._clearance,
-            task.least_clearance,
-            reaches(task),
-            np.array(instant.longest, dtype=float),
-        )
         alive = _engine()(
             self.seed,
             instant.sample,
             self.generations,
             Operators(CROSSING, MUTATING, -BOUND, BOUND),
-            Place(np.array(instant.previous), particular, null, rates, dt),
+            place,
             self._worth,
             guard,
             self.room,
         )
         genes, F, order = self.room.genes, self.room.F, self.room.order
         kept = genes[order[:alive]]
-        return Population(genes=kept, F=F[:, :alive].T.copy(), q=_configured(kept, instant.previous, particular, null))
+        return Population(genes=kept, F=F[:, :alive].T.copy(), q=_configured(kept, place))
+
+    def situation(self, instant: Instant) -> tuple[Place, Guard]:
+        """Return where a step begins and what it is kept from, as the engine takes it."""
+        task, dt = instant.task, instant.dt
+        wanted, jacobian = instant.asked()
+        left, sizes, right = np.linalg.svd(jacobian)
+        particular = right[: len(wanted)].T @ ((left.T @ wanted) / sizes)
+        null = np.ascontiguousarray(right[len(wanted) :].T)
+        speeds = [np.diff(instant.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
+        guard = Guard(
+            self.programs.nodes.parts,
+            scene(task.obstacles),
+            task.least_clearance + task.link_radius,
+            reaches(task),
+            np.array(instant.longest, dtype=float),
+            instant.swept,
+            instant.standoff,
+        )
+        return Place(np.array(instant.previous), particular, null, np.array([*speeds, np.zeros(self.dof)]), dt), guard
 
 
-def _configured(genes: np.ndarray, previous: np.ndarray, particular: np.ndarray, null: np.ndarray) -> np.ndarray:
+def _configured(genes: np.ndarray, place: Place) -> np.ndarray:
     """Return the joint positions that genes lead to."""
-    n, r = null.shape
+    n, r = place.null.shape
     rows = genes.reshape(len(genes), r, n + 1)
-    table, right = rows[..., :-1] @ null, rows[..., -1] - rows[..., :-1] @ particular
-    return previous + particular + np.linalg.solve(table, right[..., None])[..., 0] @ null.T
+    table, right = rows[..., :-1] @ place.null, rows[..., -1] - rows[..., :-1] @ place.particular
+    found: np.ndarray = place.previous + place.particular
+    return found + np.linalg.solve(table, right[..., None])[..., 0] @ place.null.T
 
 
 @cache

@@ -19,7 +19,7 @@ from pymoo.core.sampling import Sampling
 
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.objectives import Step, StepObjective
-from paretoik.formulations.closed_loop.room import BOUND, ROUNDED, TRIES
+from paretoik.formulations.closed_loop.room import BOUND, FINEST, ROUNDED, TRIES
 from paretoik.search.maximin import MaxiMin
 from paretoik.search.rowwise import BinaryTournament, ReplaceOne, RowCrossover
 from paretoik.task.motion import Motion
@@ -84,12 +84,46 @@ class Instant:
             dt=self.dt,
         )
 
+    @property
+    def swept(self) -> bool:
+        """Whether all of a step is to be clear of obstacles; of steps of any length, as in the paper, the end is."""
+        return bool(np.isfinite(self.longest).all())
+
+    @property
+    def standoff(self) -> float:
+        """What steps end away from obstacles at least [m], so that it can be seen of the next that it gets away."""
+        return FINEST * float(reaches(self.task) @ self.longest) if self.swept else 0.0
+
     def free(self, q: Float[np.ndarray, "points dof"]) -> Bool[np.ndarray, " points"]:
-        """Return which steps are no longer than allowed and end clear of obstacles."""
-        within: Bool[np.ndarray, " points"] = (np.abs(q - self.previous) <= self.longest * ROUNDED).all(axis=1)
-        if not self.task.obstacles or not within.any():
-            return within
-        return within & (self.gaps(np.where(within[:, None], q, self.previous)) > 0)
+        """Return which steps are no longer than allowed and clear of obstacles.
+
+        Where all of a step is to be clear, it is halved until no point of the arm moves farther in a part of it than
+        the arm is away from obstacles at the part's ends, both distances together. What is too near for that is not
+        free.
+        """
+        free: Bool[np.ndarray, " points"] = (np.abs(q - self.previous) <= self.longest * ROUNDED).all(axis=1)
+        if not self.task.obstacles or not free.any():
+            return free
+        moved = np.where(free[:, None], q - self.previous, 0.0)
+        end = self.gaps(self.previous + moved)
+        free &= end > self.standoff
+        if not self.swept:
+            return free
+        far, width = np.abs(moved) @ reaches(self.task), 1.0
+        which, begin = np.arange(len(q)), np.zeros(len(q))
+        low, high = self.gaps(self.previous[None]).repeat(len(q)), end
+        while True:
+            left = free[which] & (low + high <= far[which] * width)
+            which, begin, low, high = which[left], begin[left], low[left], high[left]
+            if width <= FINEST:
+                free[which] = False
+            if not which.size:
+                return free
+            width /= 2
+            middle = self.gaps(self.previous + (begin + width)[:, None] * moved[which])
+            free[which[~(middle > 0)]] = False
+            which, begin = np.tile(which, 2), np.concatenate([begin, begin + width])
+            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
 
     def gaps(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
         """Return by how much [m] configurations keep more than the required clearance."""

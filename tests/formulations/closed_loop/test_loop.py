@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible
+from paretoik.formulations.closed_loop import engine
 from paretoik.formulations.closed_loop.loop import ClosedLoop
 from paretoik.formulations.closed_loop.posture import first_posture
+from paretoik.formulations.closed_loop.step import ControlStep
 from paretoik.redundancy.exact_step import hits
 from paretoik.redundancy.extended_jacobian import exact_steps, link_lengths, shapes
 from paretoik.robot.library import marcos_nr
@@ -81,12 +83,47 @@ def test_every_step_is_shown_as_it_is_taken():
     assert [sample for sample, _ in seen] == list(range(1, STEPS + 1))
 
 
-def test_steps_end_clear_of_obstacles_by_other_geometry():
-    loop = small(3, blocked=True, as_printed=False)
+def near_obstacle(population=60):
+    """Return a loop whose arm must slide past a disc."""
+    start = posture(3)
+    joints = np.concatenate([[0.0], np.cumsum(np.exp(1j * np.cumsum(start)))])
+    center = (joints[1] + joints[2]) / 2 + 0.11j * (joints[2] - joints[1])
+    disc = Circle([center.real, center.imag], 0.1)
+    return ClosedLoop(
+        marcos_nr(3),
+        marcos_2012.round_trip(0.7, STEPS),
+        start=start,
+        obstacles=[disc],
+        population=population,
+        generations=40,
+        weights=[0.1, 0.9],
+    )
+
+
+@pytest.mark.parametrize("make", [lambda: small(3, blocked=True, as_printed=False), near_obstacle])
+def test_all_of_every_step_is_clear_of_obstacles_by_other_geometry(make):
+    loop = make()
     run = loop.run()
     lengths, (circles, boxes) = link_lengths(loop.task.arm), shapes(loop.task.obstacles)
-    assert not any(hits(lengths, q, circles, boxes) for q in run.q)
+    share = np.linspace(0, 1, 50)[:, None, None]
+    between = (run.q[:-1] + share * np.diff(run.q, axis=0)).reshape(-1, 3)
+    assert not any(hits(lengths, q, circles, boxes) for q in between)
     assert np.abs(np.diff(run.q, axis=0)).max() <= 0.1 * (1 + 1e-9)
+
+
+def test_engine_and_problem_agree_on_what_is_free():
+    count = 400
+    loop = near_obstacle(population=count)
+    instant, search = loop.instant(1), loop.search()
+    step, (place, guard), room = ControlStep(instant, loop.objectives), search.situation(instant), search.room
+    genes = step.shortened(np.random.default_rng(0).uniform(-1, 1, size=(count, step.n_var)))
+    free = step.free(genes)
+    assert 0.1 < free.mean() < 0.9
+    room.children[:], room.asked[:] = genes.T, np.arange(count)
+    clear = engine.clearance_before(place, guard, room)
+    engine.configurations(room.children, 0, count, place, room.work, room.given)
+    stopped = engine.blocked(count, place, guard, clear, room)
+    assert sorted(room.asked[:stopped]) == np.flatnonzero(~free).tolist()
 
 
 @pytest.mark.parametrize("seed", range(3))
