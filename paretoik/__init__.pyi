@@ -5,6 +5,11 @@ from .errors import InvalidRobot as InvalidRobot
 from .errors import InvalidRun as InvalidRun
 from .errors import OutOfReach as OutOfReach
 from .errors import ParetoikError as ParetoikError
+from .formulations.closed_loop.loop import ClosedLoop as ClosedLoop
+from .formulations.closed_loop.objectives import joint_displacement as joint_displacement
+from .formulations.closed_loop.objectives import position_error as position_error
+from .formulations.closed_loop.objectives import rotation_error as rotation_error
+from .formulations.closed_loop.objectives import step_objective as step_objective
 from .formulations.tracking import Tracking as Tracking
 from .front.front import Choice as Choice
 from .front.front import Front as Front

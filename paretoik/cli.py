@@ -8,14 +8,14 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.results import choice_text, columns, entries, front_text
+from paretoik.results import choice_text, columns, entries, result_text
 
 if TYPE_CHECKING:
     from paretoik.review.generation import Generation
@@ -100,23 +100,30 @@ def list_problems(
 def solve(
     problem: Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)],
-    population: Annotated[int, typer.Option(help="Size of the population.")] = 200,
-    generations: Annotated[int, typer.Option(help="Most generations.")] = 500,
-    seed: Annotated[int, typer.Option(help="Seed of all chance.")] = 0,
+    population: Annotated[
+        int | None, typer.Option(help="Size of the population (200; of a closed loop its own).", show_default=False)
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(help="Most generations (500; of a closed loop its own).", show_default=False)
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
     time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
     refine: Annotated[bool, typer.Option("--refine", help="Let gradients help, and certify every point.")] = False,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
     quiet: Annotated[bool, typer.Option(help="No progress.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Search for the front of a problem and keep the run; Ctrl-C ends it early with what was found."""
+    """Search for the front of a problem, or follow a closed loop, and keep the run.
+
+    Ctrl-C ends it early with what was found.
+    """
     with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
         with _status("loading the problem", quiet):
             from paretoik import solving
             from paretoik.loading import load_problem
 
             opened = load_problem(problem)
-        with _progress(generations, time_limit, quiet) as observe:
+        with _progress(_course(opened, generations), time_limit, quiet) as observe:
             front = solving.solve(
                 opened,
                 population=population,
@@ -132,7 +139,7 @@ def solve(
     if as_json:
         _print_json({**front.provenance, "out": out, "front": entries(front)})
     else:
-        print(front_text(front, out))
+        print(result_text(front, out))
     raise typer.Exit(EXIT_CODES.get(str(front.provenance["status"]), 0))
 
 
@@ -141,15 +148,33 @@ def select(
     run: RunFolder,
     weights: Annotated[str, typer.Option(help="NAME=NUMBER,NAME=NUMBER; what is missing is 0.", show_default=False)],
     picture: Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Of a closed loop: keep the new run in this folder.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
+    quiet: Annotated[bool, typer.Option(help="No progress.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Choose one motion of a front by weights (Marcos et al. 2012, Eqs. 19 and 20)."""
+    """Choose one motion of a front by weights (Marcos et al. 2012, Eqs. 19 and 20).
+
+    A closed loop is followed anew with these weights at every step.
+    """
     with redirect_stdout(sys.stderr):
+        from paretoik import solving
         from paretoik.front.preferences import Weights
-        from paretoik.solving import load_front
 
         preference = Weights(_weights(weights))
-        front = load_front(run)
+        front = solving.load_front(run)
+        loop = solving.reweighed(front, preference)
+        if loop is not None:
+            with _progress(_course(loop, None), None, quiet) as observe:
+                front = solving.solve(
+                    loop,
+                    out=out,
+                    overwrite=overwrite,
+                    reference=front.provenance.get("problem"),
+                    observe=observe,
+                )
+        elif out is not None:
+            raise InvalidInput("out: wants a closed loop and other weights than its own, to keep a new run in")
         choice = front.select(preference)
         if picture is not None:
             from paretoik.review.plots import front_picture
@@ -216,8 +241,15 @@ def _status(text: str, quiet: bool) -> Iterator[None]:
         yield
 
 
+def _course(problem: Any, generations: int | None) -> tuple[str, int]:
+    """Return what is counted on the way, and how many there are at most."""
+    if hasattr(problem, "steps"):
+        return "step", len(problem.task.times) - 1
+    return "generation", 500 if generations is None else generations
+
+
 @contextmanager
-def _progress(generations: int, time_limit: float | None, quiet: bool) -> Iterator[Observer | None]:
+def _progress(course: tuple[str, int], time_limit: float | None, quiet: bool) -> Iterator[Observer | None]:
     """Yield an observer that draws a bar on stderr, or, where that is no terminal, prints a line now and then."""
     console = Console(stderr=True)
     if quiet:
@@ -227,12 +259,12 @@ def _progress(generations: int, time_limit: float | None, quiet: bool) -> Iterat
 
         bar = rich.Progress(rich.BarColumn(), rich.TextColumn("{task.description}"), console=console, transient=True)
         with bar:
-            job = bar.add_task(f"generation 0/{generations}", total=generations)
+            job = bar.add_task("{} 0/{}".format(*course), total=course[1])
             yield lambda generation, progress: bar.update(
-                job, completed=generation.number, description=_state(generation, progress, generations, time_limit)
+                job, completed=generation.number, description=_state(generation, progress, course, time_limit)
             )
     else:
-        yield _printer(lambda generation, progress: _state(generation, progress, generations, time_limit))
+        yield _printer(lambda generation, progress: _state(generation, progress, course, time_limit))
 
 
 def _printer(state: Callable[[Generation, Progress], str]) -> Observer:
@@ -247,15 +279,17 @@ def _printer(state: Callable[[Generation, Progress], str]) -> Observer:
     return observe
 
 
-def _state(generation: Generation, progress: Progress, generations: int, time_limit: float | None) -> str:
-    left = progress.seconds / generation.number * (generations - generation.number)
+def _state(generation: Generation, progress: Progress, course: tuple[str, int], time_limit: float | None) -> str:
+    what, most = course
+    left = progress.seconds / generation.number * (most - generation.number)
     if time_limit is not None:
         left = min(left, max(time_limit - progress.seconds, 0.0))
     minutes, seconds = divmod(round(left), 60)
     failed = f", {generation.failed} failed" if generation.failed else ""
+    volume = "" if generation.hypervolume is None else f", hypervolume {generation.hypervolume:.4g}"
     return (
-        f"generation {generation.number}/{generations}, front {len(generation.front)}, "
-        f"hypervolume {generation.hypervolume:.4g}{failed}, at most {minutes}:{seconds:02} left"
+        f"{what} {generation.number}/{most}, front {len(generation.front)}{volume}{failed}, "
+        f"at most {minutes}:{seconds:02} left"
     )
 
 

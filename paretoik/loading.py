@@ -18,7 +18,7 @@ from paretoik.errors import InvalidInput, ParetoikError
 
 
 def load_problem(reference: str) -> Any:
-    """Return the pymoo problem that ``file.py:name`` or ``package.module:name`` stands for.
+    """Return the pymoo problem, or closed loop, that ``file.py:name`` or ``package.module:name`` stands for.
 
     As with Flask and uvicorn: for a file the folders with an ``__init__.py`` above it are its package, whose root goes
     *first* on sys.path; for a module it is the current folder. A name that is not a problem but a function without
@@ -122,7 +122,7 @@ def _makes_problem(value: object, module: ModuleType) -> bool:
         returned = inspect.signature(value, eval_str=True).return_annotation
     except Exception:  # an annotation that means nothing outside a type checker
         return False
-    return inspect.isclass(returned) and hasattr(returned, "evaluate")
+    return inspect.isclass(returned) and (hasattr(returned, "evaluate") or hasattr(returned, "reweighed"))
 
 
 def _made(function: Any, module: ModuleType, reference: str) -> Any:
@@ -150,7 +150,7 @@ def _required(function: Any) -> list[str]:
 
 
 def _is_problem(value: object) -> bool:
-    wanted = ("n_var", "n_obj", "evaluate")
+    wanted = ("n_var", "n_obj", "reweighed" if hasattr(value, "reweighed") else "evaluate")
     return not inspect.isclass(value) and all(hasattr(value, name) for name in wanted)
 
 

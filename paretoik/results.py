@@ -18,8 +18,33 @@ if TYPE_CHECKING:
 UNIQUE = 1e-3  # relative: an interval of exchange rates no wider is one rate
 
 
-def front_text(front: Front, out: Path) -> str:
-    """Return what a search found, what is certified of it, and what to do with it next."""
+def result_text(front: Front, out: Path) -> str:
+    """Return what a search found, or a closed loop did, what is known of it, and what to do with it next."""
+    lines = _loop_lines(front) if "drift" in front.provenance else _front_lines(front)
+    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
+    lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
+    lines.append(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
+    return "\n".join(lines)
+
+
+def _loop_lines(front: Front) -> list[str]:
+    told = front.provenance
+    counts, weights = told["counts"], told["settings"]["weights"]
+    lines = [
+        f"{counts['steps']} of {counts['of']} steps in {counts['seconds']:.1f} s (ended by {told['status']})",
+        f"position error {told['position_error']:.6g} m (mean over the steps), drift {told['drift']:.6g} rad",
+    ]
+    rows = [("objective", "unit", "weight", "mean over the steps")]
+    for name, unit, value in zip(front.names, front.units, front.objectives[0], strict=True):
+        rows.append((name, unit, f"{weights[name]:.3g}", f"{value:.6g}"))
+    lines.append(columns(rows))
+    assert front.violation is not None
+    if front.violation[0] > 0:
+        lines.append(f"limits of the arm are violated by {100 * front.violation[0]:.3g} % of their range")
+    return lines
+
+
+def _front_lines(front: Front) -> list[str]:
     counts = front.provenance["counts"]
     lines = [
         f"{len(front)} points after {counts['generations']} generations, {counts['evaluations']} evaluations and "
@@ -36,10 +61,7 @@ def front_text(front: Front, out: Path) -> str:
         lines.append(certified_text(front.certificates))
     if counts["failed"]:
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
-    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
-    lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
-    lines.append(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
-    return "\n".join(lines)
+    return lines
 
 
 def choice_text(front: Front, choice: Choice) -> str:

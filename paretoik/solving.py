@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +16,10 @@ from paretoik.arrays import Genes, Objectives
 from paretoik.errors import Infeasible, InvalidInput, ParetoikError
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import CERTIFICATES, PICTURE, RECORDING, claimed, write_run
-from paretoik.front.front import Choice, Front
+from paretoik.following import Observer as Observer
+from paretoik.following import follow, versions
+from paretoik.formulations.closed_loop.loop import ClosedLoop
+from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.loading import fingerprint, load_problem
@@ -34,15 +37,13 @@ from paretoik.task.motion import Motion
 SIGNALS = ("SIGINT", "SIGTERM", "interrupted")
 EXACT = 1e-6  # rad or m: a motion that the genes miss by more is not the motion that was given
 
-Observer = Callable[[Generation, Progress], object]
-
 
 def solve(
     problem: Any,
     *,
-    population: int = 200,
-    generations: int = 500,
-    seed: int = 0,
+    population: int | None = None,
+    generations: int | None = None,
+    seed: int | None = None,
     out: str | Path | None = None,
     initial: Genes | Motion | Front | None = None,
     time_limit: float | None = None,
@@ -57,17 +58,21 @@ def solve(
     reference: str | None = None,
     observe: Observer | None = None,
 ) -> Front:
-    """Search for the Pareto front of any pymoo problem and return it.
+    """Search for the Pareto front of any pymoo problem and return it; follow a ``ClosedLoop``.
+
+    A closed loop becomes a front of one point: the motion, of which every objective is the mean over the steps. Its
+    ``front.select(Weights(...))`` follows the loop anew with other weights at every step.
 
     Parameters
     ----------
     problem
-        A ``Tracking``, or any pymoo problem with real genes (its front then has no motions).
+        A ``Tracking``, a ``ClosedLoop``, or any pymoo problem with real genes (its front then has no motions).
     population, generations, seed
-        Size of the population, most generations, and the seed of all chance: the same seed gives the same front.
+        Size of the population (200), most generations (500), and the seed of all chance (0): the same seed gives the
+        same front. A closed loop has its own where none are given.
     out
-        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png. ``overwrite`` allows it
-        to replace a run that is there.
+        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png, of a closed loop
+        steps.parquet too. ``overwrite`` allows it to replace a run that is there.
     initial
         Start from genes (rows, genes), motions on the path, or a former front.
     time_limit, evaluations, target, stagnation
@@ -87,7 +92,10 @@ def solve(
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
-        Called after every generation with its ``Generation`` and ``Progress``.
+        Called after every generation, or step, with its ``Generation`` and ``Progress``.
+
+    Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm`` and ``refine`` mean nothing
+    and are refused; ``points`` and ``stagnation`` have no effect.
 
     Ctrl-C and SIGTERM end the search after the generation under way and keep its result; why it ended stands in
     ``front.provenance["status"]``.
@@ -101,6 +109,15 @@ def solve(
     EvaluationFailed
         Where every evaluation failed, with the first cause.
     """
+    if isinstance(problem, ClosedLoop):
+        refused = {"initial": initial, "evaluations": evaluations, "target": target, "anchors": anchors}
+        refused |= {"algorithm": algorithm, "refine": refine or None}
+        for name in (name for name, value in refused.items() if value is not None):
+            raise InvalidInput(f"{name}: wants a search for a front, got a closed loop, which is followed step by step")
+        loop = problem.changed(population=population, generations=generations, seed=seed)
+        return follow(loop, out=out, time_limit=time_limit, overwrite=overwrite, reference=reference, observe=observe)
+    population, generations = (200 if population is None else population), (500 if generations is None else generations)
+    seed = 0 if seed is None else seed
     if points is not None:
         check_size("points", points, 1)
     if anchors is None:
@@ -127,7 +144,7 @@ def solve(
         "problem": reference,
         "fingerprint": fingerprint(problem),
         "settings": settings,
-        "versions": _versions(),
+        "versions": versions(),
     }
     endings: list[Ending] = [Generations(generations)]
     endings += [TimeLimit(time_limit)] if time_limit is not None else []
@@ -179,10 +196,25 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
 
     def rebuilt(times: np.ndarray, q: np.ndarray, joint_names: tuple[str, ...]) -> Motion:
         order = [joint_names.index(joint) for joint in joints]
-        motion: Motion = problem.task.motion(q[..., order])
+        motion: Motion = problem.task.until(q.shape[-2]).motion(q[..., order])
         return motion
 
     return replace(Front.load(folder, motions=rebuilt), problem=problem)
+
+
+def reweighed(front: Front, preference: Preference) -> ClosedLoop | None:
+    """Return the closed loop that must be followed anew for a choice; None where the front has all there is.
+
+    Raises
+    ------
+    InvalidInput
+        Where ``preference`` is none of a closed loop's, or the loop of the run cannot be had.
+    """
+    if isinstance(front.problem, ClosedLoop):
+        return front.problem.reweighed(front, preference)
+    if "drift" in front.provenance:
+        raise InvalidInput("select: wants the closed loop that the run followed, but its problem cannot be loaded")
+    return None
 
 
 @dataclass(frozen=True)
@@ -324,9 +356,3 @@ def _review(front: Front, folder: Path, recorder: Recorder) -> None:
         from paretoik.review.certificate_plots import certificates_picture
 
         certificates_picture(front, folder / CERTIFICATES)
-
-
-def _versions() -> dict[str, str]:
-    from importlib.metadata import version
-
-    return {name: version(name) for name in ("paretoik", "pymoo", "numpy")}

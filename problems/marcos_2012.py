@@ -13,14 +13,14 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik import Box, Circle, Path, circle, marcos_nr
-from paretoik.formulations.closed_loop.loop import ClosedLoop
+from paretoik import Box, Circle, ClosedLoop, Path, circle, marcos_nr
 from paretoik.task.obstacles import Obstacle
 
 RATE = 7.0  # rad/s
 RADIUS = 0.5
 STEP = 1e-3  # s
 TURNS = 2
+LONGEST = 0.1  # rad that a joint may move in a step
 STEPS = int(TURNS * 2 * np.pi / RATE / STEP)
 DISTANCES = (0.7, 2.0)
 POPULATION = {3: 200, 4: 400}
@@ -65,7 +65,7 @@ def loop(
         weights=[weight, 1.0 - weight],
         start=start,
         obstacles=obstacles(distance) if blocked else [],
-        longest_step=np.inf if as_printed else None,
+        longest_step=np.inf if as_printed else LONGEST,
         population=POPULATION[links] if population is None else population,
         generations=generations,
         seed=seed,

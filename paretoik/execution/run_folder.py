@@ -22,8 +22,9 @@ RUN = "run.json"
 RECORDING = "review.rrd"
 PICTURE = "front.png"
 CERTIFICATES = "certificates.png"
+STEPS = "steps.parquet"
 CHECKPOINT = "checkpoint"
-CONTENTS = (RUN, "front.parquet", "motions.npz", RECORDING, PICTURE, CERTIFICATES, CHECKPOINT)
+CONTENTS = (RUN, "front.parquet", "motions.npz", RECORDING, PICTURE, CERTIFICATES, STEPS, CHECKPOINT)
 LOCK = ".lock"
 
 

@@ -130,7 +130,7 @@ class Front:
         return shares
 
     def select(self, preference: Preference) -> Choice:
-        """Return the point that `preference` chooses.
+        """Return the point that `preference` chooses; a closed loop is followed anew with it.
 
         Raises
         ------
@@ -139,6 +139,10 @@ class Front:
         """
         if len(self) == 0:
             raise Infeasible("select: wanted a front of at least one point, got none: nothing feasible was found")
+        anew: Callable[[Front, Preference], Choice] = getattr(self.problem, "choose_anew", Front._choice)
+        return anew(self, preference)
+
+    def _choice(self, preference: Preference) -> Choice:
         return preference.choose(self)
 
     def save(self, folder: Path | str) -> None:

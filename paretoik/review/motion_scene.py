@@ -46,13 +46,10 @@ class MotionScene:
             origin="arm", name=self.title, background=BACKGROUND, eye_controls=_eye(self.motion.links)
         ), joints
 
-    def log(self, recording: rr.RecordingStream, *, generation: int) -> None:
-        """Log the motion; its rows also stand at the last `generation`, so that neither timeline is half empty."""
+    def log(self, recording: rr.RecordingStream, course: rr.TimeColumn) -> None:
+        """Log the motion; its rows also stand where `course` says, so that neither timeline is half empty."""
         times = np.asarray(self.motion.time, dtype=float)
-        columns = [
-            rr.TimeColumn("motion", duration=times),
-            rr.TimeColumn("generation", sequence=np.full(len(times), generation)),
-        ]
+        columns = [rr.TimeColumn("motion", duration=times), course]
         self._log_surroundings(recording)
         self._send_arm(recording, columns)
         for chart in self._charts():

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.front.front import Choice, Front
-from paretoik.review.generation import Generation
+from paretoik.review.generation import Course, Generation
 
 
 class Recorder:
@@ -20,7 +20,14 @@ class Recorder:
     """
 
     def __init__(
-        self, file: Path | str, *, title: str, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool]
+        self,
+        file: Path | str,
+        *,
+        title: str,
+        names: Sequence[str],
+        units: Sequence[str],
+        maximised: Sequence[bool],
+        course: Course = "generation",
     ) -> None:
         self._file = Path(file)
         self._recording: Any = None
@@ -30,7 +37,7 @@ class Recorder:
             from paretoik.review.recording import Recording
             from paretoik.review.search_scene import SearchScene
 
-            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised))
+            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), course=course)
             self._recording = Recording(self._file, title=title, scene=scene)
 
         self._attempt(start)
@@ -39,8 +46,11 @@ class Recorder:
         """Append `generation` to the file."""
         self._attempt(lambda: self._recording.record(generation))
 
-    def finish(self, front: Front, choice: Choice | None = None) -> None:
-        """Write the file anew: all generations on one set of axes, `front` at their end, `choice` and its motion."""
+    def finish(self, front: Front | None, choice: Choice | None = None) -> None:
+        """Write the file anew: all generations on one set of axes, `front` at their end, `choice` and its motion.
+
+        Without a front the generations are the steps of a closed loop, one to each sample of the motion.
+        """
         self._attempt(lambda: self._recording.finish(front, choice))
 
     def close(self) -> None:

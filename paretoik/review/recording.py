@@ -36,7 +36,7 @@ class Recording:
 
     def record(self, generation: Generation) -> None:
         """Append a generation and flush, so that it survives a killed process."""
-        self._stream.set_time("generation", sequence=generation.number)
+        self._stream.set_time(self._scene.course, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
         if not self._scene.suits(self._canvases, shown):
             without_panels = not self._canvases
@@ -48,8 +48,11 @@ class Recording:
         self._stream.flush()
         self._generations.append(generation)
 
-    def finish(self, front: Front, choice: Choice | None) -> None:
-        """Replace the file by one with common axes, `front` at its end and the motion of `choice`."""
+    def finish(self, front: Front | None, choice: Choice | None) -> None:
+        """Replace the file by one with common axes, `front` at its end and the motion of `choice`.
+
+        Without a front each generation stands at its own sample of the motion.
+        """
         self._stream.disconnect()
         part = self._file.with_name(f".{self._file.name}.part")
         self._stream = self._opened(part)
@@ -74,19 +77,53 @@ class Recording:
         self._scene.log_styles(stream)
         return stream
 
-    def _write_all(self, front: Front, choice: Choice | None) -> None:
+    def _write_all(self, front: Front | None, choice: Choice | None) -> None:
         stream, scene = self._stream, self._scene
-        canvases = scene.canvases(replay_window(self._generations, front.objectives)) if len(front) else []
+        shown = np.concatenate([each.front for each in self._generations]) if front is None else front.objectives
+        canvases = (
+            scene.canvases(shown if front is None else replay_window(self._generations, shown)) if len(shown) else []
+        )
         charts = scene.charts(self._generations)
         motion = None
         if choice is not None and choice.motion is not None:
             motion = MotionScene(motion=choice.motion, title=f"motion of point {choice.id}")
         stream.send_blueprint(self._blueprint(canvases, charts, motion))
         scene.log_axes(stream, canvases, static=True)
+        for chart in charts:
+            chart.log(stream)
+            chart.send_cursor(stream, [rr.TimeColumn(scene.course, sequence=chart.instants.astype(int))])
+        if front is None:
+            self._write_steps(canvases, charts, motion)
+        else:
+            self._write_end(front, choice, canvases, charts, motion)
+
+    def _write_steps(self, canvases: Sequence[Canvas], charts: Sequence[Chart], motion: MotionScene | None) -> None:
+        """Write every step at its number and at the time at which it ends."""
+        stream, scene = self._stream, self._scene
+        for generation in self._generations:
+            stream.set_time(scene.course, sequence=generation.number)
+            if motion is not None:
+                stream.set_time("motion", duration=float(motion.motion.time[generation.number]))
+            scene.log_generation(stream, generation, canvases)
+        if motion is not None:
+            for chart in charts:
+                at = motion.motion.time[chart.instants.astype(int)]
+                chart.send_cursor(stream, [rr.TimeColumn("motion", duration=at)])
+            motion.log(stream, rr.TimeColumn(scene.course, sequence=np.arange(len(motion.motion.time))))
+
+    def _write_end(
+        self,
+        front: Front,
+        choice: Choice | None,
+        canvases: Sequence[Canvas],
+        charts: Sequence[Chart],
+        motion: MotionScene | None,
+    ) -> None:
+        """Write all generations; the last, with the front and the choice, stands on both timelines."""
+        stream, scene = self._stream, self._scene
         for generation in self._generations[:-1]:
             stream.set_time("generation", sequence=generation.number)
             scene.log_generation(stream, generation, canvases)
-        # The end of the search stands on both timelines, so that whichever is played shows it.
         last = self._generations[-1].number if self._generations else 0
         stream.set_time("generation", sequence=last)
         stream.set_time("motion", duration=0.0)
@@ -99,11 +136,9 @@ class Recording:
             chosen = np.array([choice.id])
             scene.log_points(stream, "chosen", choice.objectives[None], canvases, ids=chosen, named=True)
         for chart in charts:
-            chart.log(stream)
-            chart.send_cursor(stream, [rr.TimeColumn("generation", sequence=chart.instants.astype(int))])
             chart.send_cursor(stream, [rr.TimeColumn("motion", duration=[0.0])], chart.instants[-1:])
         if motion is not None:
-            motion.log(stream, generation=last)
+            motion.log(stream, rr.TimeColumn("generation", sequence=np.full(len(motion.motion.time), last)))
 
     def _blueprint(
         self, canvases: Sequence[Canvas], charts: Sequence[Chart] = (), motion: MotionScene | None = None
@@ -123,6 +158,6 @@ class Recording:
             layout,
             rrb.BlueprintPanel(state="hidden"),
             rrb.SelectionPanel(state="hidden"),
-            rrb.TimePanel(timeline="generation", state="collapsed"),
+            rrb.TimePanel(timeline=self._scene.course, state="collapsed"),
             auto_views=False,
         )

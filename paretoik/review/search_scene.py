@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Ids, Objectives, Times, Values
 from paretoik.review.canvas import BACKGROUND, Canvas, Colour, window
 from paretoik.review.chart import Chart
-from paretoik.review.generation import Generation
+from paretoik.review.generation import Course, Generation
 
 POPULATION: Colour = (125, 150, 185, 190)
 FRONT: Colour = (255, 178, 62, 255)
@@ -30,11 +30,15 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
 
 @dataclass(frozen=True, kw_only=True)
 class SearchScene:
-    """Names and units of the objectives, and which are maximised: what every generation is drawn with."""
+    """Names and units of the objectives, and which are maximised: what every generation is drawn with.
+
+    ``course`` says whether they are generations or the steps of a closed loop, which have no hypervolume.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     maximised: tuple[bool, ...]
+    course: Course = "generation"
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -79,23 +83,34 @@ class SearchScene:
 
     def series_views(self) -> list[rrb.View]:
         """Return the time series: hypervolume, best values, counts."""
+        series = ["best"] if self.course == "generation" else ["chosen", "best"]
         return [
-            rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume"),
+            *([rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")] if "chosen" not in series else []),
             *(
                 rrb.TimeSeriesView(
-                    origin=rr.new_entity_path(["search", "best", name]), name=f"best {self._label(axis)}"
+                    origin=rr.new_entity_path(["search", what, name]), name=f"{what} {self._label(axis)}"
                 )
+                for what in series
                 for axis, name in enumerate(self.names)
             ),
             rrb.TimeSeriesView(origin="search/counts", name="points and failures"),
         ]
 
     def charts(self, generations: Sequence[Generation]) -> list[Chart]:
-        """Return how the hypervolume went, and with a single objective first how its best value did."""
+        """Return how the hypervolume went, and with a single objective first how its best value did.
+
+        Of steps, how each objective of what was chosen went.
+        """
         told = [generation for generation in generations if len(generation.front)]
         if not told:
             return []
         numbers = np.array([generation.number for generation in told], dtype=float)
+        if self.course == "step":
+            values = np.array([generation.chosen for generation in told])
+            return [
+                self._chart(f"chosen_{axis}", f"chosen {self._label(axis)}", numbers, values[:, axis], height=30.0)
+                for axis in range(len(self.names))
+            ]
         volumes = np.array([generation.hypervolume for generation in told])
         charts = [self._chart("hypervolume", "hypervolume", numbers, volumes, height=30.0)]
         if len(self.names) == 1:
@@ -116,6 +131,9 @@ class SearchScene:
         for axis, name in enumerate(self.names):
             style = rr.SeriesLines(names=f"best {self._label(axis)}", colors=CHOSEN[:3], widths=2.0)
             recording.log(["search", "best", name], style, static=True)
+            if self.course == "step":
+                chosen = rr.SeriesLines(names=f"chosen {self._label(axis)}", colors=FRONT[:3], widths=2.0)
+                recording.log(["search", "chosen", name], chosen, static=True)
 
     def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
         """Draw the axes of every panel, for good or for the current generation."""
@@ -128,11 +146,16 @@ class SearchScene:
         """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
         self.log_points(recording, "population", generation.population, canvases)
         self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids, named=named)
-        recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
+        if generation.hypervolume is not None:
+            recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
         recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
         if len(generation.front):
             for name, best in zip(self.names, self._best(generation.front), strict=True):
                 recording.log(["search", "best", name], rr.Scalars(float(best)))
+        if generation.chosen is not None:
+            self.log_points(recording, "chosen", generation.chosen[None], canvases)
+            for name, value in zip(self.names, generation.chosen, strict=True):
+                recording.log(["search", "chosen", name], rr.Scalars(float(value)))
 
     def log_points(
         self,
@@ -176,7 +199,7 @@ class SearchScene:
         return Chart(
             entity=f"charts/{name}",
             title=label,
-            labels=("generation", label),
+            labels=(self.course, label),
             instants=numbers,
             curves=values[None],
             names=[name],

@@ -86,8 +86,17 @@ class MotionTask:
 
     def subsampled(self, samples: int) -> MotionTask:
         """Return the same task at so many of its samples, both ends among them; raises InvalidInput for too many."""
-        tasks = tuple(replace(task, path=task.path.subsampled(samples)) for task in self.tasks)
-        kept = np.searchsorted(self.times, tasks[0].path.times)
+        return self._on([task.path.subsampled(samples) for task in self.tasks])
+
+    def until(self, samples: int) -> MotionTask:
+        """Return the first so many samples of the task, which is then not cyclic; raises InvalidInput for too many."""
+        if samples == len(self.times):
+            return self
+        return replace(self._on([task.path.until(samples) for task in self.tasks]), cyclic=False)
+
+    def _on(self, paths: Sequence[Path]) -> MotionTask:
+        tasks = tuple(replace(task, path=path) for task, path in zip(self.tasks, paths, strict=True))
+        kept = np.searchsorted(self.times, paths[0].times)
         bounds = {kind: limits if len(limits) == 1 else limits[kept] for kind, limits in self.bounds.items()}
         return replace(self, tasks=tasks, bounds=bounds)
 

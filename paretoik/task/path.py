@@ -104,7 +104,15 @@ class Path:
         """
         if _count(samples) > self.samples:
             raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
-        kept = np.rint(np.linspace(0, self.samples - 1, samples)).astype(int)
+        return self._of(np.rint(np.linspace(0, self.samples - 1, samples)).astype(int))
+
+    def until(self, samples: int) -> Path:
+        """Return the first so many samples of the path; raises InvalidInput as ``subsampled`` does."""
+        if _count(samples) > self.samples:
+            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
+        return self._of(np.arange(samples))
+
+    def _of(self, kept: np.ndarray) -> Path:
         quaternions = None if self.quaternions is None else self.quaternions[kept]
         return Path(self.times[kept], self.positions[kept], quaternions, self.curve)
 

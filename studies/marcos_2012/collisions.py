@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paretoik.formulations.closed_loop.loop import ClosedLoopRun
+from paretoik.formulations.closed_loop.result import ClosedLoopRun
 from paretoik.redundancy.extended_jacobian import link_lengths, shapes
 from problems import marcos_2012
 from studies.reporting import Row

@@ -12,8 +12,10 @@ from itertools import product
 
 import numpy as np
 
-from paretoik.formulations.closed_loop.loop import ClosedLoopRun
+from paretoik.formulations.closed_loop.result import ClosedLoopRun, mean_position_error
 from paretoik.redundancy.extended_jacobian import exact_steps
+from paretoik.task.motion import Motion
+from paretoik.task.objectives import joint_drift
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, STEPS, Links
 
@@ -41,6 +43,23 @@ class Cell:
         return f"r = {self.distance}, w = {self.weight}"
 
 
+@dataclass(frozen=True, eq=False)
+class Exact:
+    """The motion of a loop whose every step is the best one."""
+
+    motion: Motion
+
+    @property
+    def position_error(self) -> float:
+        """As of ``ClosedLoopRun``."""
+        return float(mean_position_error(self.motion))
+
+    @property
+    def drift(self) -> float:
+        """As of ``ClosedLoopRun``."""
+        return float(joint_drift(self.motion))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Followed:
     """A cell's closed loop, searched, its seconds of processor time, and the exact one from the same start."""
@@ -48,7 +67,7 @@ class Followed:
     cell: Cell
     run: ClosedLoopRun
     seconds: float
-    exact: ClosedLoopRun
+    exact: Exact
 
 
 def cells(
@@ -104,5 +123,5 @@ def follow(cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations:
     seconds = time.thread_time() - begun
     obstacles = loop.task.obstacles
     q = exact_steps(loop.task.arm, loop.task.targets, start, weight=cell.weight, obstacles=obstacles)
-    exact = ClosedLoopRun(task=loop.task, q=q, fronts={}, digests=())
+    exact = Exact(loop.task.motion(q))
     return Followed(cell=cell, run=run, seconds=seconds, exact=exact)

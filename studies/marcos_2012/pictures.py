@@ -8,14 +8,11 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as Disc
-from matplotlib.patches import Rectangle
 
-from paretoik.review.plots import ACCENTS, INK, QUIET, STYLE, stroboscopic
-from paretoik.task.obstacles import Box, Circle, Obstacle
+from paretoik.review.loop_plots import obstacle_patches
+from paretoik.review.plots import ACCENTS, INK, STYLE, stroboscopic
 from problems.marcos_2012 import DISTANCES
 from studies.marcos_2012.loops import Cell, Followed
 
@@ -60,19 +57,10 @@ def _figure(file: Path, size: tuple[float, float], drawn: list[Path]) -> Iterato
 
 def _arms(figure: Figure, pair: Sequence[Followed]) -> None:
     for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
-        for obstacle in one.run.task.obstacles:
-            _obstacle(axes, obstacle)
+        obstacle_patches(axes, one.run.task.obstacles)
         stroboscopic(axes, one.run.motion)
         axes.set(title=f"w = {one.cell.weight}", xlabel="x [m]", aspect="equal")
     figure.axes[0].set_ylabel("y [m]")
-
-
-def _obstacle(axes: Axes, obstacle: Obstacle) -> None:
-    if isinstance(obstacle, Circle):
-        axes.add_patch(Disc(tuple(obstacle.center), obstacle.radius, facecolor=QUIET, alpha=0.5))
-    elif isinstance(obstacle, Box):
-        corner = obstacle.pose.position[:2] - obstacle.half_sizes[:2]
-        axes.add_patch(Rectangle(tuple(corner), *(2 * obstacle.half_sizes[:2]), facecolor=QUIET, alpha=0.5))
 
 
 def _joints(figure: Figure, pair: Sequence[Followed]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.running import run_first
-from paretoik.formulations.closed_loop.room import FINEST, LOOKED, ROUNDED, TRIES
+from paretoik.formulations.closed_loop.room import FINEST, LOOKED, SLACK, TRIES
 from paretoik.formulations.closed_loop.surroundings import gaps
 from paretoik.search.compiled.chance import begin
 from paretoik.search.compiled.many_objectives import filled, ranks
@@ -26,17 +26,22 @@ from paretoik.search.compiled.survival import (
 
 
 @compiled
-def searched(seed, step, generations, operators, place, objectives, guard, room):
+def searched(seed, step, generations, operators, place, objectives, guard, room, warm):
     """Search one step from a place; return how many of the last population in ``room`` have not failed.
 
-    The arguments are those of ``room.py``: Operators, Place, Worth, Guard and Room.
+    The arguments are those of ``room.py``: Operators, Place, Worth, Guard and Room. A ``warm`` search begins with the
+    population that is there.
     """
     F, order, children, state = room.F, room.order, room.children, room.state
     row, count = place.null.shape[0] + 1, order.shape[0]
     begin(state, seed, step)
     clear = clearance_before(place, guard, room)
     for child in range(count):
-        anew(state, operators.low, operators.high, children, child)
+        if warm:
+            for k in range(children.shape[0]):
+                children[k, child] = room.genes[order[child], k]
+        else:
+            anew(state, operators.low, operators.high, children, child)
     evaluate(place, operators, objectives, guard, clear, count, room)
     F[:, :count] = np.inf
     for k in range(count):
@@ -158,7 +163,7 @@ def evaluate(place, operators, objectives, guard, clear, count, room):
     F, given, found = room.F, room.given, room.values
     parents, n = room.order.shape[0], place.previous.shape[0]
     configurations(room.children, 0, count, place, room.work, given)
-    if clear < np.inf or guard.longest.min() < np.inf:
+    if clear < np.inf or guard.bounded:
         _free(place, operators, guard, clear, count, room)
     for j in range(n):
         for order in range(1, objectives.orders):
@@ -179,7 +184,7 @@ def evaluate(place, operators, objectives, guard, clear, count, room):
 
 @compiled
 def _free(place, operators, guard, clear, left, room):
-    """Shorten steps that are too long, and replace the chromosomes of those that are not free, as often as it takes."""
+    """Shorten steps that are out of bounds; replace the chromosomes of those that are not free as often as it takes."""
     asked = room.asked
     for lane in range(left):
         asked[lane] = lane
@@ -198,15 +203,15 @@ def _free(place, operators, guard, clear, left, room):
 
 @compiled
 def _shorten(count, place, guard, room):
-    """Take of the self-motion of the lanes asked no more than the longest step leaves; their genes follow."""
+    """Take of the self-motion of the lanes asked no more than keeps joints within their bounds; genes follow."""
     q, genes, n = room.given, room.children, place.previous.shape[0]
-    for i in range(count):
+    for i in range(count if guard.bounded else 0):
         lane, kept = room.asked[i], 1.0
         for k in range(n):
             least = place.particular[k]
             more = q[k, lane] - place.previous[k] - least
-            if abs(least + kept * more) > guard.longest[k]:
-                kept = min(kept, max((np.copysign(guard.longest[k], more) - least) / more, 0.0))
+            if least + more < guard.lower[k] or least + more > guard.upper[k]:
+                kept = min(kept, max(((guard.upper[k] if more > 0.0 else guard.lower[k]) - least) / more, 0.0))
         if kept < 1.0:
             for k in range(n):
                 at = place.previous[k] + place.particular[k]
@@ -228,12 +233,12 @@ def blocked(count, place, guard, clear, room):
     stopped, near, n = 0, 0, place.previous.shape[0]
     for k in range(count):
         lane = asked[k]
-        far, short = 0.0, True
+        far, within = 0.0, True
         for j in range(n):
-            step = abs(given[j, lane] - place.previous[j])
-            far += guard.reach[j] * step
-            short = short and step <= guard.longest[j] * ROUNDED  # not for what is no number
-        if not short:
+            step = given[j, lane] - place.previous[j]
+            far += guard.reach[j] * abs(step)
+            within &= (step >= guard.lower[j] - SLACK) & (step <= guard.upper[j] + SLACK)  # not what is no number
+        if not within:
             asked[stopped] = lane
             stopped += 1
         elif far >= clear:
@@ -282,20 +287,20 @@ def _look_between(count, place, clear, guard, room):
         _spare(guard, taken, room)
         popped = parts[:, left : left + taken].copy()
         for i in range(taken):
-            k, width, middle = np.int64(popped[0, i]), 0.5 * popped[2, i], room.gaps[i]
-            span = room.spans[k]
+            which, width, middle = np.int64(popped[0, i]), 0.5 * popped[2, i], room.gaps[i]
+            span = room.spans[which]
             if span < 0.0:
                 continue
             told, rest = popped[3, i] + middle > span * width, middle + popped[4, i] > span * width
             if not middle > 0.0 or (not (told and rest) and width <= FINEST):
-                room.spans[k] = -1.0
+                room.spans[which] = -1.0
                 continue
             if not told:
-                parts[0, left], parts[1, left], parts[2, left] = k, popped[1, i], width
+                parts[0, left], parts[1, left], parts[2, left] = which, popped[1, i], width
                 parts[3, left], parts[4, left] = popped[3, i], middle
                 left += 1
             if not rest:
-                parts[0, left], parts[1, left], parts[2, left] = k, popped[1, i] + width, width
+                parts[0, left], parts[1, left], parts[2, left] = which, popped[1, i] + width, width
                 parts[3, left], parts[4, left] = middle, popped[4, i]
                 left += 1
 

@@ -5,27 +5,28 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop.objectives import StepObjective, joint_displacement, of_step, position_error
 from paretoik.formulations.closed_loop.posture import first_posture
 from paretoik.formulations.closed_loop.programs import StepPrograms, step_programs
-from paretoik.formulations.closed_loop.searching import Population, StepSearch
-from paretoik.formulations.closed_loop.step import HISTORY, Instant
+from paretoik.formulations.closed_loop.result import ClosedLoopRun, Taken, chosen, mean_position_error, undominated
+from paretoik.formulations.closed_loop.room import FINEST, SLACK
+from paretoik.formulations.closed_loop.searching import StepSearch
+from paretoik.formulations.closed_loop.step import HISTORY, Instant, reaches
+from paretoik.front.front import Choice, Front, Preference
+from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import finite_array
 from paretoik.search.seeding import SMALLEST_POPULATION, check_size
 from paretoik.task.limits import Limits
-from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
-from paretoik.task.objectives import Found, Moving, Objective, joint_drift, objective
+from paretoik.task.objectives import Objective, joint_drift
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.path import Path
 from paretoik.task.task import Task
@@ -35,73 +36,34 @@ LONGEST = 0.1  # rad or m that a joint may move in a step, unless its velocity l
 HASHED = 100  # steps between digests of the state
 
 
-@objective(unit="m", form="general")
-def mean_position_error(motion: Moving) -> Found:
-    """Mean over the steps of the distance of the tool from its target. Source: Marcos et al. 2012, Eq. 23."""
-    return motion.position_error[..., 1:].mean(axis=-1)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Taken:
-    """A step that was taken: to which sample, the front that was found, which of its points was chosen."""
-
-    sample: int
-    front: Population
-    index: int
-
-    @property
-    def q(self) -> Float[np.ndarray, " dof"]:
-        """The joint positions after it."""
-        return self.front.q[self.index]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ClosedLoopRun:
-    """What a closed loop did: ``q`` (time, dof), the steps that were asked for, and digests of the state on the way."""
-
-    task: MotionTask
-    q: Float[np.ndarray, "time dof"]
-    fronts: dict[int, Taken]
-    digests: tuple[str, ...]
-
-    @property
-    def motion(self) -> Motion:
-        """The motion, on its samples."""
-        return self.task.motion(self.q)
-
-    @cached_property
-    def position_error(self) -> float:
-        """Mean over the steps of the distance [m] of the tool from its target (Eq. 23)."""
-        return float(mean_position_error(self.motion))
-
-    @cached_property
-    def drift(self) -> float:
-        """Distance of the last configuration from the first, over the number of joints [rad] (Eq. 25)."""
-        return float(joint_drift(self.motion))
-
-
 class ClosedLoop:
     """Follow ``path`` with ``arm`` step by step, each step found by an evolutionary search and chosen by weights.
+
+    ``solve`` follows it and returns the motion as a front of one point, of which every objective is the mean over the
+    steps; ``front.select`` follows it anew with other weights.
 
     Parameters
     ----------
     arm, path
-        The arm, and a Path, a Task or several of them with the same times, evenly spaced: a step leads from one sample
-        to the next.
+        The arm, planar or spatial, and a Path, a Task or several of them with the same times, evenly spaced: a step
+        leads from one sample to the next.
     objectives
         What a step is worth: ``joint_displacement`` and ``position_error`` (the paper's), any function decorated with
-        ``@step_objective``, or an ``@objective`` of form integral or peak; at least two.
+        ``@step_objective``, or an ``@objective`` of form integral or peak; any number.
     weights
-        Of the choice, one an objective, scaled to a sum of 1 (Eqs. 19 and 20); equal if None.
+        Of the choice: Weights, or numbers, one an objective; scaled to a sum of 1 (Eqs. 19 and 20); equal if None.
     start
-        Joint positions (dof,) that the loop begins in; None searches for some by OLGA (section 4.2).
+        Joint positions (dof,) that the loop begins in; None searches for some by OLGA (section 4.2) when they are
+        needed.
     obstacles, link_radius, limits
-        What the links, capsules of this radius [m], must be clear of (by ``limits.clearance``) where a step ends;
-        between its ends nothing is looked at. Position limits bound the search for a start alone, velocity limits the
-        length of a step.
+        What the links, capsules of this radius [m], are clear of all the way (by ``limits.clearance``), and the limits
+        on position and velocity that every step keeps. Others are refused; an arm's own limits on torque are not kept,
+        but the result says how far they are violated.
     longest_step
-        The most that a joint may move in a step [rad, m]; None takes 0.1, or what the velocity limits allow if that is
-        less; np.inf is the paper's.
+        The most that a joint may move in a step [rad, m]. np.inf is the paper's reading: steps of any length, that are
+        clear of obstacles where they end; the arm may then jump through one.
+    warm_start
+        Whether a search begins with the population of the step before; the paper's begins with a random one.
     population, generations, seed
         Of the search in every step, and of all chance.
 
@@ -109,8 +71,6 @@ class ClosedLoop:
     ------
     InvalidInput
         Naming what cannot be used.
-    Infeasible
-        Where no start is clear of the obstacles.
     """
 
     def __init__(
@@ -119,25 +79,23 @@ class ClosedLoop:
         path: Path | Task | Sequence[Path | Task],
         *,
         objectives: Sequence[StepObjective | Objective] = PAPERS,
-        weights: Sequence[float] | None = None,
+        weights: Weights | Sequence[float] | np.ndarray | None = None,
         start: Sequence[float] | np.ndarray | None = None,
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
         limits: Limits | None = None,
-        longest_step: float | None = None,
+        longest_step: float = LONGEST,
+        warm_start: bool = False,
         population: int = 200,
         generations: int = 200,
         seed: int = 0,
     ) -> None:
-        check_size("population", population, SMALLEST_POPULATION)
-        check_size("generations", generations, 1)
-        check_size("seed", seed, 0)
         self.objectives = tuple(of_step(given) for given in objectives)
-        if len(self.objectives) < 2:
-            raise InvalidInput(f"objectives: at least two wanted, got {len(self.objectives)}")
+        if not self.objectives:
+            raise InvalidInput("objectives: wants at least one, got none")
         if len(set(self.names)) != len(self.names):
             raise InvalidInput(f"objectives: names must differ, got {', '.join(self.names)}")
-        self.weights = _weights(weights, self.names)
+        _check_limits(limits)
         self.task = motion_task(
             arm,
             path,
@@ -154,31 +112,118 @@ class ClosedLoop:
         steps = np.diff(self.task.times)
         if np.ptp(steps) > 1e-9 * steps.mean():
             raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
-        self.population, self.generations, self.seed = int(population), int(generations), int(seed)
-        self.start = first_posture(self.task, seed=seed) if start is None else _given_start(arm, start)
-        self.longest = _longest(self.task, longest_step)
+        if not longest_step > 0:
+            raise InvalidInput(f"longest_step: a positive number wanted, got {longest_step!r}")
+        self.longest, self.warm_start = float(longest_step), bool(warm_start)
+        self._set(weights=weights, start=start, population=population, generations=generations, seed=seed)
 
-    def weighed(self, weights: Sequence[float]) -> ClosedLoop:
-        """Return the same loop, from the same start, with other weights."""
+    def changed(
+        self,
+        *,
+        weights: Weights | Sequence[float] | np.ndarray | None = None,
+        start: Sequence[float] | np.ndarray | None = None,
+        population: int | None = None,
+        generations: int | None = None,
+        seed: int | None = None,
+    ) -> ClosedLoop:
+        """Return the same loop with other settings; None keeps its own.
+
+        Raises InvalidInput, naming what cannot be used.
+        """
         other = copy(self)
-        other.weights = _weights(weights, self.names)
+        if start is not None or (seed is not None and seed != self.seed):
+            other.__dict__.pop("start", None)
+        other._set(
+            weights=self.weights if weights is None else weights,
+            start=self._given_start if start is None else start,
+            population=self.population if population is None else population,
+            generations=self.generations if generations is None else generations,
+            seed=self.seed if seed is None else seed,
+        )
         return other
+
+    def _set(
+        self,
+        *,
+        weights: Weights | Sequence[float] | np.ndarray | None,
+        start: Sequence[float] | np.ndarray | None,
+        population: int,
+        generations: int,
+        seed: int,
+    ) -> None:
+        check_size("population", population, SMALLEST_POPULATION)
+        check_size("generations", generations, 1)
+        check_size("seed", seed, 0)
+        self.weights = _weights(weights, self.names)
+        self._given_start = None if start is None else _given_start(self.task, start)
+        self.population, self.generations, self.seed = int(population), int(generations), int(seed)
+
+    @cached_property
+    def start(self) -> Float[np.ndarray, " dof"]:
+        """The joint positions that the loop begins in; where none are given, searched for when first asked for.
+
+        Raises Infeasible where none is clear of the obstacles.
+        """
+        return first_posture(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the objectives."""
-        return tuple(objective.name for objective in self.objectives)
+        return tuple(each.name for each in self.objectives)
+
+    @property
+    def named_weights(self) -> dict[str, float]:
+        """The weights by objective."""
+        return dict(zip(self.names, self.weights.tolist(), strict=True))
+
+    @property
+    def signs(self) -> Float[np.ndarray, " n_obj"]:
+        """−1 for each objective that is maximised, 1 for the others."""
+        return np.array([each.sign for each in self.objectives])
+
+    @property
+    def n_obj(self) -> int:
+        """Number of objectives."""
+        return len(self.objectives)
+
+    @property
+    def n_var(self) -> int:
+        """Number of genes in a step's search."""
+        return self.task.redundancy * (self.task.arm.dof + 1)
+
+    def fingerprint_parts(self) -> list[object]:
+        """Return what makes the loop itself, but for weights and the settings of its search."""
+        task = self.task
+        parts: list[object] = [task.targets, task.times, task.arm.joint_names, self.names, self.signs, self.longest]
+        parts += [task.obstacles, task.link_radius, task.least_clearance]
+        return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     @cached_property
     def programs(self) -> StepPrograms:
-        """The objectives and the clearance as the engine takes them."""
+        """The objectives and the arm's polyline as the engine takes them."""
         times = self.task.times
         return step_programs(self.task, self.objectives, float(times[1] - times[0]))
 
     def instant(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> Instant:
         """Return what is known before a step, after these joint positions; at rest in the start if None."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
-        return Instant(task=self.task, sample=sample, history=before, home=self.start, longest=self.longest)
+        bounds, swept = self.task.bounds, bool(np.isfinite(self.longest))
+        box = np.tile([-self.longest, self.longest], (self.task.arm.dof, 1))
+        dt = float(self.task.times[sample] - self.task.times[sample - 1])
+        for kind, scale, origin in (("velocity", dt, 0.0), ("position", 1.0, before[-1][:, None])):
+            if kind in bounds:
+                limits = bounds[kind][sample if len(bounds[kind]) > 1 else 0] * scale - origin
+                box = np.stack([np.maximum(box[:, 0], limits[:, 0]), np.minimum(box[:, 1], limits[:, 1])], axis=1)
+        return Instant(
+            task=self.task,
+            sample=sample,
+            history=before,
+            home=self.start,
+            lower=box[:, 0].copy(),
+            upper=box[:, 1].copy(),
+            swept=swept,
+            standoff=FINEST * self.longest * float(reaches(self.task).sum()) if swept else 0.0,
+        )
 
     def search(self) -> StepSearch:
         """Return the compiled search of its steps; one a thread."""
@@ -186,10 +231,11 @@ class ClosedLoop:
             programs=self.programs,
             redundancy=self.task.redundancy,
             dof=self.task.arm.dof,
-            objectives=len(self.objectives),
+            objectives=self.n_obj,
             population=self.population,
             generations=self.generations,
             seed=self.seed,
+            warm_start=self.warm_start,
         )
 
     def steps(self) -> Iterator[Taken]:
@@ -208,74 +254,142 @@ class ClosedLoop:
             yield taken
             history = np.concatenate([history[1:], taken.q[None]])
 
-    def run(self, *, fronts: Sequence[int] = (), observe: Callable[[Taken], object] | None = None) -> ClosedLoopRun:
-        """Follow the path; ``fronts`` are samples whose fronts are kept, ``observe`` is shown every step."""
-        q, kept, digests = [self.start], dict[int, Taken](), list[str]()
+    def run(
+        self,
+        *,
+        fronts: Sequence[int] = (),
+        observe: Callable[[Taken], object] | None = None,
+        ended: Callable[[], bool] = lambda: False,
+    ) -> ClosedLoopRun:
+        """Follow the path; ``fronts`` are samples whose fronts are kept, ``observe`` is shown every step.
+
+        After a step (the second at the earliest) at which ``ended`` says so the rest of the path is left.
+        Raises as ``steps`` does.
+        """
+        q, F, ranges, kept, digests = [self.start], [], [], dict[int, Taken](), list[str]()
         state = hashlib.sha256()
         for taken in self.steps():
+            front = taken.front.F
             q.append(taken.q)
-            state.update(taken.front.F.tobytes() + taken.q.tobytes())
+            F.append(front[taken.index])
+            ranges.append(np.stack([front.min(axis=0), front.max(axis=0)], axis=1))
+            state.update(front.tobytes() + taken.q.tobytes())
             if taken.sample % HASHED == 0:
                 digests.append(state.hexdigest())
             if taken.sample in fronts:
                 kept[taken.sample] = taken
             if observe is not None:
                 observe(taken)
-        return ClosedLoopRun(task=self.task, q=np.array(q), fronts=kept, digests=tuple(digests))
+            if taken.sample > 1 and ended():
+                break
+        return ClosedLoopRun(
+            loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=kept, digests=tuple(digests)
+        )
+
+    def choose_anew(self, front: Front, preference: Preference) -> Choice:
+        """Return the motion that comes of following the loop anew, as in ``front``, with these weights at every step.
+
+        Raises InvalidInput for any other preference, and as ``run`` does.
+        """
+        other = self.reweighed(front, preference)
+        if other is not None:
+            front = other.run().front({**front.provenance, "settings": {"weights": other.named_weights}})
+        return told(front)
+
+    def reweighed(self, front: Front, preference: Preference) -> ClosedLoop | None:
+        """Return the loop that ``front`` was found by, with other weights; None where they are its own."""
+        if not isinstance(preference, Weights):
+            raise InvalidInput(f"select: of a closed loop weights are wanted, got {preference!r}")
+        weights, settings = _weights(preference, self.names), dict(front.provenance.get("settings", {}))
+        own = settings.get("weights")
+        if own is not None and np.allclose(_weights(Weights(own), self.names), weights, rtol=1e-9, atol=0):
+            return None
+        motions = front.motions
+        return self.changed(
+            weights=preference,
+            start=None if motions is None else motions.q[0, 0],
+            **{name: settings.get(name) for name in ("population", "generations", "seed")},
+        )
 
     def _blocked(self, instant: Instant) -> Infeasible:
-        time = self.task.times[instant.sample]
-        most = float(instant.longest.max())
-        said = f"step {instant.sample} ({time:.3g} s): a free configuration wanted, none was found"
-        said += f" within {most:.3g} rad" if np.isfinite(most) else ""
+        said = (
+            f"step {instant.sample} ({self.task.times[instant.sample]:.3g} s): a free configuration wanted, none found"
+        )
+        wanted, jacobian = instant.asked()
+        least = np.linalg.pinv(jacobian) @ wanted
+        over = np.maximum(instant.lower - least, least - instant.upper)
+        if over.max() > 0:
+            k = int(np.argmax(over))
+            said += (
+                f"; {self.task.arm.joint_names[k]} would have to move {least[k]:.3g} rad or m at least, but may move"
+            )
+            return Infeasible(f"{said} from {instant.lower[k]:.3g} to {instant.upper[k]:.3g}")
         if not self.task.obstacles:
             return Infeasible(said)
         gap = float(instant.gaps(instant.previous[None])[0])
-        return Infeasible(f"{said}; the arm is {gap:.3g} m from {self._nearest(instant.previous)}")
-
-    def _nearest(self, q: np.ndarray) -> str:
-        """Return in words which obstacle is nearest to a configuration."""
-        nodes = link_nodes(self.task.arm, q)
-        gaps = [float(clearance([obstacle], nodes, self.task.link_radius)) for obstacle in self.task.obstacles]
-        k = int(np.argmin(gaps))
-        return f"obstacle {k + 1} of {len(gaps)}, {self.task.obstacles[k]}"
+        return Infeasible(f"{said}; the arm is {gap:.3g} m from {_nearest(self.task, instant.previous)}")
 
 
-def _weights(given: Sequence[float] | None, names: tuple[str, ...]) -> Float[np.ndarray, " n_obj"]:
+def told(front: Front) -> Choice:
+    """Return the one motion of a closed loop's front, and what it was chosen by."""
+    weighed = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
+    means = ", ".join(
+        f"{name} {value:.4g} {unit}".rstrip()
+        for name, value, unit in zip(front.names, front.objectives[0], front.units, strict=True)
+    )
+    return Choice(
+        id=int(front.ids[0]),
+        index=0,
+        objectives=front.objectives[0],
+        motion=None if front.motions is None else front.motions[0],
+        reason=(
+            f"At every step the point with the least weighted sum ({weighed}) was taken. Means over the steps: "
+            f"{means}; position error {front.provenance['position_error']:.4g} m, "
+            f"drift {front.provenance['drift']:.4g} rad."
+        ),
+    )
+
+
+def _nearest(task: MotionTask, q: np.ndarray) -> str:
+    """Return in words which obstacle is nearest to a configuration."""
+    nodes = link_nodes(task.arm, q)
+    gaps = [float(clearance([obstacle], nodes, task.link_radius)) for obstacle in task.obstacles]
+    k = int(np.argmin(gaps))
+    return f"obstacle {k + 1} of {len(gaps)}, {task.obstacles[k]}"
+
+
+def _weights(
+    given: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
+) -> Float[np.ndarray, " n_obj"]:
+    if isinstance(given, Weights):
+        unknown = [name for name in given.weights if name not in names]
+        if unknown:
+            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {unknown[0]!r}")
+        given = [given.weights.get(name, 0.0) for name in names]
     weights = np.ones(len(names)) if given is None else finite_array("weights", given, shape=(len(names),))
     if (weights < 0).any() or weights.sum() <= 0:
         raise InvalidInput(f"weights: none below 0 and one above it wanted, got {weights.tolist()}")
     return np.asarray(weights / weights.sum())
 
 
-def _given_start(arm: Arm, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:
-    return finite_array("start", start, shape=(arm.dof,))
+def _check_limits(limits: Limits | None) -> None:
+    for kind in ("acceleration", "torque", "power") if limits is not None else ():
+        given = getattr(limits, kind)
+        if given is not None and not (isinstance(given, float) and given == np.inf):
+            raise InvalidInput(f"limits: of position, velocity and clearance wanted in a closed loop, got {kind}")
 
 
-def _longest(task: MotionTask, given: float | None) -> Float[np.ndarray, " dof"]:
-    """Return the most that each joint may move in a step."""
-    if given is not None and not given > 0:
-        raise InvalidInput(f"longest_step: a positive number wanted, got {given!r}")
-    if given is not None:
-        return np.full(task.arm.dof, float(given))
-    dt = float(task.times[1] - task.times[0])
-    fastest = np.full(task.arm.dof, np.inf)
-    if "velocity" in task.bounds:
-        fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
-    return np.minimum(LONGEST, fastest * dt)
-
-
-def undominated(population: Population) -> Population:
-    """Return the non-dominated ones, by the first objective."""
-    from moocore import is_nondominated
-
-    kept = np.flatnonzero(is_nondominated(population.F, keep_weakly=False))
-    kept = kept[np.lexsort(population.F[kept].T[::-1])]
-    return Population(genes=population.genes[kept], F=population.F[kept], q=population.q[kept])
-
-
-def chosen(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
-    """Return the point with the least weighted sum of objectives, scaled to the range of the front (Eqs. 19, 20)."""
-    least, width = F.min(axis=0), np.ptp(F, axis=0)
-    z = np.where(width > 0, (F - least) / np.where(width > 0, width, 1.0), 0.0)
-    return int(np.argmin(z @ weights))
+def _given_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:
+    q: np.ndarray = finite_array("start", start, shape=(task.arm.dof,))
+    low, high = task.arm.position_limits.T
+    beyond = np.flatnonzero((q < low - SLACK) | (q > high + SLACK))
+    if beyond.size:
+        k = int(beyond[0])
+        raise InvalidInput(
+            f"start: {task.arm.joint_names[k]} must lie within {low[k]:.6g} to {high[k]:.6g}, got {q[k]:.6g}"
+        )
+    if task.obstacles:
+        gap = float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.least_clearance
+        if gap <= 0:
+            raise InvalidInput(f"start: must be clear of obstacles, got {gap:.3g} m from {_nearest(task, q)}")
+    return q

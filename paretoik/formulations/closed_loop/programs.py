@@ -28,7 +28,8 @@ class StepPrograms:
     """Programs of one arm, task and set of objectives, whatever the step.
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
-    home, the target and constants; it reads rates of fewer than ``orders`` orders.
+    home, the target and constants; it reads rates of fewer than ``orders`` orders, and has at least two outputs: a
+    single objective twice.
     ``nodes`` takes positions, to x, y, z of base, joints and tool.
     """
 
@@ -37,6 +38,11 @@ class StepPrograms:
     nodes: Program
     inputs: int
     constants: Float[np.ndarray, " numbers"]
+
+    @property
+    def outputs(self) -> int:
+        """Number of rows that ``objectives`` writes."""
+        return len(self.objectives.outputs)
 
     def fixed(self, home: np.ndarray, target: np.ndarray) -> Float[np.ndarray, " rows"]:
         """Return the rows of inputs that a step does not change."""
@@ -65,7 +71,7 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
         if value is None:
             raise InvalidInput(f"objective {given.name}: looks at more than the end of the step")
         outputs.append(entry(trace.tape, given.sign * Expression(trace.tape, entry(trace.tape, value))))
-    found = program(trace.tape, outputs)
+    found = program(trace.tape, outputs * 2 if len(outputs) == 1 else outputs)
     rates = [int(row) // dof for row in found.inputs if row < ORDERS * dof]
     return StepPrograms(
         objectives=found,

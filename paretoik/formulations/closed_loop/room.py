@@ -8,7 +8,7 @@ import numpy as np
 
 BOUND = 1.0  # of every gene, either side
 TRIES = 100  # at a chromosome whose configuration is free
-ROUNDED = 1 + 1e-9  # a step that was shortened may round to a little more
+SLACK = 1e-10  # rad or m: a step that was shortened may round to a little more
 FINEST = 2.0**-12  # of a step: parts that are not seen to be clear are halved down to this
 LOOKED = 64  # places on the way of steps that are looked at together
 
@@ -46,15 +46,18 @@ class Guard(NamedTuple):
     """The obstacles, what is required of the distance of the arm's polyline from them [m], and how far a step may go.
 
     ``nodes`` is the program of the polyline, ``obstacles`` what ``scene`` returns. ``reach`` (dof,) is the most that
-    any point of the arm moves with each joint, ``longest`` (dof,) the most that each may move; ``swept`` says that all
-    of a step is to be clear, not its end alone. Its end keeps a ``standoff`` [m] beyond what is required.
+    any point of the arm moves with each joint, ``lower`` and ``upper`` (dof,) bound how far each may move, where
+    ``bounded``; ``swept`` says that all of a step is to be clear, not its end alone. Its end keeps a ``standoff`` [m]
+    beyond what is required.
     """
 
     nodes: Any
     obstacles: np.ndarray
     required: float
     reach: np.ndarray
-    longest: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    bounded: bool
     swept: bool
     standoff: float
 

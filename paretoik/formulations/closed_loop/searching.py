@@ -31,7 +31,8 @@ class Population:
 class StepSearch:
     """The compiled search of ``ControlStep``, for steps of one arm, task and set of objectives.
 
-    It holds the room that the engine works in: one a thread.
+    With ``warm_start`` it begins with the population of the step that it searched before. It holds the room that the
+    engine works in: one a thread.
     """
 
     programs: StepPrograms
@@ -41,12 +42,14 @@ class StepSearch:
     population: int
     generations: int
     seed: int
+    warm_start: bool = False
     room: Room = field(init=False)
 
     def __post_init__(self) -> None:
         """Make room."""
         inputs = max(self.programs.inputs, self.dof)
-        self.room = room(self.dof, self.redundancy, self.population, self.objectives, inputs)
+        self.room = room(self.dof, self.redundancy, self.population, self.programs.outputs, inputs)
+        self._searched = False
         self._worth = Worth(self.programs.objectives.parts, self.programs.orders)
 
     def __call__(self, instant: Instant) -> Population:
@@ -64,10 +67,12 @@ class StepSearch:
             self._worth,
             guard,
             self.room,
+            self.warm_start and self._searched,
         )
+        self._searched = True
         genes, F, order = self.room.genes, self.room.F, self.room.order
         kept = genes[order[:alive]]
-        return Population(genes=kept, F=F[:, :alive].T.copy(), q=_configured(kept, place))
+        return Population(genes=kept, F=F[: self.objectives, :alive].T.copy(), q=_configured(kept, place))
 
     def situation(self, instant: Instant) -> tuple[Place, Guard]:
         """Return where a step begins and what it is kept from, as the engine takes it."""
@@ -82,7 +87,9 @@ class StepSearch:
             scene(task.obstacles),
             task.least_clearance + task.link_radius,
             reaches(task),
-            np.array(instant.longest, dtype=float),
+            np.array(instant.lower),
+            np.array(instant.upper),
+            bool(np.isfinite([instant.lower, instant.upper]).any()),
             instant.swept,
             instant.standoff,
         )

@@ -19,7 +19,7 @@ from pymoo.core.sampling import Sampling
 
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.objectives import Step, StepObjective
-from paretoik.formulations.closed_loop.room import BOUND, FINEST, ROUNDED, TRIES
+from paretoik.formulations.closed_loop.room import BOUND, FINEST, SLACK, TRIES
 from paretoik.search.maximin import MaxiMin
 from paretoik.search.rowwise import BinaryTournament, ReplaceOne, RowCrossover
 from paretoik.task.motion import Motion
@@ -34,14 +34,18 @@ class Instant:
     """What is known when a step is taken to sample ``sample`` of the path.
 
     ``history`` are the last joint positions, the present ones last; ``home`` are those in which the loop began;
-    ``longest`` [rad, m] is the most that each joint may move.
+    ``lower`` and ``upper`` [rad, m] are how far each joint may move; ``swept`` says that all of a step is to be clear
+    of obstacles, not its end alone, which then keeps a ``standoff`` [m].
     """
 
     task: MotionTask
     sample: int
     history: Float[np.ndarray, "history dof"]
     home: Float[np.ndarray, " dof"]
-    longest: Float[np.ndarray, " dof"]
+    lower: Float[np.ndarray, " dof"]
+    upper: Float[np.ndarray, " dof"]
+    swept: bool
+    standoff: float
 
     @property
     def previous(self) -> Float[np.ndarray, " dof"]:
@@ -84,27 +88,18 @@ class Instant:
             dt=self.dt,
         )
 
-    @property
-    def swept(self) -> bool:
-        """Whether all of a step is to be clear of obstacles; of steps of any length, as in the paper, the end is."""
-        return bool(np.isfinite(self.longest).all())
-
-    @property
-    def standoff(self) -> float:
-        """What steps end away from obstacles at least [m], so that it can be seen of the next that it gets away."""
-        return FINEST * float(reaches(self.task) @ self.longest) if self.swept else 0.0
-
     def free(self, q: Float[np.ndarray, "points dof"]) -> Bool[np.ndarray, " points"]:
-        """Return which steps are no longer than allowed and clear of obstacles.
+        """Return which steps keep within their bounds and clear of obstacles.
 
         Where all of a step is to be clear, it is halved until no point of the arm moves farther in a part of it than
         the arm is away from obstacles at the part's ends, both distances together. What is too near for that is not
         free.
         """
-        free: Bool[np.ndarray, " points"] = (np.abs(q - self.previous) <= self.longest * ROUNDED).all(axis=1)
+        moved = q - self.previous
+        free: Bool[np.ndarray, " points"] = ((moved >= self.lower - SLACK) & (moved <= self.upper + SLACK)).all(axis=1)
         if not self.task.obstacles or not free.any():
             return free
-        moved = np.where(free[:, None], q - self.previous, 0.0)
+        moved = np.where(free[:, None], moved, 0.0)
         end = self.gaps(self.previous + moved)
         free &= end > self.standoff
         if not self.swept:
@@ -172,15 +167,17 @@ class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.instant.free(self.decode(genes))
 
     def shortened(self, genes: Genes) -> Genes:
-        """Return genes of steps with no more self-motion than the longest step leaves.
+        """Return genes of steps with no more self-motion than keeps every joint within its bounds.
 
         What the step to the target itself takes is not shortened.
         """
         wanted, jacobian = self._asked
-        least, longest = np.linalg.pinv(jacobian) @ wanted, self.instant.longest
-        more = np.nan_to_num(self.decode(genes) - self.instant.previous - least)
-        far = np.abs(least + more) > longest
-        left = np.maximum((np.copysign(longest, more) - least) / np.where(far, more, 1.0), 0.0)
+        least, instant = np.linalg.pinv(jacobian) @ wanted, self.instant
+        more = np.nan_to_num(self.decode(genes) - instant.previous - least)
+        far = (least + more < instant.lower) | (least + more > instant.upper)
+        left = np.maximum(
+            (np.where(more > 0, instant.upper, instant.lower) - least) / np.where(far & (more != 0), more, 1.0), 0.0
+        )
         kept = np.where(far, np.minimum(left, 1.0), 1.0).min(axis=1, keepdims=True)
         rows = genes.reshape(-1, self.rows, self.row)
         ahead = np.einsum("prk,pk->pr", rows[..., :-1], least + kept * more)

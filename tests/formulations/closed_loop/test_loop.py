@@ -63,7 +63,7 @@ def test_searched_loops_go_where_exact_ones_go(weight):
 
 def test_weights_alone_change_what_is_chosen():
     loop = small(4)
-    near, far = loop.weighed([1, 0]).run(), loop.weighed([0, 1]).run()
+    near, far = loop.changed(weights=[1, 0]).run(), loop.changed(weights=[0, 1]).run()
     np.testing.assert_array_equal(near.q[0], far.q[0])
     assert near.drift < far.drift
     assert near.position_error > far.position_error

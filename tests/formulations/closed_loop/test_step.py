@@ -4,8 +4,9 @@ from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.formulations.closed_loop.loop import ClosedLoop, chosen
+from paretoik.formulations.closed_loop.loop import ClosedLoop
 from paretoik.formulations.closed_loop.objectives import Step, of_step, step_objective
+from paretoik.formulations.closed_loop.result import chosen
 from paretoik.formulations.closed_loop.step import ControlStep
 from problems import marcos_2012
 from tests.formulations.closed_loop.postures import posture
@@ -84,7 +85,14 @@ def whole(motion):
         ({"longest_step": 0.0}, "longest_step: a positive number wanted"),
         ({"population": 2}, "population: an integer of at least 4"),
         ({"start": [0.0, 1.0]}, "start"),
-        ({"objectives": [elbow]}, "objectives: at least two"),
+        ({"objectives": []}, "objectives: wants at least one"),
+        ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must lie within -3 to 3, got 4"),
+        (
+            {"obstacles": [pk.Circle([0.5, 0.2], 1.0)]},
+            "start: must be clear of obstacles, got -.* from obstacle 1 of 1",
+        ),
+        ({"limits": pk.Limits(torque=3.0)}, "limits: of position, velocity and clearance wanted .*, got torque"),
+        ({"weights": pk.Weights(elbow=1.0)}, "weights: wanted names among joint_displacement, position_error"),
         ({"objectives": [elbow, elbow]}, "names must differ"),
         ({"objectives": [elbow, whole]}, "objective whole looks at a whole motion"),
     ],
