@@ -32,7 +32,8 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
 class SearchScene:
     """Names and units of the objectives, and which are maximised: what every generation is drawn with.
 
-    ``course`` says whether they are generations or the steps of a closed loop, which have no hypervolume.
+    ``course`` says whether they are generations or the steps of a closed loop. These have no hypervolume, and each is
+    drawn as shares of its own front's ranges: from one to the next objectives can change by orders of magnitude.
     """
 
     names: tuple[str, ...]
@@ -53,15 +54,19 @@ class SearchScene:
         shown = shown[np.isfinite(shown).all(axis=1)]
         if len(shown) == 0:
             return []
+        if self.course == "step":
+            shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
         text = 3.2 * min(self.columns, 2)
         windows = [window(shown[:, list(pair)]) for pair in self.pairs]
         return [
-            Canvas(low=low, high=high, labels=(self._label(first), self._label(second)), text=text)
+            Canvas(low=low, high=high, labels=(self._axis(first), self._axis(second)), text=text)
             for (first, second), (low, high) in zip(self.pairs, windows, strict=True)
         ]
 
     def suits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
         """Say whether `shown` can be drawn on `canvases` as they are."""
+        if self.course == "step":
+            return bool(canvases)
         return bool(canvases) and all(canvas.suits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
     @property
@@ -144,8 +149,9 @@ class SearchScene:
         self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas], *, named: bool = False
     ) -> None:
         """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
-        self.log_points(recording, "population", generation.population, canvases)
-        self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids, named=named)
+        own = generation.front if self.course == "step" else None
+        self.log_points(recording, "population", generation.population, canvases, own=own)
+        self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, own=own)
         if generation.hypervolume is not None:
             recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
         recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
@@ -153,7 +159,7 @@ class SearchScene:
             for name, best in zip(self.names, self._best(generation.front), strict=True):
                 recording.log(["search", "best", name], rr.Scalars(float(best)))
         if generation.chosen is not None:
-            self.log_points(recording, "chosen", generation.chosen[None], canvases)
+            self.log_points(recording, "chosen", generation.chosen[None], canvases, own=own)
             for name, value in zip(self.names, generation.chosen, strict=True):
                 recording.log(["search", "chosen", name], rr.Scalars(float(value)))
 
@@ -166,11 +172,16 @@ class SearchScene:
         *,
         ids: Ids | None = None,
         named: bool = False,
+        own: Objectives | None = None,
     ) -> None:
-        """Draw points as a layer of every panel; those outside a window are left to the exact numbers beside it."""
+        """Draw points as a layer of every panel, as shares of the ranges of a front of their ``own`` if there is one.
+
+        Those outside a window are left to the exact numbers beside it.
+        """
         colour, radius, order = LAYERS[layer]
+        drawn = F if own is None else _shares(F, own)
         for pair, canvas in self._panels(canvases):
-            pairwise = F[:, list(pair)]
+            pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
             points = rr.Points2D(
                 canvas.place(pairwise[seen]),
@@ -208,9 +219,18 @@ class SearchScene:
             height=height,
         )
 
+    def _axis(self, axis: int) -> str:
+        return f"{self.names[axis]}, share of the step's range" if self.course == "step" else self._label(axis)
+
     def _label(self, axis: int) -> str:
         unit = f" [{self.units[axis]}]" if self.units[axis] else ""
         return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
+
+
+def _shares(F: Objectives, own: Objectives) -> Objectives:
+    low, span = own.min(axis=0), np.ptp(own, axis=0)
+    shares: Objectives = (F - low) / np.where(span > 0, span, 1.0)
+    return shares
 
 
 def replay_window(generations: Sequence[Generation], front: Objectives) -> np.ndarray:

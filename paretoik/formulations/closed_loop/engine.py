@@ -19,6 +19,7 @@ from paretoik.search.compiled.survival import (
     by_rank,
     first_rank,
     insertion_distances,
+    met,
     placed,
     ranks_in_order,
     thinned,
@@ -42,7 +43,7 @@ def searched(seed, step, generations, operators, place, objectives, guard, room,
                 children[k, child] = room.genes[order[child], k]
         else:
             anew(state, operators.low, operators.high, children, child)
-    evaluate(place, operators, objectives, guard, clear, count, room)
+    evaluate(place, operators, objectives, guard, clear, count, room, True, False)
     F[:, :count] = np.inf
     for k in range(count):
         order[k] = k
@@ -61,7 +62,7 @@ def searched(seed, step, generations, operators, place, objectives, guard, room,
             operators.high,
             children,
         )
-        evaluate(place, operators, objectives, guard, clear, new, room)
+        evaluate(place, operators, objectives, guard, clear, new, room, not guard.swept, level)
         level = survive(room, new, level)
     alive = 0
     for k in range(count):
@@ -158,12 +159,19 @@ def _solve(work, r, first, last):
 
 
 @compiled
-def evaluate(place, operators, objectives, guard, clear, count, room):
-    """Write the objectives of ``count`` children; those whose configuration is not free are replaced by new ones."""
+def evaluate(place, operators, objectives, guard, clear, count, room, replacing, level):
+    """Write the objectives of ``count`` children; those whose step is not free are replaced by new ones, or fail.
+
+    To see whether all of a step is clear takes long: where all parents are of one ``level``, children that one
+    dominates are not looked at.
+    """
     F, given, found = room.F, room.given, room.values
     parents, n = room.order.shape[0], place.previous.shape[0]
     configurations(room.children, 0, count, place, room.work, given)
-    if clear < np.inf or guard.bounded:
+    for lane in range(count):
+        room.asked[lane] = lane
+    _shorten(count, place, guard, room)
+    if replacing and (clear < np.inf or guard.bounded):
         _free(place, operators, guard, clear, count, room)
     for j in range(n):
         for order in range(1, objectives.orders):
@@ -180,15 +188,22 @@ def evaluate(place, operators, objectives, guard, clear, count, room):
             if not abs(found[m, lane]) < np.inf:
                 for each in range(F.shape[0]):
                     F[each, parents + lane] = np.inf
+    if replacing:
+        return
+    asked = 0
+    for lane in range(count):
+        x, y = F[0, parents + lane], F[1, parents + lane]
+        room.asked[asked] = lane
+        asked += np.int64((x < np.inf) and not (level and met(F, parents, x, y)[1]))
+    for k in range(blocked(asked, place, guard, clear, room)):
+        for m in range(F.shape[0]):
+            F[m, parents + room.asked[k]] = np.inf
 
 
 @compiled
 def _free(place, operators, guard, clear, left, room):
-    """Shorten steps that are out of bounds; replace the chromosomes of those that are not free as often as it takes."""
+    """Replace the chromosomes of steps that are not free, as often as it takes."""
     asked = room.asked
-    for lane in range(left):
-        asked[lane] = lane
-    _shorten(left, place, guard, room)
     for _ in range(TRIES):
         left = blocked(left, place, guard, clear, room)
         if left == 0:

@@ -137,7 +137,8 @@ class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
     """Search the rows J* and Δx* that extend Δx = J Δq to a square system (Eqs. 7 to 18): a vectorised pymoo problem.
 
     An individual is the matrix (redundancy, dof + 1) of these rows, flattened. F has the objectives, minimised; G, one
-    column, is 1 where ``instant.free`` says no: ``algorithm`` replaces such chromosomes before they are evaluated.
+    column, is 1 where ``instant.free`` says no. ``algorithm`` replaces such chromosomes before they are evaluated, as
+    the paper does; where all of a step is to be clear, only the first ones, and later ones fail: their F is inf.
     """
 
     def __init__(self, instant: Instant, objectives: Sequence[StepObjective]) -> None:
@@ -203,15 +204,16 @@ class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
             crossover=RowCrossover(self.row),
             mutation=ReplaceOne(),
             survival=MaxiMin(),
-            repair=ReplaceBlocked(),
+            repair=Shorten() if self.instant.swept else ReplaceBlocked(),
             eliminate_duplicates=False,
             advance_after_initial_infill=True,
         )
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         q = self.decode(X)
-        out["F"] = self.scores(q)
-        out["G"] = (~self.instant.free(q)).astype(float)[:, None]
+        free, F = self.instant.free(q), self.scores(q)
+        out["F"] = np.where(free[:, None], F, np.inf) if self.instant.swept else F
+        out["G"] = (~free).astype(float)[:, None]
 
 
 class FreeChromosomes(Sampling):  # type: ignore[misc]  # pymoo is not typed
@@ -221,6 +223,13 @@ class FreeChromosomes(Sampling):  # type: ignore[misc]  # pymoo is not typed
         self, problem: ControlStep, n_samples: int, *, random_state: np.random.Generator, **kwargs: object
     ) -> Genes:
         return replaced(problem, _drawn(problem, n_samples, random_state), random_state)
+
+
+class Shorten(Repair):  # type: ignore[misc]  # pymoo is not typed
+    """Steps that would go out of bounds are shortened."""
+
+    def _do(self, problem: ControlStep, X: Genes, **kwargs: object) -> Genes:
+        return problem.shortened(np.array(X, dtype=float))
 
 
 class ReplaceBlocked(Repair):  # type: ignore[misc]  # pymoo is not typed

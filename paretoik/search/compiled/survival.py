@@ -17,6 +17,22 @@ TINY = 2.2250738585072014e-308  # an objective that spreads by less than this do
 
 
 @compiled
+def met(F, parents, x, y):
+    """Return how many of the sorted parents come before a point, and whether the last of them is as good or better."""
+    first, length = np.uint64(0), np.uint64(parents)  # unsigned: from no end of an array is counted back
+    while length > ONE:
+        half = length >> ONE
+        u, v = F[0, first + half - ONE], F[1, first + half - ONE]
+        first += half * np.uint64((u < x) | ((u == x) & (v <= y)))
+        length -= half
+    u, v = F[0, first], F[1, first]
+    first += np.uint64((u < x) | ((u == x) & (v <= y)))
+    before = first - np.uint64(first > NONE)
+    u, v = F[0, before], F[1, before]
+    return first, (first > NONE) & ((v < y) | ((v == y) & (u <= x)))
+
+
+@compiled
 def placed(F, parents, children, level, bucket, begins, child, points, xy):
     """Write parents, which are sorted, and so many children in order of (first, second objective); return how many.
 
@@ -28,20 +44,9 @@ def placed(F, parents, children, level, bucket, begins, child, points, xy):
         begins[k] = 0
     found = 0
     for k in range(parents, parents + children):
-        x, y = F[0, k], F[1, k]
-        first, length = np.uint64(0), np.uint64(parents)  # unsigned: from no end of an array is counted back
-        while length > ONE:
-            half = length >> ONE
-            u, v = F[0, first + half - ONE], F[1, first + half - ONE]
-            first += half * np.uint64((u < x) | ((u == x) & (v <= y)))
-            length -= half
-        u, v = F[0, first], F[1, first]
-        first += np.uint64((u < x) | ((u == x) & (v <= y)))
-        before = first - np.uint64(first > NONE)
-        u, v = F[0, before], F[1, before]
-        beaten = (first > NONE) & ((v < y) | ((v == y) & (u <= x)))
+        first, beaten = met(F, parents, F[0, k], F[1, k])
         bucket[found], child[found] = np.int64(first), k
-        found += np.int64((not level) | ((x < np.inf) & (not beaten)))
+        found += np.int64((not level) | ((F[0, k] < np.inf) & (not beaten)))
     for k in range(found):
         begins[bucket[k] + 1] += 1
     for k in range(parents + 1):
