@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Ids, Objectives, Times, Values
 from paretoik.review.canvas import BACKGROUND, Canvas, Colour, window
 from paretoik.review.chart import Chart
-from paretoik.review.generation import Course, Generation
+from paretoik.review.generation import Course, Generation, Population
 
 POPULATION: Colour = (125, 150, 185, 190)
 FRONT: Colour = (255, 178, 62, 255)
@@ -172,7 +172,7 @@ class SearchScene:
         *,
         ids: Ids | None = None,
         named: bool = False,
-        own: Objectives | None = None,
+        own: Population | None = None,
     ) -> None:
         """Draw points as a layer of every panel, as shares of the ranges of a front of their ``own`` if there is one.
 
@@ -227,7 +227,7 @@ class SearchScene:
         return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
 
 
-def _shares(F: Objectives, own: Objectives) -> Objectives:
+def _shares(F: Objectives, own: Population) -> Objectives:
     low, span = own.min(axis=0), np.ptp(own, axis=0)
     shares: Objectives = (F - low) / np.where(span > 0, span, 1.0)
     return shares
