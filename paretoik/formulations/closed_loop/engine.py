@@ -193,8 +193,9 @@ def evaluate(place, operators, objectives, guard, clear, count, room, replacing,
     asked = 0
     for lane in range(count):
         x, y = F[0, parents + lane], F[1, parents + lane]
-        room.asked[asked] = lane
-        asked += np.int64((x < np.inf) and not (level and met(F, parents, x, y)[1]))
+        if x < np.inf and not (level and met(F, parents, x, y)[1]):
+            room.asked[asked] = lane
+            asked += 1
     for k in range(blocked(asked, place, guard, clear, room)):
         for m in range(F.shape[0]):
             F[m, parents + room.asked[k]] = np.inf

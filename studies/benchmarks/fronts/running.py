@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future
 from functools import lru_cache
 from itertools import product
 from multiprocessing import get_context
@@ -15,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import TypeAlias, TypeVar
 
 import numpy as np
+from pebble import ProcessExpired, ProcessPool
 
 from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run, problem_of
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
@@ -26,6 +26,7 @@ Result = TypeVar("Result")
 
 KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
 CORES = os.cpu_count() or 1
+LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one that found nothing
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -68,7 +69,7 @@ def run_all(
     for name in THREADS:
         os.environ.setdefault(name, "1")
     found: Found = {}
-    with TemporaryDirectory() as folder, ProcessPoolExecutor(CORES, mp_context=get_context("spawn")) as pool:
+    with TemporaryDirectory() as folder, ProcessPool(CORES, context=get_context("spawn")) as pool:
         sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
         forms = _forms(pool, chosen, Path(folder) if compiling else None)
         budgets = {case: _budgets(pool, case, sizes[case], kinds) for case in chosen}
@@ -78,18 +79,19 @@ def run_all(
                 names = methods_of(case)
                 for name, kind in product(names[seed % len(names) :] + names[: seed % len(names)], kinds):
                     form = forms.get((case, name))
-                    work = pool.submit(run, case, name, seed, budgets[case][kind], sizes[case], form)
+                    asked = [case, name, seed, budgets[case][kind], sizes[case], form]
+                    work: Future[Run] = pool.schedule(run, args=asked, timeout=LIMIT)
                     waiting.append((case, kind, name, work))
-            for case, kind, name, work in waiting:
+            for case, kind, name, done in waiting:
                 every = found.setdefault((case, kind), {each: [] for each in methods_of(case)})
-                every[name].append(_done(work, f"{name} or one beside it on {case}, seed {seed},"))
+                every[name].append(_ended(done, case, f"{name} on {case}, equal {kind}, seed {seed}"))
             _tell(f"seed {seed + 1} of {seeds}: done")
     return found
 
 
-def _forms(pool: ProcessPoolExecutor, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
+def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
     asked = {
-        (case, name): pool.submit(form_of, name, case, folder)
+        (case, name): pool.schedule(form_of, args=[name, case, folder])
         for case in chosen
         for name in methods_of(case)
         if name in SOLVERS
@@ -99,10 +101,21 @@ def _forms(pool: ProcessPoolExecutor, chosen: Sequence[str], folder: Path | None
     return found
 
 
+def _ended(work: Future[Run], case: str, what: str) -> Run:
+    """Return a run; an empty one where it crashed or did not end."""
+    try:
+        return work.result()
+    except (TimeoutError, ProcessExpired) as fault:
+        why = f"did not end within {LIMIT:g} s" if isinstance(fault, TimeoutError) else "crashed"
+        _tell(f"{what} {why}: counted as empty")
+        F = np.empty((0, problem_of(case).n_obj))
+        return Run(F=F, failed=0, evaluations=0, iterations=0, seconds=0.0)
+
+
 def _done(work: Future[Result], what: str) -> Result:
     try:
         return work.result()
-    except BrokenProcessPool:
+    except ProcessExpired:
         raise SystemExit(f"{what} crashed") from None
 
 
@@ -110,11 +123,11 @@ def _tell(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _budgets(pool: ProcessPoolExecutor, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
+def _budgets(pool: ProcessPool, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
     same = Budget(kind="evaluations", amount=evaluations)
     found: dict[Kind, Budget] = {"evaluations": same}
     if "CPU time" in kinds:
-        works = [pool.submit(run, case, PYMOO[0], seed, same, evaluations) for seed in range(3)]
+        works = [pool.schedule(run, args=[case, PYMOO[0], seed, same, evaluations]) for seed in range(3)]
         taken = [_done(work, f"{PYMOO[0]} on {case}").seconds for work in works]
         found["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
         _tell(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s")

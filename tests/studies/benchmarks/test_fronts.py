@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
+import time
+from functools import partial
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from pebble import ProcessPool
 
 import paretoik as pk
 from paretoik.search import Search
@@ -256,12 +261,12 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
         def __exit__(self, *_):
             pass
 
-        def submit(self, work, *given):
+        def schedule(self, work, args, timeout=None):
             done = running.Future()
-            done.set_result(work(*given))
+            done.set_result(work(*args))
             return done
 
-    monkeypatch.setattr(running, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(running, "ProcessPool", Here)
     for module in (cases, methods, running, study):
         monkeypatch.setattr(module, "POPULATION", 8)
     monkeypatch.setattr(study, "QUICK", (CASE,))
@@ -288,3 +293,11 @@ def test_what_cannot_be_run_is_refused(words, capsys):
     with pytest.raises(SystemExit):
         study.main(words)
     assert "wanted" in capsys.readouterr().err or words[0] == "--problems"
+
+
+@pytest.mark.parametrize(("does", "said"), [(partial(time.sleep, 60), "did not end"), (os.abort, "crashed")])
+def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, does, said):
+    with ProcessPool(1, context=get_context("spawn")) as pool:
+        found = running._ended(pool.schedule(does, timeout=3.0), "energy_torque", "a peer")
+    assert found.F.shape == (0, 2)
+    assert capsys.readouterr().err.startswith(f"a peer {said}")
