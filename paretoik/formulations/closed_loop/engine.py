@@ -100,27 +100,44 @@ def configurations(genes, first, last, place, work, q):
     previous, particular, null = place.previous, place.particular, place.null
     n, r = null.shape
     for i in range(r):
-        right = work[r * r + i]
+        right, begun = work[r * r + i], i * (n + 1)
+        _weighed(genes, begun, particular, n, first, last, right)
+        last_gene = genes[begun + n]
         for lane in range(first, last):
-            right[lane] = genes[i * (n + 1) + n, lane]
-        for k in range(n):
-            for lane in range(first, last):
-                right[lane] -= genes[i * (n + 1) + k, lane] * particular[k]
+            right[lane] = last_gene[lane] - right[lane]
         for j in range(r):
-            table = work[i * r + j]
-            for lane in range(first, last):
-                table[lane] = 0.0
-            for k in range(n):
-                for lane in range(first, last):
-                    table[lane] += genes[i * (n + 1) + k, lane] * null[k, j]
+            _weighed(genes, begun, null[:, j], n, first, last, work[i * r + j])
     _solve(work, r, first, last)
     for k in range(n):
-        for lane in range(first, last):
-            q[k, lane] = previous[k] + particular[k]
+        start, to = previous[k] + particular[k], q[k]
         for j in range(r):
-            y = work[r * r + j]
-            for lane in range(first, last):
-                q[k, lane] += null[k, j] * y[lane]
+            y, factor = work[r * r + j], null[k, j]
+            if j == 0:
+                for lane in range(first, last):
+                    to[lane] = start + factor * y[lane]
+            else:
+                for lane in range(first, last):
+                    to[lane] += factor * y[lane]
+
+
+@compiled
+def _weighed(genes, begun, factors, count, first, last, found):
+    """Write the weighted sum of ``count`` rows of genes; what is read before a loop lets it run on many lanes."""
+    k = 0
+    if count >= 3:
+        a, b, c = factors[0], factors[1], factors[2]
+        one, two, three = genes[begun], genes[begun + 1], genes[begun + 2]
+        for lane in range(first, last):
+            found[lane] = a * one[lane] + b * two[lane] + c * three[lane]
+        k = 3
+    else:
+        for lane in range(first, last):
+            found[lane] = 0.0
+    while k < count:
+        a, one = factors[k], genes[begun + k]
+        for lane in range(first, last):
+            found[lane] += a * one[lane]
+        k += 1
 
 
 @compiled
@@ -131,10 +148,11 @@ def _solve(work, r, first, last):
             work[1, lane] /= work[0, lane]
         return
     if r == 2:
+        w0, w1, w2, w3, w4, w5 = work[0], work[1], work[2], work[3], work[4], work[5]
         for lane in range(first, last):
-            a, b, c, d = work[0, lane], work[1, lane], work[2, lane], work[3, lane]
-            e, f, size = work[4, lane], work[5, lane], a * d - b * c
-            work[4, lane], work[5, lane] = (e * d - b * f) / size, (a * f - e * c) / size
+            a, b, c, d = w0[lane], w1[lane], w2[lane], w3[lane]
+            e, f, size = w4[lane], w5[lane], a * d - b * c
+            w4[lane], w5[lane] = (e * d - b * f) / size, (a * f - e * c) / size
         return
     for lane in range(first, last):
         for column in range(r):
@@ -176,9 +194,9 @@ def evaluate(place, operators, objectives, guard, clear, count, room, replacing,
     for j in range(n):
         for order in range(1, objectives.orders):
             before = place.previous[j] if order == 1 else place.rates[order - 2, j]
-            row, now = order * n + j, (order - 1) * n + j
+            rate, now, dt = given[order * n + j], given[(order - 1) * n + j], place.dt
             for lane in range(count):
-                given[row, lane] = (given[now, lane] - before) / place.dt
+                rate[lane] = (now[lane] - before) / dt
     run_first(objectives.program, given, found, count)
     for m in range(F.shape[0]):
         for lane in range(count):

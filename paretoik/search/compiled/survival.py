@@ -173,8 +173,10 @@ def by_rank(count, wanted, s):
         members[found] = k
         found += np.int64(rank[k] == split)
     if split < count and left > 0:
-        _to_kept(xy, count, rank, split, members, found, across, down, nearest, s.x, s.y)
-        _split(xy, across, down, members, found, nearest, s.distance, s.waiting)
+        _to_kept(xy, count, rank, split, members, found, across, down, nearest)
+        for i in range(found):
+            s.x[i], s.y[i] = xy[0, members[i]], xy[1, members[i]]
+        _split(s.x, s.y, across, down, found, nearest, s.distance, s.waiting)
         _taken(members, found, left, s.distance, rank, worth, split, s.x, s.y)
     for i in range(left if split == count else 0):  # failed points fill up
         rank[members[i]], worth[members[i]] = -1, -split
@@ -186,7 +188,7 @@ def by_rank(count, wanted, s):
 
 
 @compiled
-def _split(xy, across, down, members, found, nearest, value, waiting):
+def _split(x, y, across, down, found, nearest, value, waiting):
     """Write the squared distance at which each member of a rank, in order, is inserted; ``nearest`` is that to others.
 
     Of a stretch between inserted members the farthest is the next one, whatever happens elsewhere on the front.
@@ -196,14 +198,16 @@ def _split(xy, across, down, members, found, nearest, value, waiting):
     while left > 0:
         left -= 1
         begin, end = waiting[left, 0], waiting[left, 1]
-        best = begin
+        best, most = begin, nearest[begin]
         for i in range(begin + 1, end):
-            best = i if nearest[i] > nearest[best] else best
-        value[best] = nearest[best]
-        x, y = xy[0, members[best]], xy[1, members[best]]
+            if nearest[i] > most:
+                best, most = i, nearest[i]
+        value[best] = most
+        x0, y0 = x[best], y[best]
         for i in range(begin, end):
-            apart = ((xy[0, members[i]] - x) * across) ** 2 + ((xy[1, members[i]] - y) * down) ** 2
-            nearest[i] = min(nearest[i], apart)
+            aside, below = (x[i] - x0) * across, (y[i] - y0) * down
+            apart = aside * aside + below * below
+            nearest[i] = apart if apart < nearest[i] else nearest[i]
         waiting[left, 0], waiting[left, 1] = begin, best
         left += np.int64(best > begin)
         waiting[left, 0], waiting[left, 1] = best + 1, end
@@ -225,16 +229,24 @@ def _taken(members, found, wanted, value, rank, worth, split, room, other):
 
 
 @compiled
-def _to_kept(xy, count, rank, split, members, found, across, down, nearest, x, y):
-    """Write the squared distance of each member of a rank to the nearest point of better rank."""
+def _to_kept(xy, count, rank, split, members, found, across, down, nearest):
+    """Write the squared distance of each member of a rank to the nearest point of better rank.
+
+    Points are in order of the first objective: it is looked to either side as far as that alone is nearer.
+    """
     for i in range(found):
-        x[i], y[i], nearest[i] = xy[0, members[i]], xy[1, members[i]], np.inf
-    for k in range(count):
-        if rank[k] < split:
-            u, v = xy[0, k], xy[1, k]
-            for i in range(found):
-                apart = ((x[i] - u) * across) ** 2 + ((y[i] - v) * down) ** 2
-                nearest[i] = apart if apart < nearest[i] else nearest[i]
+        member, least = members[i], np.inf
+        x, y = xy[0, member], xy[1, member]
+        for way in (-1, 1):
+            k = member + way
+            while 0 <= k < count:
+                aside = ((xy[0, k] - x) * across) ** 2
+                if aside >= least:
+                    break
+                if rank[k] < split:
+                    least = min(least, aside + ((xy[1, k] - y) * down) ** 2)
+                k += way
+        nearest[i] = least
 
 
 @compiled

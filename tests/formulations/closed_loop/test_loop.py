@@ -50,6 +50,38 @@ def test_the_exact_step_is_the_best_of_all(weight):
     np.testing.assert_allclose(q[1], brute_force(loop, weight), atol=2e-7)
 
 
+@pytest.mark.parametrize("blocked", [False, True])
+def test_no_step_of_four_links_is_better_than_the_exact_one(blocked):
+    loop = small(4, blocked=blocked)
+    instant, arm, obstacles = loop.instant(1), loop.task.arm, loop.task.obstacles
+    wanted, jacobian = instant.asked()
+    null = np.linalg.svd(jacobian)[2][2:].T
+    rng = np.random.default_rng(0)
+    radius, angle = 10 ** rng.uniform(-6, 0.9, size=300_000), rng.uniform(0, 2 * np.pi, size=300_000)
+    y = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    q = instant.previous + np.linalg.pinv(jacobian) @ wanted + y @ null.T
+    if blocked:
+        lengths, (circles, boxes) = link_lengths(arm), shapes(obstacles)
+        q = q[[not hits(lengths, each, circles, boxes) for each in q]]
+
+    def objectives(q):
+        ends = np.cumsum(q, axis=-1)
+        missed = np.stack([np.cos(ends).sum(-1), np.sin(ends).sum(-1)], -1) - instant.target
+        moved = np.sum((q - instant.previous) ** 2 + (q - instant.home) ** 2, axis=-1)
+        return np.stack([moved, np.linalg.norm(missed, axis=-1)], axis=-1)
+
+    exact = {
+        weight: objectives(exact_steps(arm, loop.task.targets[:2], loop.start, weight=weight, obstacles=obstacles)[1])
+        for weight in (0.0, 0.2, 0.8, 1.0)
+    }
+    drawn = objectives(q)
+    assert exact[1.0][0] <= drawn[:, 0].min() + 1e-9
+    assert exact[0.0][1] <= drawn[:, 1].min() + 1e-9
+    width = np.abs(exact[0.0] - exact[1.0])
+    for weight in (0.2, 0.8):
+        assert exact[weight] / width @ [weight, 1 - weight] <= (drawn / width @ [weight, 1 - weight]).min() + 1e-6
+
+
 @pytest.mark.parametrize("weight", [0.3, 1.0])
 def test_searched_loops_go_where_exact_ones_go(weight):
     loop = small(3, weight, population=120, generations=100)
