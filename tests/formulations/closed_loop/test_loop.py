@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -107,6 +109,15 @@ def test_states_are_the_same_again_and_tell_seeds_apart(monkeypatch):
     assert len(first.digests) == STEPS // 5
     assert first.digests == again.digests
     assert first.digests != other.digests
+
+
+@pytest.mark.parametrize("threads", [2, 4])
+def test_states_are_the_same_whatever_runs_beside(monkeypatch, threads):
+    monkeypatch.setattr("paretoik.formulations.closed_loop.loop.HASHED", 5)
+    loops = [small(links, weight) for links in (3, 4) for weight in (0.2, 0.8)]
+    alone = [loop.run().digests for loop in loops]
+    with ThreadPoolExecutor(threads) as pool:
+        assert list(pool.map(lambda loop: loop.run().digests, loops)) == alone
 
 
 def test_every_step_is_shown_as_it_is_taken():

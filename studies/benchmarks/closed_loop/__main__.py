@@ -1,0 +1,108 @@
+"""A control step's search beside pymoo and pygmo: ``python -m studies.benchmarks.closed_loop [--quick] [--json FILE]``.
+
+Processor time a generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled evaluation,
+pygmo's NSGA-II with the same compiled evaluation of whole populations (its own operators), all on one step, in turn;
+of several rounds the least. What the first call takes, compiled and from the cache. And whether our fronts are those of
+the readable path in pymoo.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from problems.marcos_2012 import Links
+from studies.benchmarks.closed_loop.contestants import (
+    GENERATIONS,
+    PYGMO,
+    engine,
+    loop_of,
+    pygmo_nsga2,
+    pymoo,
+    seconds,
+)
+from studies.benchmarks.closed_loop.equivalence import STEPS, equivalence_rows
+from studies.reporting import Row, report
+
+GOALS = {"pymoo": 300.0, "pygmo's NSGA-II": 50.0}
+FIRST = """
+import time
+from studies.benchmarks.closed_loop.contestants import loop_of
+loop = loop_of(3)
+search = loop.search()
+begun = time.perf_counter()
+search(loop.instant(1))
+print(time.perf_counter() - begun)
+"""
+
+
+def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
+    """Return microseconds a generation of everybody on the first step of an arm, ours beside each."""
+    loop = loop_of(links)
+    instant = loop.instant(1)
+    contestants: dict[str, tuple[Callable[[int, int], np.ndarray], int]] = {
+        "ours": (engine(loop, instant), GENERATIONS),
+        "pymoo": (pymoo(loop, instant, compiled=False), slow_generations),
+        "pymoo, compiled evaluation": (pymoo(loop, instant, compiled=True), slow_generations),
+    }
+    if PYGMO:
+        contestants["pygmo's NSGA-II"] = pygmo_nsga2(loop, instant), GENERATIONS
+    for run, _ in contestants.values():
+        run(0, 2)
+    taken = {name: seconds(run, many, rounds) / many for name, (run, many) in contestants.items()}
+    rows = []
+    for name, one in taken.items():
+        ratio, goal = one / taken["ours"], GOALS.get(name)
+        lost = "LOSS: " if goal is not None and ratio < goal else ""
+        note = "" if name == "ours" else f"{lost}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
+        rows.append(
+            Row(
+                table="a generation, processor time",
+                row=f"{links}R, population {loop.population}",
+                column=name,
+                unit="µs",
+                ours=1e6 * one,
+                note=note,
+            )
+        )
+    return rows
+
+
+def first_call_rows() -> list[Row]:
+    """Return what the first search of a process takes: compiled anew, and from the cache on disk."""
+    rows = []
+    with tempfile.TemporaryDirectory() as cache:
+        for name in ("compiled anew", "from the cache"):
+            environment = os.environ | {"NUMBA_CACHE_DIR": cache}
+            said = subprocess.run([sys.executable, "-c", FIRST], env=environment, check=True, capture_output=True)
+            rows.append(
+                Row(table="first search of a process", row="3R", column=name, unit="s", ours=float(said.stdout))
+            )
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="3 rounds, 5 seeds on one step")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
+    given = parser.parse_args(arguments)
+    if not PYGMO:
+        print("left out: pygmo, which is not installed")
+    rounds, slow = (3, 20) if given.quick else (9, 60)
+    arms: tuple[Links, ...] = (3, 4)
+    rows = [row for links in arms for row in speed_rows(links, rounds, slow)]
+    rows += first_call_rows()
+    rows += equivalence_rows(5, STEPS[:1]) if given.quick else equivalence_rows(31)
+    report(rows, json_file=given.json)
+
+
+if __name__ == "__main__":
+    main()

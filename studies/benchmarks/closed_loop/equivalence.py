@@ -1,0 +1,98 @@
+"""Whether the engine's fronts are those of the readable path in pymoo: two one-sided tests on several steps.
+
+Hypervolumes of fronts, normalised by the exact front of a step, of 31 seeds each; equal where both one-sided
+Mann-Whitney tests say that they differ by less than 1 % of the exact front's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+from moocore import is_nondominated
+from scipy.stats import mannwhitneyu
+
+from paretoik.formulations.closed_loop.loop import ClosedLoop
+from paretoik.formulations.closed_loop.step import HISTORY, Instant
+from paretoik.front.indicators import hypervolume
+from paretoik.redundancy.extended_jacobian import exact_steps
+from problems.marcos_2012 import Links
+from studies.benchmarks.closed_loop.contestants import GENERATIONS, engine, loop_of, pymoo
+from studies.reporting import Row
+
+MARGIN, LEVEL = 0.01, 0.05
+STEPS: tuple[tuple[Links, int], ...] = ((3, 1), (3, 60), (3, 240), (4, 60))
+REFERENCE = 1.1
+DENSE = 200_001
+FARTHEST = 8.0  # rad
+
+
+def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> list[Row]:
+    """Return, for each step, both medians, the larger p of the two tests and what that means."""
+    rows = []
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        for links, sample in steps:
+            whose = {
+                name: list(pool.map(volume, [links] * seeds, [sample] * seeds, [name] * seeds, range(seeds)))
+                for name in ("engine", "pymoo")
+            }
+            ours, theirs = np.array(whose["engine"]), np.array(whose["pymoo"])
+            p = max(
+                mannwhitneyu(ours + MARGIN, theirs, alternative="greater").pvalue,
+                mannwhitneyu(ours - MARGIN, theirs, alternative="less").pvalue,
+            )
+            verdict = "equal" if p < LEVEL else "UNDECIDED"
+            rows.append(
+                Row(
+                    table=f"the engine's fronts beside pymoo's, {GENERATIONS} generations, {seeds} seeds",
+                    row=f"{links}R, step {sample}",
+                    column="median hypervolume, share of the exact front's",
+                    unit="",
+                    ours=float(np.median(ours)),
+                    paper=float(np.median(theirs)),
+                    note=f"{verdict} within {MARGIN:.0%}: p {p:.1e}; ranges {np.ptp(ours):.1e}, {np.ptp(theirs):.1e}",
+                )
+            )
+    return rows
+
+
+def volume(links: Links, sample: int, name: str, seed: int) -> float:
+    """Return the hypervolume of one run's front as a share of the exact front's."""
+    loop = loop_of(links)
+    instant = _instant(loop, sample)
+    run = engine(loop, instant) if name == "engine" else pymoo(loop, instant, compiled=False)
+    exact = exact_front(loop, instant)
+    return _volume(run(seed, GENERATIONS), exact) / _volume(exact, exact)
+
+
+def exact_front(loop: ClosedLoop, instant: Instant) -> np.ndarray:
+    """Return a fine front of a step: of three links over a line of steps, of four over a plane, up to 8 rad away."""
+    wanted, jacobian = instant.asked()
+    null = np.linalg.svd(jacobian)[2][len(wanted) :].T
+    least = np.linalg.pinv(jacobian) @ wanted
+    begun = -0.5 * null.T @ (instant.previous + least - instant.home)
+    if null.shape[1] == 1:
+        y = np.sinh(np.linspace(-18, 18, DENSE))[:, None] * FARTHEST / np.sinh(18)
+    else:
+        radius, angle = np.meshgrid(np.geomspace(1e-7, 1.0, 700), np.linspace(0, 2 * np.pi, 360, endpoint=False))
+        y = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
+        y = np.concatenate([np.zeros((1, 2)), y])
+    step = instant.step(instant.previous + least + (begun + y) @ null.T)
+    F = np.stack([each.function(step)[..., -1] * each.sign for each in loop.objectives], axis=1)
+    front: np.ndarray = F[is_nondominated(F)]
+    return front
+
+
+def _instant(loop: ClosedLoop, sample: int) -> Instant:
+    """Return what is known before a step of the exact loop."""
+    q = loop.start[None]
+    if sample > 1:
+        q = exact_steps(loop.task.arm, loop.task.targets[:sample], loop.start, weight=0.5)
+    return loop.instant(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
+
+
+def _volume(F: np.ndarray, exact: np.ndarray) -> float:
+    low, width = exact.min(axis=0), np.ptp(exact, axis=0)
+    return float(hypervolume((F - low) / width, np.full(2, REFERENCE)))

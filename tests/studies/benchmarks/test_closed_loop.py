@@ -1,0 +1,52 @@
+"""The closed-loop benchmark: everybody searches the same step, and the exact front is not beaten."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from studies.benchmarks.closed_loop import __main__ as study
+from studies.benchmarks.closed_loop import contestants, equivalence
+
+
+@pytest.fixture(scope="module", params=[3, 4])
+def loop(request):
+    return contestants.loop_of(request.param)
+
+
+def test_loops_begin_on_the_circle(loop):
+    q = np.cumsum(loop.start)
+    assert np.cos(q).sum() == pytest.approx(1.2, abs=1e-9)
+    assert np.sin(q).sum() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_compiled_evaluation_is_the_readable_one(loop):
+    step = contestants.CompiledStep(loop, loop.instant(1))
+    genes = np.random.default_rng(0).uniform(-1, 1, size=(30, step.n_var))
+    readable = contestants.ControlStep(loop.instant(1), loop.objectives)
+    np.testing.assert_allclose(step.scored(genes), readable.scores(readable.decode(genes)), rtol=1e-8)
+
+
+def test_no_search_goes_beyond_the_exact_front(loop):
+    instant = loop.instant(1)
+    exact = equivalence.exact_front(loop, instant)
+    F = contestants.engine(loop, instant)(0, 60)
+    width = np.ptp(exact, axis=0)
+    beyond = ((exact[None] - F[:, None]) / width).min(axis=2).max(axis=1) < -1e-3  # no exact point is near or better
+    ahead = ((F[:, None] + 1e-4 * width < exact[None]).all(axis=2)).any(axis=1)
+    assert not (beyond & ahead).any()
+    if len(loop.start) == 3:
+        assert not ahead.any()
+
+
+def test_engine_and_pymoo_come_as_near_to_the_exact_front(monkeypatch):
+    monkeypatch.setattr(equivalence, "GENERATIONS", 100)
+    for name in ("engine", "pymoo"):
+        assert 0.97 < equivalence.volume(3, 60, name, 0) <= 1.0
+
+
+def test_everybody_is_timed():
+    rows = study.speed_rows(3, rounds=1, slow_generations=3)
+    assert [row.column for row in rows][:3] == ["ours", "pymoo", "pymoo, compiled evaluation"]
+    assert all(row.ours > 0 for row in rows)
+    assert "times ours, goal 300" in rows[1].note
