@@ -9,7 +9,7 @@ import numpy as np
 BOUND = 1.0  # of every gene, either side
 TRIES = 100  # at a chromosome whose configuration is free
 SLACK = 1e-10  # rad or m: a step that was shortened may round to a little more
-FINEST = 2.0**-12  # of a step: parts that are not seen to be clear are halved down to this
+FINEST = 2.0**-8  # of a step: parts that are not seen to be clear are halved down to this
 LOOKED = 64  # places on the way of steps that are looked at together
 
 

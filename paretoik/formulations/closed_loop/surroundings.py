@@ -79,9 +79,10 @@ def _from_segment(px, py, pz, ax, ay, az, dx, dy, dz):
 def _to_point(point, link, lanes, found):
     x, y, flat = point[FIRST], point[FIRST + 1], point[AXES + 8]
     z, radius = flat * point[FIRST + 2], point[RADIUS]
+    x0, y0, z0, x1, y1, z1 = link[0], link[1], link[2], link[3], link[4], link[5]
     for lane in range(lanes):
-        ax, ay, az = link[0, lane], link[1, lane], flat * link[2, lane]
-        dx, dy, dz = link[3, lane] - ax, link[4, lane] - ay, flat * link[5, lane] - az
+        ax, ay, az = x0[lane], y0[lane], flat * z0[lane]
+        dx, dy, dz = x1[lane] - ax, y1[lane] - ay, flat * z1[lane] - az
         gap = np.sqrt(_from_segment(x, y, z, ax, ay, az, dx, dy, dz)) - radius
         found[lane] = gap if gap < found[lane] else found[lane]
 
@@ -91,9 +92,10 @@ def _to_segment(segment, link, lanes, found):
     """At an end of one, or where their lines are nearest if that is within both."""
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
+    x0, y0, z0, x1, y1, z1 = link[0], link[1], link[2], link[3], link[4], link[5]
     for lane in range(lanes):
-        ax, ay, az = link[0, lane], link[1, lane], link[2, lane]
-        bx, by, bz = link[3, lane], link[4, lane], link[5, lane]
+        ax, ay, az = x0[lane], y0[lane], z0[lane]
+        bx, by, bz = x1[lane], y1[lane], z1[lane]
         dx, dy, dz = bx - ax, by - ay, bz - az
         rx, ry, rz = sx - ax, sy - ay, sz - az
         cx, cy, cz = dy * ez - dz * ey, dz * ex - dx * ez, dx * ey - dy * ex
@@ -129,10 +131,15 @@ def _slope(share, ax, ay, az, dx, dy, dz, hx, hy, hz):
 def _to_box(box, link, lanes, found):
     """Where the slope of the squared distance, which grows from plane to plane of the box, is zero."""
     hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
+    cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
+    xx, xy, xz, yx, yy = box[AXES], box[AXES + 1], box[AXES + 2], box[AXES + 3], box[AXES + 4]
+    yz, zx, zy, zz = box[AXES + 5], box[AXES + 6], box[AXES + 7], box[AXES + 8]
+    x0, y0, z0, x1, y1, z1 = link[0], link[1], link[2], link[3], link[4], link[5]
     for lane in range(lanes):
-        ax, ay, az = _turned(box, link[0, lane], link[1, lane], link[2, lane])
-        dx, dy, dz = _turned(box, link[3, lane], link[4, lane], link[5, lane])
-        dx, dy, dz = dx - ax, dy - ay, dz - az
+        x, y, z = x0[lane] - cx, y0[lane] - cy, z0[lane] - cz
+        ax, ay, az = xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
+        x, y, z = x1[lane] - cx, y1[lane] - cy, z1[lane] - cz
+        dx, dy, dz = xx * x + xy * y + xz * z - ax, yx * x + yy * y + yz * z - ay, zx * x + zy * y + zz * z - az
         low, high = 0.0, 1.0
         low_slope = _slope(0.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
         high_slope = _slope(1.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
@@ -152,14 +159,3 @@ def _to_box(box, link, lanes, found):
         x, y, z = _beyond(ax + nearest * dx, hx), _beyond(ay + nearest * dy, hy), _beyond(az + nearest * dz, hz)
         gap = np.sqrt(x * x + y * y + z * z)
         found[lane] = gap if gap < found[lane] else found[lane]
-
-
-@compiled
-def _turned(box, x, y, z):
-    """Return a point as the box sees it."""
-    x, y, z = x - box[FIRST], y - box[FIRST + 1], z - box[FIRST + 2]
-    return (
-        box[AXES] * x + box[AXES + 1] * y + box[AXES + 2] * z,
-        box[AXES + 3] * x + box[AXES + 4] * y + box[AXES + 5] * z,
-        box[AXES + 6] * x + box[AXES + 7] * y + box[AXES + 8] * z,
-    )

@@ -203,6 +203,10 @@ def _split(x, y, across, down, found, nearest, value, waiting):
             if nearest[i] > most:
                 best, most = i, nearest[i]
         value[best] = most
+        if not most > 0.0:  # copies of what is inserted
+            for i in range(begin, end):
+                value[i] = most
+            continue
         x0, y0 = x[best], y[best]
         for i in range(begin, end):
             aside, below = (x[i] - x0) * across, (y[i] - y0) * down
@@ -237,6 +241,9 @@ def _to_kept(xy, count, rank, split, members, found, across, down, nearest):
     for i in range(found):
         member, least = members[i], np.inf
         x, y = xy[0, member], xy[1, member]
+        if i > 0 and x == xy[0, members[i - 1]] and y == xy[1, members[i - 1]]:  # a copy
+            nearest[i] = nearest[i - 1]
+            continue
         for way in (-1, 1):
             k = member + way
             while 0 <= k < count:
