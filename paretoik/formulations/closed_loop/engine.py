@@ -77,15 +77,21 @@ def clearance_before(place, guard, room):
         return np.inf
     for j in range(place.previous.shape[0]):
         room.table[j, 0] = place.previous[j]
-    _spare(guard, 1, room)
+    _posed(guard, 1, room)
+    _spare(guard.obstacles, guard, 1, room)
     return room.gaps[0]
 
 
 @compiled
-def _spare(guard, count, room):
-    """Write by how much the configurations in ``room.table`` keep more than the required distance."""
+def _posed(guard, count, room):
+    """Write the arm's polylines in the configurations in ``room.table``."""
     run_first(guard.nodes, room.table, room.nodes, count)
-    gaps(guard.obstacles, room.nodes, count, room.gaps)
+
+
+@compiled
+def _spare(obstacles, guard, count, room):
+    """Write by how much the polylines in ``room.nodes`` keep more than the required distance from obstacles."""
+    gaps(obstacles, room.nodes, count, room.gaps)
     for k in range(count):
         room.gaps[k] -= guard.required
 
@@ -282,9 +288,19 @@ def blocked(count, place, guard, clear, room):
             near += 1
     if near == 0:
         return stopped
-    _spare(guard, near, room)
-    doubtful = 0
+    _posed(guard, near, room)
+    _spare(guard.enclosing, guard, near, room)
+    close = 0
     for k in range(near):
+        far = room.spans[k] - clear if guard.swept else 0.0
+        if not room.gaps[k] > max(guard.standoff, far):
+            places[close], room.spans[close] = places[k], room.spans[k]
+            for i in range(room.nodes.shape[0]):
+                room.nodes[i, close] = room.nodes[i, k]
+            close += 1
+    _spare(guard.obstacles, guard, close, room)
+    doubtful = 0
+    for k in range(close):
         if not room.gaps[k] > guard.standoff:
             asked[stopped] = places[k]
             stopped += 1
@@ -318,7 +334,8 @@ def _look_between(count, place, clear, guard, room):
             lane, share = room.places[np.int64(parts[0, left + i])], parts[1, left + i] + 0.5 * parts[2, left + i]
             for j in range(place.previous.shape[0]):
                 table[j, i] = place.previous[j] + share * (q[j, lane] - place.previous[j])
-        _spare(guard, taken, room)
+        _posed(guard, taken, room)
+        _spare(guard.obstacles, guard, taken, room)
         popped = parts[:, left : left + taken].copy()
         for i in range(taken):
             which, width, middle = np.int64(popped[0, i]), 0.5 * popped[2, i], room.gaps[i]

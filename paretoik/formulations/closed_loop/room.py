@@ -45,7 +45,8 @@ class Worth(NamedTuple):
 class Guard(NamedTuple):
     """The obstacles, what is required of the distance of the arm's polyline from them [m], and how far a step may go.
 
-    ``nodes`` is the program of the polyline, ``obstacles`` what ``scene`` returns. ``reach`` (dof,) is the most that
+    ``nodes`` is the program of the polyline, ``obstacles`` what ``scene`` returns, ``enclosing`` what ``round_scene``
+    does. ``reach`` (dof,) is the most that
     any point of the arm moves with each joint, ``lower`` and ``upper`` (dof,) bound how far each may move, where
     ``bounded``; ``swept`` says that all of a step is to be clear, not its end alone. Its end keeps a ``standoff`` [m]
     beyond what is required.
@@ -53,6 +54,7 @@ class Guard(NamedTuple):
 
     nodes: Any
     obstacles: np.ndarray
+    enclosing: np.ndarray
     required: float
     reach: np.ndarray
     lower: np.ndarray

@@ -13,7 +13,7 @@ from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.programs import StepPrograms
 from paretoik.formulations.closed_loop.room import BOUND, Guard, Operators, Place, Room, Worth, room
 from paretoik.formulations.closed_loop.step import Instant, reaches
-from paretoik.formulations.closed_loop.surroundings import scene
+from paretoik.formulations.closed_loop.surroundings import round_scene, scene
 
 CROSSING = MUTATING = 0.5
 
@@ -85,6 +85,7 @@ class StepSearch:
         guard = Guard(
             self.programs.nodes.parts,
             scene(task.obstacles),
+            round_scene(task.obstacles),
             task.least_clearance + task.link_radius,
             reaches(task),
             np.array(instant.lower),

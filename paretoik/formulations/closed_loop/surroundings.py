@@ -40,6 +40,21 @@ def scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles numbers
     return rows
 
 
+def round_scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles numbers"]:
+    """Return what encloses each obstacle and is quicker to look at: a ball, or a circle; where there is none, all."""
+    rows = scene(obstacles)
+    for row, each in zip(rows, obstacles, strict=True):
+        if isinstance(each, Box):
+            halves = each.half_sizes
+            upright = len(halves) == 3 or abs(each.pose.rotation[2, 2]) == 1.0
+            row[KIND], row[RADIUS] = POINT, np.linalg.norm(halves) if upright else np.inf
+            row[AXES + 8] = float(len(halves) == 3)
+        elif isinstance(each, Capsule):
+            row[KIND], row[FIRST : FIRST + 3] = POINT, (each.start + each.end) / 2
+            row[RADIUS] = each.radius + np.linalg.norm(each.end - each.start) / 2
+    return rows
+
+
 @compiled
 def gaps(obstacles, nodes, lanes, found):
     """Write the least distance of the polyline of each lane from all obstacles; no more than 0 where it meets one.

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from paretoik.formulations.closed_loop.surroundings import gaps, scene
+from paretoik.formulations.closed_loop.surroundings import gaps, round_scene, scene
 from paretoik.robot.pose import Pose
 from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance
 
@@ -15,12 +15,13 @@ OBSTACLES = [
     Box([0.5, 0.2, 0.1], [0.3, 0.2, 0.1]),
     Box(TURNED, [0.3, 0.2, 0.1]),
     Box(TURNED, [0.3, 0.2]),
+    Box(Pose.planar(0.5, 0.2, 0.7), [0.3, 0.2]),
 ]
 
 
-def distances(obstacles, nodes):
+def distances(obstacles, nodes, of=scene):
     found = np.empty(len(nodes))
-    gaps(scene(obstacles), np.ascontiguousarray(nodes.reshape(len(nodes), -1).T), len(nodes), found)
+    gaps(of(obstacles), np.ascontiguousarray(nodes.reshape(len(nodes), -1).T), len(nodes), found)
     return found
 
 
@@ -34,3 +35,4 @@ def test_distances_are_those_of_obstacles_where_they_are_positive(obstacles, fla
     assert clear.any()
     np.testing.assert_allclose(found[clear], wanted[clear], rtol=1e-12, atol=1e-12)
     assert (found[~clear] <= 1e-9).all()
+    assert (distances(obstacles, nodes, round_scene) <= wanted + 1e-9).all()
