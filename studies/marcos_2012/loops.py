@@ -6,9 +6,10 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from multiprocessing import get_context
 
 import numpy as np
 
@@ -82,12 +83,15 @@ def cells(
 
 def starts(wanted: Sequence[Cell], *, seed: int) -> dict[tuple[int, float], np.ndarray]:
     """Return where each arm begins on each circle, by OLGA, clear of the obstacles: the same with and without them."""
-    found: dict[tuple[int, float], np.ndarray] = {}
-    for cell in wanted:
-        key = (cell.links, cell.distance)
-        if key not in found:
-            found[key] = marcos_2012.loop(cell.links, cell.distance, blocked=True, steps=3, seed=seed).start
-    return found
+    asked = list(dict.fromkeys((cell.links, cell.distance) for cell in wanted))
+    if len(asked) == 1:
+        return {asked[0]: _start(*asked[0], seed)}
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        return dict(zip(asked, pool.map(_start, *zip(*asked, strict=True), [seed] * len(asked)), strict=True))
+
+
+def _start(links: Links, distance: float, seed: int) -> np.ndarray:
+    return marcos_2012.loop(links, distance, blocked=True, steps=3, seed=seed).start
 
 
 def followed(

@@ -222,8 +222,12 @@ class ClosedLoop:
             lower=box[:, 0].copy(),
             upper=box[:, 1].copy(),
             swept=swept,
-            standoff=FINEST * self.longest * float(reaches(self.task).sum()) if swept else 0.0,
+            standoff=FINEST * self.longest * self._reach if swept else 0.0,
         )
+
+    @cached_property
+    def _reach(self) -> float:
+        return float(reaches(self.task).sum())
 
     def search(self) -> StepSearch:
         """Return the compiled search of its steps; one a thread."""

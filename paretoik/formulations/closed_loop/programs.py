@@ -14,7 +14,8 @@ from paretoik.calculus.machine import Program, program
 from paretoik.calculus.traced import Traced
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop.objectives import Step, StepObjective
-from paretoik.formulations.closed_loop.step import HISTORY, turning_rows
+from paretoik.formulations.closed_loop.step import HISTORY, reaches, turning_rows
+from paretoik.formulations.closed_loop.surroundings import round_scene, scene
 from paretoik.robot.kinematics import chain
 from paretoik.task.derivatives import TracedMotion, local, traced_sample
 from paretoik.task.motion_task import MotionTask
@@ -30,12 +31,16 @@ class StepPrograms:
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
     home, the target and constants; it reads rates of fewer than ``orders`` orders, and has at least two outputs: a
     single objective twice.
-    ``nodes`` takes positions, to x, y, z of base, joints and tool.
+    ``nodes`` takes positions, to x, y, z of base, joints and tool; ``obstacles``, ``enclosing`` and ``reach`` are what
+    ``Guard`` wants.
     """
 
     objectives: Program
     orders: int
     nodes: Program
+    obstacles: Float[np.ndarray, "obstacles numbers"]
+    enclosing: Float[np.ndarray, "obstacles numbers"]
+    reach: Float[np.ndarray, " dof"]
     inputs: int
     constants: Float[np.ndarray, " numbers"]
 
@@ -77,6 +82,9 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
         objectives=found,
         orders=max(rates, default=0) + 1,
         nodes=_nodes(task),
+        obstacles=scene(task.obstacles),
+        enclosing=round_scene(task.obstacles),
+        reach=reaches(task),
         inputs=len(trace.tape.inputs),
         constants=np.array([values[-1] for values in trace.data.values()]),
     )

@@ -12,8 +12,7 @@ from jaxtyping import Float
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.closed_loop.programs import StepPrograms
 from paretoik.formulations.closed_loop.room import BOUND, Guard, Operators, Place, Room, Worth, room
-from paretoik.formulations.closed_loop.step import Instant, reaches
-from paretoik.formulations.closed_loop.surroundings import round_scene, scene
+from paretoik.formulations.closed_loop.step import Instant
 
 CROSSING = MUTATING = 0.5
 
@@ -50,6 +49,7 @@ class StepSearch:
         inputs = max(self.programs.inputs, self.dof)
         self.room = room(self.dof, self.redundancy, self.population, self.programs.outputs, inputs)
         self._searched = False
+        self._polyline = self.programs.nodes.parts
         self._worth = Worth(self.programs.objectives.parts, self.programs.orders)
 
     def __call__(self, instant: Instant) -> Population:
@@ -83,11 +83,11 @@ class StepSearch:
         null = np.ascontiguousarray(right[len(wanted) :].T)
         speeds = [np.diff(instant.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
         guard = Guard(
-            self.programs.nodes.parts,
-            scene(task.obstacles),
-            round_scene(task.obstacles),
+            self._polyline,
+            self.programs.obstacles,
+            self.programs.enclosing,
             task.least_clearance + task.link_radius,
-            reaches(task),
+            self.programs.reach,
             np.array(instant.lower),
             np.array(instant.upper),
             bool(np.isfinite([instant.lower, instant.upper]).any()),
