@@ -38,8 +38,8 @@ class StepPrograms:
     objectives: Program
     orders: int
     nodes: Program
-    obstacles: Float[np.ndarray, "obstacles numbers"]
-    enclosing: Float[np.ndarray, "obstacles numbers"]
+    obstacles: Float[np.ndarray, "obstacles columns"]
+    enclosing: Float[np.ndarray, "obstacles columns"]
     reach: Float[np.ndarray, " dof"]
     inputs: int
     constants: Float[np.ndarray, " numbers"]

@@ -19,7 +19,7 @@ KIND, RADIUS, FIRST, SECOND, AXES = 0, 1, 2, 5, 8
 NUMBERS = 17
 
 
-def scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles numbers"]:
+def scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
     """Return a row an obstacle: kind, radius, two points or center and half sizes, axes.
 
     Of a circle, which is a cylinder in space, z counts nothing: its last axis is 0.
@@ -40,7 +40,7 @@ def scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles numbers
     return rows
 
 
-def round_scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles numbers"]:
+def round_scene(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
     """Return what encloses each obstacle and is quicker to look at: a ball, or a circle; where there is none, all."""
     rows = scene(obstacles)
     for row, each in zip(rows, obstacles, strict=True):
