@@ -54,6 +54,7 @@ def loop(
     generations: int = 200,
     seed: int = 0,
     as_printed: bool = False,
+    warm_start: bool = False,
 ) -> ClosedLoop:
     """Return the closed loop of the paper; ``weight`` is that of the displacement.
 
@@ -69,6 +70,7 @@ def loop(
         population=POPULATION[links] if population is None else population,
         generations=generations,
         seed=seed,
+        warm_start=warm_start,
     )
 
 

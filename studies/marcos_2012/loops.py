@@ -109,7 +109,9 @@ def followed(
     print(file=sys.stderr)
 
 
-def follow(cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations: int = 200) -> Followed:
+def follow(
+    cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations: int = 200, warm_start: bool = False
+) -> Followed:
     """Follow one cell's loop from a start, searched and exact."""
     loop = marcos_2012.loop(
         cell.links,
@@ -121,6 +123,7 @@ def follow(cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations:
         seed=seed,
         generations=generations,
         as_printed=True,
+        warm_start=warm_start,
     )
     begun = time.thread_time()
     run = loop.run(fronts=(1, 2))

@@ -13,7 +13,7 @@ from studies.marcos_2012 import loops
 from studies.marcos_2012.collisions import meets
 from studies.marcos_2012.loops import Cell, cells, follow
 from studies.marcos_2012.pictures import draw
-from studies.marcos_2012.tables import oracle_rows, paper, table_rows, time_rows
+from studies.marcos_2012.tables import oracle_rows, paper, reproduced_rows, table_rows, time_rows, warm_rows
 from tests.formulations.closed_loop.postures import posture
 
 CELL = Cell(links=3, distance=0.7, blocked=False, weight=0.5)
@@ -41,6 +41,17 @@ def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed
     assert f"oracle {followed.exact.drift:.4g}" in drift.note
 
 
+def test_cells_that_are_not_the_papers_are_named_with_what_the_exact_loop_says(followed):
+    error, drift = reproduced_rows([followed])
+    assert (error.ours, error.paper, error.row) == (0, 1, "Table 1")
+    assert error.note.startswith("the exact loop, which ours agrees with, is off as well: r = 0.7, w = 0.5 (")
+    printed = paper()["Table 1", CELL.row, "3R"]
+    q = followed.exact.motion.q
+    assert drift.paper == 1
+    assert abs(followed.exact.position_error / printed - 1) > 0.05
+    assert len(q) == 13  # of few steps: another number than the paper's of all
+
+
 def test_what_is_off_the_oracle_is_told_as_lost(followed):
     assert not any(row.note.startswith("LOSS") for row in oracle_rows([followed]))
     q = followed.run.q.copy()
@@ -56,6 +67,17 @@ def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
     count, longest = meets(through)
     assert count > 0
     assert longest == pytest.approx(0.3)
+
+
+def test_warm_starts_are_reported_apart():
+    rows = warm_rows({(3, 0.7): posture(3)}, seed=0, steps=4)
+    assert [row.row.partition(": ")[2] for row in rows[::2]] == [
+        "random restarts, 200 generations",
+        "random restarts, 20 generations",
+        "warm starts, 20 generations",
+    ]
+    few, warm = rows[2].ours, rows[4].ours
+    assert abs(warm - rows[4].paper) <= abs(few - rows[2].paper)
 
 
 def test_times_are_those_of_a_generation(followed):
