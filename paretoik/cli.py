@@ -123,6 +123,10 @@ def solve(
             from paretoik.loading import load_problem
 
             opened = load_problem(problem)
+        if hasattr(opened, "steps"):
+            opened = opened.changed(population=population, generations=generations, seed=seed)
+            with _status("searching for a start; what compiles does so once, for about a minute", quiet):
+                opened.prepare()
         with _progress(_course(opened, generations), time_limit, quiet) as observe:
             front = solving.solve(
                 opened,

@@ -242,6 +242,12 @@ class ClosedLoop:
             warm_start=self.warm_start,
         )
 
+    def prepare(self) -> None:
+        """Search for the start and compile what needs it, so that the first step takes no longer than the others."""
+        search = self.search()
+        search.generations = 1
+        search(self.instant(1))
+
     def steps(self) -> Iterator[Taken]:
         """Take one step after the other.
 
