@@ -15,8 +15,8 @@ from paretoik.errors import ParetoikError
 from paretoik.execution.interrupts import interruptible
 from paretoik.execution.run_folder import PICTURE, RECORDING, STEPS, claimed, write_run
 from paretoik.files import replace_file
-from paretoik.formulations.closed_loop.loop import ClosedLoop, told
-from paretoik.formulations.closed_loop.result import ClosedLoopRun, Taken
+from paretoik.formulations.closed_loop.loop import ClosedLoop
+from paretoik.formulations.closed_loop.result import ClosedLoopRun, Taken, told
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.review.generation import Generation

@@ -10,7 +10,9 @@ import hypothesis
 import jaxtyping
 import pytest
 
+import paretoik.formulations.closed_loop.configurations
 import paretoik.formulations.closed_loop.engine
+import paretoik.formulations.closed_loop.freedom
 import paretoik.formulations.closed_loop.surroundings
 import paretoik.redundancy.exact_step
 import paretoik.refinement.compiled.interior_point  # before the hook: numba compiles functions, not wrappers

@@ -14,20 +14,26 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop.objectives import StepObjective, joint_displacement, of_step, position_error
 from paretoik.formulations.closed_loop.posture import first_posture
 from paretoik.formulations.closed_loop.programs import StepPrograms, step_programs
-from paretoik.formulations.closed_loop.result import ClosedLoopRun, Taken, chosen, mean_position_error, undominated
-from paretoik.formulations.closed_loop.room import FINEST, SLACK
+from paretoik.formulations.closed_loop.result import (
+    ClosedLoopRun,
+    Taken,
+    chosen,
+    mean_position_error,
+    told,
+    undominated,
+)
+from paretoik.formulations.closed_loop.room import FINEST
 from paretoik.formulations.closed_loop.searching import StepSearch
+from paretoik.formulations.closed_loop.settings import check_limits, nearest_obstacle, settled_start, settled_weights
 from paretoik.formulations.closed_loop.step import HISTORY, Instant, reaches
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import link_nodes
-from paretoik.robot.pose import finite_array
 from paretoik.search.seeding import SMALLEST_POPULATION, check_size
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import motion_task
 from paretoik.task.objectives import Objective, joint_drift
-from paretoik.task.obstacles import Obstacle, clearance
+from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 
@@ -95,7 +101,7 @@ class ClosedLoop:
             raise InvalidInput("objectives: wants at least one, got none")
         if len(set(self.names)) != len(self.names):
             raise InvalidInput(f"objectives: names must differ, got {', '.join(self.names)}")
-        _check_limits(limits)
+        check_limits(limits)
         self.task = motion_task(
             arm,
             path,
@@ -154,8 +160,8 @@ class ClosedLoop:
         check_size("population", population, SMALLEST_POPULATION)
         check_size("generations", generations, 1)
         check_size("seed", seed, 0)
-        self.weights = _weights(weights, self.names)
-        self._given_start = None if start is None else _given_start(self.task, start)
+        self.weights = settled_weights(weights, self.names)
+        self._given_start = None if start is None else settled_start(self.task, start)
         self.population, self.generations, self.seed = int(population), int(generations), int(seed)
 
     @cached_property
@@ -310,9 +316,9 @@ class ClosedLoop:
         """Return the loop that ``front`` was found by, with other weights; None where they are its own."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: of a closed loop weights are wanted, got {preference!r}")
-        weights, settings = _weights(preference, self.names), dict(front.provenance.get("settings", {}))
+        weights, settings = settled_weights(preference, self.names), dict(front.provenance.get("settings", {}))
         own = settings.get("weights")
-        if own is not None and np.allclose(_weights(Weights(own), self.names), weights, rtol=1e-9, atol=0):
+        if own is not None and np.allclose(settled_weights(Weights(own), self.names), weights, rtol=1e-9, atol=0):
             return None
         motions = front.motions
         return self.changed(
@@ -337,69 +343,4 @@ class ClosedLoop:
         if not self.task.obstacles:
             return Infeasible(said)
         gap = float(instant.gaps(instant.previous[None])[0])
-        return Infeasible(f"{said}; the arm is {gap:.3g} m from {_nearest(self.task, instant.previous)}")
-
-
-def told(front: Front) -> Choice:
-    """Return the one motion of a closed loop's front, and what it was chosen by."""
-    weighed = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
-    means = ", ".join(
-        f"{name} {value:.4g} {unit}".rstrip()
-        for name, value, unit in zip(front.names, front.objectives[0], front.units, strict=True)
-    )
-    return Choice(
-        id=int(front.ids[0]),
-        index=0,
-        objectives=front.objectives[0],
-        motion=None if front.motions is None else front.motions[0],
-        reason=(
-            f"At every step the point with the least weighted sum ({weighed}) was taken. Means over the steps: "
-            f"{means}; position error {front.provenance['position_error']:.4g} m, "
-            f"drift {front.provenance['drift']:.4g} rad."
-        ),
-    )
-
-
-def _nearest(task: MotionTask, q: np.ndarray) -> str:
-    """Return in words which obstacle is nearest to a configuration."""
-    nodes = link_nodes(task.arm, q)
-    gaps = [float(clearance([obstacle], nodes, task.link_radius)) for obstacle in task.obstacles]
-    k = int(np.argmin(gaps))
-    return f"obstacle {k + 1} of {len(gaps)}, {task.obstacles[k]}"
-
-
-def _weights(
-    given: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
-) -> Float[np.ndarray, " n_obj"]:
-    if isinstance(given, Weights):
-        unknown = [name for name in given.weights if name not in names]
-        if unknown:
-            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {unknown[0]!r}")
-        given = [given.weights.get(name, 0.0) for name in names]
-    weights = np.ones(len(names)) if given is None else finite_array("weights", given, shape=(len(names),))
-    if (weights < 0).any() or weights.sum() <= 0:
-        raise InvalidInput(f"weights: none below 0 and one above it wanted, got {weights.tolist()}")
-    return np.asarray(weights / weights.sum())
-
-
-def _check_limits(limits: Limits | None) -> None:
-    for kind in ("acceleration", "torque", "power") if limits is not None else ():
-        given = getattr(limits, kind)
-        if given is not None and not (isinstance(given, float) and given == np.inf):
-            raise InvalidInput(f"limits: of position, velocity and clearance wanted in a closed loop, got {kind}")
-
-
-def _given_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:
-    q: np.ndarray = finite_array("start", start, shape=(task.arm.dof,))
-    low, high = task.arm.position_limits.T
-    beyond = np.flatnonzero((q < low - SLACK) | (q > high + SLACK))
-    if beyond.size:
-        k = int(beyond[0])
-        raise InvalidInput(
-            f"start: {task.arm.joint_names[k]} must lie within {low[k]:.6g} to {high[k]:.6g}, got {q[k]:.6g}"
-        )
-    if task.obstacles:
-        gap = float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.least_clearance
-        if gap <= 0:
-            raise InvalidInput(f"start: must be clear of obstacles, got {gap:.3g} m from {_nearest(task, q)}")
-    return q
+        return Infeasible(f"{said}; the arm is {gap:.3g} m from {nearest_obstacle(self.task, instant.previous)}")

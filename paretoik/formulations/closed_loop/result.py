@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Objectives
 from paretoik.formulations.closed_loop.searching import Population
-from paretoik.front.front import Front
+from paretoik.front.front import Choice, Front
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Found, Moving, joint_drift, objective
@@ -96,6 +96,26 @@ class ClosedLoopRun:
             problem=loop,
             provenance={**provenance, "position_error": self.position_error, "drift": self.drift},
         )
+
+
+def told(front: Front) -> Choice:
+    """Return the one motion of a closed loop's front, and what it was chosen by."""
+    weighed = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
+    means = ", ".join(
+        f"{name} {value:.4g} {unit}".rstrip()
+        for name, value, unit in zip(front.names, front.objectives[0], front.units, strict=True)
+    )
+    return Choice(
+        id=int(front.ids[0]),
+        index=0,
+        objectives=front.objectives[0],
+        motion=None if front.motions is None else front.motions[0],
+        reason=(
+            f"At every step the point with the least weighted sum ({weighed}) was taken. Means over the steps: "
+            f"{means}; position error {front.provenance['position_error']:.4g} m, "
+            f"drift {front.provenance['drift']:.4g} rad."
+        ),
+    )
 
 
 def undominated(population: Population) -> Population:

@@ -12,7 +12,7 @@ import numpy as np
 from pymoo.optimize import minimize
 
 from paretoik.calculus.running import run_first
-from paretoik.formulations.closed_loop.engine import configurations
+from paretoik.formulations.closed_loop.configurations import configurations
 from paretoik.formulations.closed_loop.loop import ClosedLoop
 from paretoik.formulations.closed_loop.step import ControlStep, Instant
 from problems import marcos_2012

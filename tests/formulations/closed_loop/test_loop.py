@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible
-from paretoik.formulations.closed_loop import engine
+from paretoik.formulations.closed_loop.configurations import configurations
+from paretoik.formulations.closed_loop.freedom import blocked, clearance_before
 from paretoik.formulations.closed_loop.loop import ClosedLoop
 from paretoik.formulations.closed_loop.posture import first_posture
 from paretoik.formulations.closed_loop.step import ControlStep
@@ -163,9 +164,9 @@ def test_engine_and_problem_agree_on_what_is_free():
     free = step.free(genes)
     assert 0.1 < free.mean() < 0.9
     room.children[:], room.asked[:] = genes.T, np.arange(count)
-    clear = engine.clearance_before(place, guard, room)
-    engine.configurations(room.children, 0, count, place, room.work, room.given)
-    stopped = engine.blocked(count, place, guard, clear, room)
+    clear = clearance_before(place, guard, room)
+    configurations(room.children, 0, count, place, room.work, room.given)
+    stopped = blocked(count, place, guard, clear, room)
     assert sorted(room.asked[:stopped]) == np.flatnonzero(~free).tolist()
 
 
