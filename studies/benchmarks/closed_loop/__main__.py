@@ -2,8 +2,8 @@
 
 Processor time a generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled evaluation,
 pygmo's NSGA-II with the same compiled evaluation of whole populations (its own operators), all on one step, in turn;
-of several rounds the least. What the first call takes, compiled and from the cache. And whether our fronts are those of
-the readable path in pymoo.
+of several rounds the least. What an exact step takes. What the first call takes, compiled and from the cache. And
+whether our fronts are those of the readable path in pymoo.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from problems.marcos_2012 import Links
+from paretoik.redundancy.extended_jacobian import exact_steps
+from problems.marcos_2012 import DISTANCES, Links, obstacles
 from studies.benchmarks.closed_loop.contestants import (
     GENERATIONS,
     PYGMO,
@@ -31,6 +34,8 @@ from studies.benchmarks.closed_loop.contestants import (
 from studies.benchmarks.closed_loop.equivalence import STEPS, equivalence_rows
 from studies.reporting import Row, report
 
+ARMS: tuple[Links, ...] = (3, 4)
+EXACT, GOAL_EXACT = 100, 1e-4  # samples of a loop, and seconds a step
 GOALS = {"pymoo": 300.0, "pygmo's NSGA-II": 50.0}
 FIRST = """
 import time
@@ -75,6 +80,38 @@ def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
     return rows
 
 
+def exact_rows(rounds: int) -> list[Row]:
+    """Return what an exact step takes, without obstacles and with the paper's two, over the first steps of a loop."""
+    rows = []
+    for links in ARMS:
+        loop = loop_of(links)
+        for blocked in (False, True):
+            around = obstacles(DISTANCES[0]) if blocked else []
+            asked = partial(
+                exact_steps, loop.task.arm, loop.task.targets[:EXACT], loop.start, weight=0.5, obstacles=around
+            )
+            asked()
+            taken = []
+            for _ in range(rounds):
+                begun = time.thread_time()
+                asked()
+                taken.append((time.thread_time() - begun) / (EXACT - 1))
+            goal = GOAL_EXACT if links == 3 and not blocked else None
+            lost = "LOSS" if goal is not None and min(taken) > goal else ""
+            rows.append(
+                Row(
+                    table="an exact step, processor time",
+                    row=f"{links}R",
+                    column="with two obstacles" if blocked else "no obstacles",
+                    unit="µs",
+                    ours=1e6 * min(taken),
+                    paper=None if goal is None else 1e6 * goal,
+                    note=lost,
+                )
+            )
+    return rows
+
+
 def first_call_rows() -> list[Row]:
     """Return what the first search of a process takes: compiled anew, and from the cache on disk."""
     rows = []
@@ -97,8 +134,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not PYGMO:
         print("left out: pygmo, which is not installed")
     rounds, slow = (3, 20) if given.quick else (9, 60)
-    arms: tuple[Links, ...] = (3, 4)
-    rows = [row for links in arms for row in speed_rows(links, rounds, slow)]
+    rows = [row for links in ARMS for row in speed_rows(links, rounds, slow)]
+    rows += exact_rows(rounds)
     rows += first_call_rows()
     rows += equivalence_rows(5, STEPS[:1]) if given.quick else equivalence_rows(31)
     report(rows, json_file=given.json)

@@ -45,6 +45,14 @@ def test_engine_and_pymoo_come_as_near_to_the_exact_front(monkeypatch):
         assert 0.97 < equivalence.volume(3, 60, name, 0) <= 1.0
 
 
+def test_exact_steps_are_timed_for_both_arms(monkeypatch):
+    monkeypatch.setattr(study, "EXACT", 5)
+    rows = study.exact_rows(1)
+    assert [(row.row, row.column) for row in rows[:2]] == [("3R", "no obstacles"), ("3R", "with two obstacles")]
+    assert len(rows) == 4
+    assert all(row.ours > 0 for row in rows)
+
+
 def test_everybody_is_timed():
     rows = study.speed_rows(3, rounds=1, slow_generations=3)
     assert [row.column for row in rows][:3] == ["ours", "pymoo", "pymoo, compiled evaluation"]
