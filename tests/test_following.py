@@ -131,6 +131,12 @@ def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
     assert "obstacle 1 of 1" in json.loads((tmp_path / "run" / "run.json").read_text())["reason"]
 
 
+def test_a_singular_arm_is_told_as_such():
+    path = pk.line([3.0, 0.0], [2.9, 0.1], duration=0.1, samples=5, timing="uniform")
+    with pytest.raises(pk.Infeasible, match=r"step 1 .*: a Jacobian of full rank wanted.* condition number is"):
+        pk.ClosedLoop(pk.marcos_nr(3), path, start=np.zeros(3), population=8, generations=2).run()
+
+
 @pytest.mark.parametrize("count", [1, 3])
 def test_one_objective_or_three_and_a_spatial_arm(count):
     arm, q = pk.wan_7r(), np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])

@@ -10,11 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives
+from paretoik.errors import Infeasible
 from paretoik.formulations.closed_loop.programs import StepPrograms
 from paretoik.formulations.closed_loop.room import BOUND, Guard, Operators, Place, Room, Worth, room
 from paretoik.formulations.closed_loop.step import Instant
 
 CROSSING = MUTATING = 0.5
+SINGULAR = 1e-9  # of the largest singular value
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,10 +77,18 @@ class StepSearch:
         return Population(genes=kept, F=F[: self.objectives, :alive].T.copy(), q=_configured(kept, place))
 
     def situation(self, instant: Instant) -> tuple[Place, Guard]:
-        """Return where a step begins and what it is kept from, as the engine takes it."""
+        """Return where a step begins and what it is kept from, as the engine takes it.
+
+        Raises Infeasible where the arm is singular: no finite step makes every Δx there.
+        """
         task, dt = instant.task, instant.dt
         wanted, jacobian = instant.asked()
         left, sizes, right = np.linalg.svd(jacobian)
+        if not sizes[-1] > SINGULAR * sizes[0]:
+            raise Infeasible(
+                f"step {instant.sample} ({task.times[instant.sample]:.3g} s): a Jacobian of full rank wanted, the arm "
+                f"is singular there: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
+            )
         particular = right[: len(wanted)].T @ ((left.T @ wanted) / sizes)
         null = np.ascontiguousarray(right[len(wanted) :].T)
         speeds = [np.diff(instant.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
