@@ -12,6 +12,7 @@ from problems.marcos_2012 import STEPS
 from studies.marcos_2012.collisions import collision_rows
 from studies.marcos_2012.loops import cells, followed, starts
 from studies.marcos_2012.pictures import draw
+from studies.marcos_2012.starts import start_rows
 from studies.marcos_2012.tables import oracle_rows, reproduced_rows, spread_rows, table_rows, time_rows, warm_rows
 from studies.reporting import report
 
@@ -34,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seconds = time.perf_counter() - begun
     rows = [] if given.quick else [*table_rows(found), *reproduced_rows(found)]
     rows += oracle_rows(found)
-    rows += [] if given.quick else spread_rows(begins)
+    rows += [] if given.quick else [*start_rows(), *spread_rows(begins)]
     rows += warm_rows(begins, seed=given.seed)
     printed = [
         (f"{one.cell.arm}, {one.cell.row}", one.run)
