@@ -1,7 +1,7 @@
 """Whether the engine's fronts are those of the readable path in pymoo: two one-sided tests on several steps.
 
-Hypervolumes of fronts, normalised by the exact front of a step, of 31 seeds each; equal where both one-sided
-Mann-Whitney tests say that they differ by less than 1 % of the exact front's.
+Hypervolumes of fronts of 31 seeds each, in the box of all fronts together; equal where both one-sided Mann-Whitney
+tests say that they differ by less than 1 % of the exact front's.
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
     rows = []
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         for links, sample in steps:
-            whose = {
-                name: list(pool.map(volume, [links] * seeds, [sample] * seeds, [name] * seeds, range(seeds)))
+            fronts = {
+                name: list(pool.map(searched, [links] * seeds, [sample] * seeds, [name] * seeds, range(seeds)))
                 for name in ("engine", "pymoo")
             }
-            ours, theirs = np.array(whose["engine"]), np.array(whose["pymoo"])
+            loop = loop_of(links)
+            ours, theirs = volumes(fronts["engine"], fronts["pymoo"], exact_front(loop, _instant(loop, sample)))
             p = max(
                 mannwhitneyu(ours + MARGIN, theirs, alternative="greater").pvalue,
                 mannwhitneyu(ours - MARGIN, theirs, alternative="less").pvalue,
@@ -58,17 +59,31 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
     return rows
 
 
-def volume(links: Links, sample: int, name: str, seed: int) -> float:
-    """Return the hypervolume of one run's front as a share of the exact front's."""
+def searched(links: Links, sample: int, name: str, seed: int) -> np.ndarray:
+    """Return the objectives of one run's last population."""
     loop = loop_of(links)
     instant = _instant(loop, sample)
     run = engine(loop, instant) if name == "engine" else pymoo(loop, instant, compiled=False)
-    exact = exact_front(loop, instant)
-    return _volume(run(seed, GENERATIONS), exact) / _volume(exact, exact)
+    return run(seed, GENERATIONS)
+
+
+def volumes(
+    ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray], exact: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the hypervolumes of all fronts as shares of the exact one's, in the box of all that nobody beats."""
+    union = np.concatenate([*ours, *theirs])
+    union = union[is_nondominated(union)]
+    low, width = np.minimum(union.min(axis=0), exact.min(axis=0)), np.ptp(union, axis=0)
+    whole = _volume(exact, low, width)
+    found = [np.array([_volume(F, low, width) / whole for F in side]) for side in (ours, theirs)]
+    return found[0], found[1]
 
 
 def exact_front(loop: ClosedLoop, instant: Instant) -> np.ndarray:
-    """Return a fine front of a step: of three links over a line of steps, of four over a plane, up to 8 rad away."""
+    """Return a fine front of a step: of three links over a line of steps up to 8 rad away, of four over a plane.
+
+    That plane's grid is so fine that the front's hypervolume lacks less than 1 %: searches can come out above it.
+    """
     wanted, jacobian = instant.asked()
     null = np.linalg.svd(jacobian)[2][len(wanted) :].T
     least = np.linalg.pinv(jacobian) @ wanted
@@ -93,6 +108,5 @@ def _instant(loop: ClosedLoop, sample: int) -> Instant:
     return loop.instant(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
 
 
-def _volume(F: np.ndarray, exact: np.ndarray) -> float:
-    low, width = exact.min(axis=0), np.ptp(exact, axis=0)
+def _volume(F: np.ndarray, low: np.ndarray, width: np.ndarray) -> float:
     return float(hypervolume((F - low) / width, np.full(2, REFERENCE)))
