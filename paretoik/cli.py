@@ -249,7 +249,9 @@ def _course(problem: Any, generations: int | None) -> tuple[str, int]:
     """Return what is counted on the way, and how many there are at most."""
     if hasattr(problem, "steps"):
         return "step", len(problem.task.times) - 1
-    return "generation", 500 if generations is None else generations
+    from paretoik.solving import GENERATIONS
+
+    return "generation", GENERATIONS if generations is None else generations
 
 
 @contextmanager

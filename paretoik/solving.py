@@ -34,6 +34,7 @@ from paretoik.search.progress import Progress
 from paretoik.search.seeding import check_size
 from paretoik.task.motion import Motion
 
+POPULATION, GENERATIONS = 200, 500  # where none are given
 SIGNALS = ("SIGINT", "SIGTERM", "interrupted")
 EXACT = 1e-6  # rad or m: a motion that the genes miss by more is not the motion that was given
 
@@ -116,7 +117,8 @@ def solve(
             raise InvalidInput(f"{name}: wants a search for a front, got a closed loop, which is followed step by step")
         loop = problem.changed(population=population, generations=generations, seed=seed)
         return follow(loop, out=out, time_limit=time_limit, overwrite=overwrite, reference=reference, observe=observe)
-    population, generations = (200 if population is None else population), (500 if generations is None else generations)
+    population = POPULATION if population is None else population
+    generations = GENERATIONS if generations is None else generations
     seed = 0 if seed is None else seed
     if points is not None:
         check_size("points", points, 1)

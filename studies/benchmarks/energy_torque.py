@@ -18,11 +18,11 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.front.indicators import hypervolume
+from paretoik.solving import POPULATION
 from problems.tringali_2020 import energy_torque
 from studies.reporting import REPORTED, Row, report
 
 REFERENCE_POINT = np.array([0.065, 0.10])
-POPULATION = 200  # the default of solve: ablated algorithms must not differ in size
 TABLE = "energy_torque against the IPOPT reference"
 SHARE, GOAL, SHARE_GOAL, POINTS_GOAL = "median share of hypervolume", "beside the goal", 0.95, 50
 

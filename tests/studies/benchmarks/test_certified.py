@@ -28,7 +28,7 @@ from studies.benchmarks.certified.dominating import (
     violation,
     within,
 )
-from studies.benchmarks.certified.exchange import STEP, compared, exchange_rows, pairs
+from studies.benchmarks.certified.exchange import STEPS, compared, exchange_rows, pairs
 from studies.benchmarks.certified.racing import race_rows, solved_by, solved_by_us
 from studies.benchmarks.planner.verdicts import LOSS
 
@@ -194,7 +194,7 @@ def test_quotients_at_a_kink_are_held_against_the_interval(subject):
     aside = replace(found, interval=found.rate * np.array([1.3, 1.2]))
     assert not wide.unique
     assert wide.off == 0.0
-    assert aside.off == pytest.approx(0.2, rel=1e3 * STEP)
+    assert aside.off == pytest.approx(0.2, rel=1e3 * STEPS[0])
 
 
 def test_what_certificates_say_is_held_against_the_goals(honest, spoiled):

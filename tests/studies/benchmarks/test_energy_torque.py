@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
-
 import numpy as np
 import pytest
 
 from paretoik.front.indicators import hypervolume
+from paretoik.solving import POPULATION
 from studies.benchmarks import energy_torque as study
 
 
@@ -62,8 +61,8 @@ def test_an_ablated_algorithm_lacks_an_ingredient_and_nothing_of_its_size():
     assert study.variants(problem, ablate=False) == {"defaults": None}
     ablated = study.variants(problem, ablate=True)
     assert ablated.pop("defaults") is None
-    suited = problem.algorithm(study.POPULATION)
+    suited = problem.algorithm(POPULATION)
     first, second = ablated.values()
-    assert first.pop_size == second.pop_size == inspect.signature(study.pk.solve).parameters["population"].default
+    assert first.pop_size == second.pop_size == POPULATION
     assert type(first.mating.crossover) is type(suited.mating.crossover)
     assert type(second.mating.crossover) is not type(suited.mating.crossover)
