@@ -16,13 +16,13 @@ from studies.marcos_2012.starts import start_rows
 from studies.marcos_2012.tables import oracle_rows, reproduced_rows, spread_rows, table_rows, time_rows, warm_rows
 from studies.reporting import report
 
-QUICK_STEPS = 300
+QUICK_STEPS = 200
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Follow the paper's closed loops, report their tables and draw the figures."""
     parser = argparse.ArgumentParser(prog="python -m studies.marcos_2012", description="Marcos et al. 2012, CLMOGA.")
-    parser.add_argument("--quick", action="store_true", help="three links, one circle, two weights, 300 steps")
+    parser.add_argument("--quick", action="store_true", help="three links, one circle, two weights, 200 steps")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, help="file to write the rows to")
     parser.add_argument("--out", type=Path, default=Path("runs/marcos_2012"), help="folder for the pictures")
