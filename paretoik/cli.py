@@ -123,10 +123,6 @@ def solve(
             from paretoik.loading import load_problem
 
             opened = load_problem(problem)
-        if hasattr(opened, "steps"):
-            opened = opened.changed(population=population, generations=generations, seed=seed)
-            with _status("searching for a start; what compiles does so once, for about a minute", quiet):
-                opened.prepare()
         with _progress(_course(opened, generations), time_limit, quiet) as observe:
             front = solving.solve(
                 opened,
@@ -188,6 +184,8 @@ def select(
         _print_json({**entries(front)[choice.index], "reason": choice.reason})
     else:
         print(choice_text(front, choice))
+    if loop is not None:
+        raise typer.Exit(EXIT_CODES.get(str(front.provenance["status"]), 0))
 
 
 @app.command()
@@ -247,7 +245,7 @@ def _status(text: str, quiet: bool) -> Iterator[None]:
 
 def _course(problem: Any, generations: int | None) -> tuple[str, int]:
     """Return what is counted on the way, and how many there are at most."""
-    if hasattr(problem, "steps"):
+    if hasattr(problem, "reweighed"):
         return "step", len(problem.task.times) - 1
     from paretoik.solving import GENERATIONS
 
@@ -265,7 +263,9 @@ def _progress(course: tuple[str, int], time_limit: float | None, quiet: bool) ->
 
         bar = rich.Progress(rich.BarColumn(), rich.TextColumn("{task.description}"), console=console, transient=True)
         with bar:
-            job = bar.add_task("{} 0/{}".format(*course), total=course[1])
+            job = bar.add_task(
+                "{} 0/{}: preparing, the first time for a minute or two".format(*course), total=course[1]
+            )
             yield lambda generation, progress: bar.update(
                 job, completed=generation.number, description=_state(generation, progress, course, time_limit)
             )

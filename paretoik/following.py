@@ -57,12 +57,14 @@ def follow(
     with ExitStack() as stack:
         folder = None if out is None else stack.enter_context(claimed(out, overwrite=overwrite))
         interruption = stack.enter_context(interruptible())
-        watch = _Watch(loop, time_limit, observe)
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
-            watch.recorder = _recorder(folder, loop, reference)
-            stack.callback(watch.recorder.close)
         try:
+            loop.prepare()
+            watch = _Watch(loop, time_limit, observe)
+            if folder is not None:
+                watch.recorder = _recorder(folder, loop, reference)
+                stack.callback(watch.recorder.close)
             run = loop.run(observe=watch, ended=lambda: bool(interruption) or watch.late)
         except ParetoikError as error:
             if folder is not None:

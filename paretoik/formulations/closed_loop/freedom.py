@@ -76,7 +76,7 @@ def blocked(count, place, guard, clear, room):
         if not within:
             asked[stopped] = lane
             stopped += 1
-        elif far >= clear:
+        elif far >= clear - guard.standoff:
             for j in range(n):
                 table[j, near] = given[j, lane]
             places[near], room.spans[near] = lane, far

@@ -204,3 +204,18 @@ def test_a_start_is_found_near_the_path_and_clear_of_obstacles():
 def forward(q):
     angles = np.cumsum(q)
     return np.array([np.cos(angles).sum(), np.sin(angles).sum()])
+
+
+def test_short_steps_keep_the_standoff_too():
+    loop = near_obstacle(population=200)
+    instant, search = loop.instant(1), loop.search()
+    (place, guard), room = search.situation(instant), search.room
+    clear = clearance_before(place, guard, room)
+    assert clear > guard.standoff > 0
+    closer = guard._replace(standoff=0.999 * clear)
+    q = instant.previous + np.random.default_rng(0).uniform(-1, 1, size=(200, 3)) * clear / guard.reach.sum() / 2
+    room.given[:3], room.asked[:] = q.T, np.arange(200)
+    stopped = blocked(200, place, closer, clear, room)
+    wanted = np.flatnonzero(instant.gaps(q) <= closer.standoff).tolist()
+    assert 0 < len(wanted) < 200
+    assert sorted(room.asked[:stopped].tolist()) == wanted
