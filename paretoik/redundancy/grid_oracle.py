@@ -2,9 +2,9 @@
 
 The postures that reach a sample lie on a few curves. They are traced and cut into nodes evenly spaced, and the nodes of
 consecutive samples are joined wherever no joint goes too far. Where objectives and limits look at positions and
-velocities only (backward differences), the best way through is exact on that grid. Where they look at accelerations,
-states are pairs of consecutive nodes, on fewer samples: what comes out, led back to all samples, is a source of starts
-and bounds nothing.
+velocities only (backward differences), the best way through is exact on that grid, and ``grid_bound`` says how much
+better any motion between its nodes can be. Where they look at accelerations, states are pairs of consecutive nodes, on
+fewer samples: what comes out, led back to all samples, is a source of starts and bounds nothing.
 
 Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 """
@@ -16,29 +16,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.redundancy.branches import labels
+from paretoik.redundancy.grid_bound import BEYOND, lower_bound
 from paretoik.redundancy.grid_terms import Terms, priced, terms_of
 from paretoik.redundancy.layers import Layers, best_way, ways_through
-from paretoik.redundancy.self_motion_curves import (
-    aimed,
-    carried_postures,
-    cut_evenly,
-    lifted,
-    lifted_ranges,
-    node_spacing,
-    traced_curves,
-)
+from paretoik.redundancy.posture_grid import PostureGrid, layered, posture_grid, transitions, windows_of
+from paretoik.redundancy.self_motion_curves import carried_postures, node_spacing, traced_curves
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract
 
 PACE = 2.5  # times the pace that the path itself asks for: what joints without velocity limit may do
 COARSEST = 26  # samples, where accelerations count
-HOLDS = 1e-9  # of limits
 APART = 0.15  # rad or m: ways through the grid nearer than this to a better one are not told apart from it
 
 
@@ -49,8 +40,9 @@ class GridOracle:
     ``labels`` are those of ``branches``, ``values`` the sums of objectives (minimised), ``violations`` the worst of the
     limits, ``resolution`` [rad, m] the distance of nodes, ``samples`` how many of the motion the grid has.
 
-    Where ``exact``, no way through the grid is better than the first, and ``coarser`` is the best value on every second
-    node; otherwise, where accelerations count, it is NaN.
+    Where ``exact``, no way through the grid is better than the first, and no motion on the curves traced, its joints
+    within the same pace, is worth less than ``lower_bound``, which comes nearer as the resolution is refined: with its
+    square, or in proportion to it where limits are active. Where accelerations count, it is NaN.
     """
 
     q: Float[np.ndarray, "paths time dof"]
@@ -60,21 +52,12 @@ class GridOracle:
     resolution: float
     samples: int
     exact: bool
-    coarser: float
+    lower_bound: float
 
     @property
     def best(self) -> float:
         """What the best way through the grid is worth."""
         return float(self.values[0])
-
-    @property
-    def estimate(self) -> float:
-        """Where the best value may tend to as nodes move together: an extrapolation, not a bound.
-
-        As if it came nearer in proportion to the resolution, which it does where limits are active; where none is, it
-        goes with the square, and this is too low.
-        """
-        return 2 * self.best - self.coarser
 
 
 def grid_oracle(
@@ -116,12 +99,12 @@ def grid_oracle(
     terms = terms_of(task, weights, np.stack([q[0] for q in seeds])[None])
     level = task.subsampled(_coarse(len(task.times))) if terms.second else task
     kept = np.searchsorted(task.times, level.times)
-    windows = _windows(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
+    windows = windows_of(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
     curves = traced_curves(level, [seeds[i] for i in kept])
     spacing = resolution or node_spacing(curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
     while True:
-        grid = _grid(level, curves, spacing, windows, unrolled, terms)
+        grid = _kept(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pairs if terms.second else _singles)(level, grid, terms)
         best, states = best_way(layers, level.cyclic)
         if not len(states):
@@ -131,42 +114,15 @@ def grid_oracle(
         if not wound.any():
             break
         unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must be told apart
-    sparse = layers.only([rank % 2 == 0 for rank in grid.ranks])
-    coarser = np.nan if terms.second else best_way(sparse, level.cyclic)[0]
     ways = [states, *ways_through(layers, level.cyclic, round(APART / spacing))]
     told = _told(task, level, grid, terms, np.stack([grid.motion(layers.through(way)) for way in ways]), classes)
     if not terms.second and not np.isclose(told["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
-    return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, coarser=coarser)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Grid:
-    """Nodes of every sample (nodes, dof) and their ranks on their curves; ``turning`` joints are known modulo 2π."""
-
-    nodes: list[np.ndarray]
-    ranks: list[np.ndarray]
-    turning: np.ndarray
-    windows: np.ndarray
-
-    def step(self, later: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Return the shortest way of every joint between postures."""
-        apart = later - before
-        return np.where(self.turning, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
-
-    def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return all pairs of nodes of samples i − 1 and i with every joint's step within its window."""
-        box = np.where(self.turning, 2 * np.pi / self.windows[i], 0.0)
-        places = [np.where(self.turning, q % (2 * np.pi), q) / self.windows[i] for q in self.nodes[i - 1 : i + 1]]
-        before, here = (cKDTree(np.where(self.turning & (at >= box), 0.0, at), boxsize=box) for at in places)
-        pairs = here.sparse_distance_matrix(before, 1.0, p=np.inf, output_type="ndarray")
-        order = np.lexsort((pairs["j"], pairs["i"]))
-        return pairs["j"][order], pairs["i"][order]
-
-    def motion(self, nodes: Sequence[int]) -> np.ndarray:
-        """Return the motion (time, dof) through nodes, its joints continuous."""
-        q = np.stack([there[k] for there, k in zip(self.nodes, nodes, strict=True)])
-        return np.cumsum(np.concatenate([q[:1], self.step(q[1:], q[:-1])]), axis=0)
+    least = np.nan
+    if not terms.second:
+        every = posture_grid(level, curves, spacing, windows, unrolled, beyond=BEYOND * spacing)
+        least = lower_bound(level, every, terms, spacing)
+    return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least)
 
 
 def _check(task: MotionTask, resolution: float | None) -> None:
@@ -179,31 +135,14 @@ def _check(task: MotionTask, resolution: float | None) -> None:
         raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")
 
 
-def _singles(task: MotionTask, grid: _Grid, terms: Terms) -> Layers:
+def _singles(task: MotionTask, grid: PostureGrid, terms: Terms) -> Layers:
     """Return the graph whose states are nodes."""
-    nodes, steps = grid.nodes, np.diff(task.times, prepend=np.nan)
-    pairs = [(np.zeros(0, dtype=int),) * 2] + [grid.edges(i) for i in range(1, len(nodes))]
-
-    def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, ...]:
-        sources, ends = (side[pick] if len(side) else np.zeros_like(pick) for side in pairs[i])
-        q = nodes[i][ends]
-        dq = grid.step(q, nodes[i - 1][sources]) / steps[i] if i else np.zeros_like(q)
-        return q, dq, np.zeros_like(q)
-
-    costs = priced(task, terms.of, [len(sources) for sources, _ in pairs], at)
-    layers = Layers(
-        start=np.zeros(len(nodes[0])),
-        offsets=[
-            np.searchsorted(ends, np.arange(len(q) + 1)) for (_, ends), q in zip(pairs[1:], nodes[1:], strict=True)
-        ],
-        sources=[sources for sources, _ in pairs[1:]],
-        costs=costs[1:],
-        nodes=[np.arange(len(q)) for q in nodes],
-    )
+    pairs, at = transitions(task, grid)
+    layers = layered(grid, pairs, priced(task, terms.of, [len(sources) for sources, _ in pairs], at))
     return layers.thinned([np.isfinite(cost) for cost in layers.costs], layers.start)
 
 
-def _pairs(task: MotionTask, grid: _Grid, terms: Terms) -> Layers:
+def _pairs(task: MotionTask, grid: PostureGrid, terms: Terms) -> Layers:
     """Return the graph whose states are pairs of consecutive nodes; speeds change by half their range in a step."""
     nodes, steps, first = grid.nodes, np.diff(task.times, prepend=np.nan), 0 if task.cyclic else 1
     pairs = [grid.edges(i) for i in range(1, len(nodes))]
@@ -216,10 +155,10 @@ def _pairs(task: MotionTask, grid: _Grid, terms: Terms) -> Layers:
         near = np.abs(dq[i][ends] - dq[i - 1][sources]) * steps[i] <= grid.windows[i] / 2
         joined.append((sources[near.all(axis=1)], ends[near.all(axis=1)]) if i > first else (sources, ends))
 
-    def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, ...]:
+    def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         sources, ends = joined[i]
         if not len(ends):
-            return nodes[i][np.zeros_like(pick)], *(np.zeros((len(pick), task.arm.dof)),) * 2
+            return grid.still(i, np.zeros_like(pick))
         here = dq[i][ends[pick]]
         return nodes[i][pairs[i][1][ends[pick]]], here, (here - dq[i - 1][sources[pick]]) / steps[i]
 
@@ -248,39 +187,8 @@ def _coarse(samples: int) -> int:
     return samples
 
 
-def _windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
-    """Return how far each joint may go to each sample."""
-    limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
-    steps = np.diff(task.times)[:, None]
-    steps = np.concatenate([steps[:1], steps])
-    return np.minimum(limits * steps * (1 + HOLDS), pace)
-
-
-def _grid(
-    task: MotionTask,
-    curves: list[list[tuple[np.ndarray, np.ndarray]]],
-    spacing: float,
-    windows: np.ndarray,
-    unrolled: Bool[np.ndarray, " dof"],
-    terms: Terms,
-) -> _Grid:
-    """Return the nodes of every sample that keep the limits on postures."""
-    cut = [[cut_evenly(*curve, spacing) for curve in here] for here in curves]
-    samples = np.repeat(np.arange(len(cut)), [sum(map(len, here)) for here in cut])
-    q = np.concatenate([q for here in cut for q in here])
-    rank = np.concatenate([np.arange(len(q)) for here in cut for q in here])
-    led = retract(task.arm, task.tasks, q, *aimed(task, samples, q)[1:])
-    ranges = lifted_ranges(task, unrolled)
-    nodes, ranks = [], []
-    for i in range(len(cut)):
-        mine = led.on_path & (samples == i)
-        there, which = lifted(led.q[mine], ranges, task.arm.periodic)
-        nodes.append(there)
-        ranks.append(rank[mine][which])
-    if task.start is not None:
-        nodes[0], ranks[0] = task.start[None], np.array([0])
-    if task.cyclic:
-        nodes[-1], ranks[-1] = nodes[0], ranks[0]
+def _kept(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:
+    """Return the grid of the nodes that keep the limits on postures."""
 
     def held(motion: Motion) -> np.ndarray:
         found = terms.held(motion, terms.postures)
@@ -288,26 +196,17 @@ def _grid(
             found[:, 0] &= terms.held(motion, terms.rates)[:, 0]  # a motion begins at rest
         return found
 
-    def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, ...]:
-        here = nodes[i][pick] if len(nodes[i]) else np.zeros((len(pick), task.arm.dof))
-        return here, np.zeros_like(here), np.zeros_like(here)
-
-    kept = [there > 0 for there in priced(task, held, [len(there) for there in nodes], at)]
+    kept = [there > 0 for there in priced(task, held, [len(there) for there in grid.nodes], grid.still)]
     if task.cyclic:
         kept[0] = kept[-1] = kept[0] & kept[-1]
     for i, k in enumerate(kept):
         if not k.any():
             raise Infeasible(f"no posture keeps the limits at sample {i} of {len(kept)} ({task.times[i]:.3g} s)")
-    return _Grid(
-        nodes=[there[k] for there, k in zip(nodes, kept, strict=True)],
-        ranks=[rank[k] for rank, k in zip(ranks, kept, strict=True)],
-        turning=task.arm.periodic & np.isnan(ranges[:, 0]),
-        windows=windows,
-    )
+    return grid.only(kept)
 
 
 def _told(
-    task: MotionTask, level: MotionTask, grid: _Grid, terms: Terms, ways: np.ndarray, classes: int
+    task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, ways: np.ndarray, classes: int
 ) -> dict[str, Any]:
     """Return the best motion of every class, by what it is worth on the grid, and what is far from them."""
     if task.cyclic:

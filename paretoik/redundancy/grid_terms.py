@@ -18,6 +18,7 @@ BLOCK = 200_000  # samples evaluated at once
 HOLDS = 1e-9  # of limits
 
 Series = Callable[[Motion], np.ndarray]
+At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some of a sample's
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,14 +30,23 @@ class Terms:
     rates: list[Series]
     second: bool
 
+    def weighed(self, motion: Motion) -> np.ndarray:
+        """Return the share of every sample in the integral of the cost."""
+        return self.cost(motion) * motion.weights
+
     def of(self, motion: Motion) -> np.ndarray:
         """Return the cost of every sample, infinite where a limit on rates does not hold."""
-        held = self.held(motion, self.rates)
-        return np.where(held, self.cost(motion) * motion.weights, np.inf)
+        return np.where(self.held(motion, self.rates), self.weighed(motion), np.inf)
 
     def held(self, motion: Motion, limits: list[Series]) -> np.ndarray:
         """Return at which samples limits hold."""
-        return np.all([limit(motion) <= HOLDS for limit in limits], axis=0) | np.zeros(motion.q.shape[:-1], dtype=bool)
+        return self.worst(limits)(motion) <= HOLDS
+
+    @staticmethod
+    def worst(limits: list[Series]) -> Series:
+        """Return the excess over the limit that is broken most, −1 where there is none."""
+        nothing = [lambda motion: np.full(motion.q.shape[:-1], -1.0)]
+        return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
 
 
 def terms_of(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
@@ -92,9 +102,7 @@ def instants(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.nd
     return motion
 
 
-def priced(
-    task: MotionTask, term: Series, counts: Sequence[int], at: Callable[[int, np.ndarray], tuple[np.ndarray, ...]]
-) -> list[np.ndarray]:
+def priced(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
     """Return ``term`` of so many instants of every sample; ``at`` gives some of a sample's: (q, dq, ddq)."""
     if sum(counts) > LARGEST:
         raise InvalidInput(

@@ -79,15 +79,6 @@ class Layers:
             costs=[c[k] for c, k in zip(self.costs, kept, strict=True)],
         )
 
-    def only(self, marked: list[np.ndarray]) -> Layers:
-        """Return the graph over marked nodes (of every sample) only."""
-        late = marked[-len(self.nodes) :]
-        ends = [np.repeat(m[n], np.diff(o)) for m, n, o in zip(late[1:], self.nodes[1:], self.offsets, strict=True)]
-        first = late[0][self.nodes[0]]
-        if self.before is not None:
-            first = first & marked[0][self.before]
-        return self.thinned(ends, np.where(first, self.start, np.inf))
-
 
 def best_way(layers: Layers, cyclic: bool, among: np.ndarray | None = None) -> tuple[float, list[int]]:
     """Return the least cost and its way, a closed one of a cycle; no way where there is none.

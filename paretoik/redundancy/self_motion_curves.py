@@ -17,8 +17,10 @@ STRIDE = 0.1  # rad or m: how finely curves are traced before they are cut into 
 SHARPEST = 0.9  # cosine of the turn from one stride to the next
 STRIDES = 1200  # of one curve, at most
 SEEDS = 48  # postures at either end of the path, carried along it to find the curves of every sample
-NODES = 12, 500_000  # in the furthest step of a joint, and at most in all
+NODES = 24, 500_000  # in the furthest step of a joint, and at most in all
 PAIR_NODES = 10, 30_000
+
+Curve = tuple[np.ndarray, np.ndarray]  # strides (q, directions)
 
 
 def carried_postures(task: MotionTask, rng: np.random.Generator) -> tuple[list[np.ndarray], float]:
@@ -51,20 +53,20 @@ def aimed(task: MotionTask, samples: np.ndarray, q: np.ndarray) -> tuple[np.ndar
     return across[..., -1], targets, across[..., : task.rows] * signs[:, None, :]
 
 
-def traced_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+def traced_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]:
     """Return the self-motion curves of every sample, as strides (q, directions), until no seed is off all of them."""
-    found: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in seeds]
+    found: list[list[Curve]] = [[] for _ in seeds]
     left = list(seeds)
     while rows := [i for i, q in enumerate(left) if len(q)]:
         traced = traced_once(task, np.array(rows), np.stack([left[i][0] for i in rows]))
         for i, (q, directions) in zip(rows, traced, strict=True):
             found[i].append((q, directions))
-            apart = wrapped(task, left[i][:, None] - q)
+            apart = wrapped(left[i][:, None] - q, task.arm.periodic)
             left[i] = left[i][np.linalg.norm(apart, axis=2).min(axis=1) > 0.75 * STRIDE]
     return found
 
 
-def traced_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def traced_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[Curve]:
     """Return one curve through each posture, by predictor and corrector, until it closes, stops or is too long."""
     q, (heading, targets, steep) = begin.copy(), aimed(task, samples, begin)
     first, stride, going, count = heading.copy(), np.full(len(q), STRIDE), np.arange(len(q)), np.zeros(len(q))
@@ -78,7 +80,7 @@ def traced_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
         moved = going[good]
         q[moved], steep[moved], heading[moved] = trial.q[good], across[good], (ahead * np.sign(turn)[:, None])[good]
         count[moved] += 1
-        back = wrapped(task, begin[going] - q[going])
+        back = wrapped(begin[going] - q[going], task.arm.periodic)
         closed = good & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[going] > 3)
         closed &= np.sum(heading[going] * first[going], axis=1) > SHARPEST
         q[going[closed]] += back[closed]
@@ -91,26 +93,30 @@ def traced_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
     return [(places[rows == k], directions[rows == k]) for k in range(len(q))]
 
 
-def node_spacing(curves: list[list[tuple[np.ndarray, np.ndarray]]], windows: np.ndarray, *, second: bool) -> float:
+def node_spacing(curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
     """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
     length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
     shares, most = PAIR_NODES if second else NODES
     return float(max(windows[1:].max() / shares, length / most))
 
 
-def wrapped(task: MotionTask, apart: np.ndarray) -> np.ndarray:
-    """Return joint distances with whole turns taken off."""
-    return np.where(task.arm.periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
+def wrapped(apart: np.ndarray, periodic: np.ndarray) -> np.ndarray:
+    """Return joint distances with whole turns of periodic joints taken off."""
+    return np.where(periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)
 
 
-def cut_evenly(q: np.ndarray, directions: np.ndarray, spacing: float) -> np.ndarray:
-    """Return points evenly spaced along a curve given by strides."""
+def cut_evenly(curve: Curve, spacing: float, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points evenly spaced along a curve and which of them is next to each, −1 at the end of an open one."""
+    q, directions = curve
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
     apart = np.append(np.diff(s) > 1e-9, True)
     if apart.sum() < 2:
-        return q[:1]
-    places = np.linspace(0, s[-1], int(np.ceil(s[-1] / spacing)), endpoint=False)
-    return np.asarray(CubicHermiteSpline(s[apart], q[apart], directions[apart])(places))
+        return q[:1], np.array([-1])
+    closed = bool(np.linalg.norm(wrapped(q[-1] - q[0], periodic)) < 1e-9)
+    pieces = int(np.ceil(s[-1] / spacing))
+    places = np.linspace(0, s[-1], pieces + (not closed), endpoint=not closed)
+    onward = np.append(np.arange(1, len(places)), 0 if closed and pieces > 2 else -1)
+    return np.asarray(CubicHermiteSpline(s[apart], q[apart], directions[apart])(places)), onward
 
 
 def lifted_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"]:

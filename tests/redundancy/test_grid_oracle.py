@@ -125,14 +125,56 @@ def test_the_best_value_sinks_as_nodes_move_together():
     task = task_of(short(11))
     found = [grid_oracle(task, resolution=h) for h in (0.08, 0.04, 0.02)]
     assert found[0].best > found[1].best > found[2].best
-    assert all(one.best <= one.coarser for one in found)
+
+
+@pk.objective(unit="rad", form="integral")
+def speed(motion):
+    return np.sum(np.abs(motion.dq), axis=-1)
+
+
+@pk.objective(unit="rad s", form="integral")
+def from_a_posture(motion):
+    return np.sum(np.abs(motion.q - [0.3, -1.1, 1.7]), axis=-1)
+
+
+@pk.constraint(unit="m", upper=0.08)
+def low_elbow(motion):
+    return motion.links[..., 1, 1]
+
+
+START = np.array([0.2, -1.0, 1.2])
+BOUNDED = [
+    {},
+    {"objectives": [speed]},
+    {"objectives": [speed, from_a_posture]},
+    {"limits": Limits(velocity=1.5)},
+    {"limits": Limits(position=POSITION)},
+    {"constraints": [low_elbow], "obstacles": [Circle([0.1, -0.12], 0.03)]},
+    {"start": START},
+]
+
+
+@pytest.mark.parametrize("changed", BOUNDED)
+def test_no_finer_grid_comes_below_the_lower_bound(changed):
+    begin = task_of().motion(np.tile(START, (26, 1))).links[0, -1, :2]
+    task = task_of(line(begin, [0.3, 0.1], duration=1.0, samples=26), **changed)
+    found, finer = (grid_oracle(task, resolution=h) for h in (0.04, 0.02))
+    assert found.lower_bound < min(found.best, finer.best)
+    assert found.lower_bound < finer.lower_bound
+
+
+@pytest.mark.parametrize("limits", [None, Limits(position=POSITION, velocity=3.2)])
+def test_the_lower_bound_comes_near_as_nodes_move_together(limits):
+    found = [grid_oracle(task_of(limits=limits), resolution=h) for h in (0.02, 0.01)]
+    gaps = [1 - one.lower_bound / one.best for one in found]
+    assert gaps[1] < 0.4 * gaps[0] < 0.02
 
 
 def test_the_planner_finds_nothing_that_the_oracle_does_not_know_of():
     found = along_the_line()
     plan = pk.plan(pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy]), starts=24)
     assert found.exact
-    assert found.estimate < plan.best.objective < found.best < 1.02 * plan.best.objective
+    assert found.lower_bound < plan.best.objective < found.best < 1.02 * plan.best.objective
     assert found.labels[0] == plan.best.label
 
 
@@ -186,7 +228,7 @@ def test_a_limit_on_torques_holds_at_the_grids_samples_and_makes_it_inexact():
     task = task_of(short(11), limits=Limits(torque=0.03))
     found = grid_oracle(task, resolution=0.02)
     assert not found.exact
-    assert np.isnan(found.estimate)
+    assert np.isnan(found.lower_bound)
     assert found.samples == 11
     assert np.abs(task.motion(found.q).torque).max() <= 0.03 * (1 + 1e-8)
 

@@ -1,0 +1,99 @@
+"""What no motion can be better than, where redundancy is one and accelerations don't count.
+
+A motion runs within cells: between two neighbouring nodes at every sample. Let every sample be rounded, by itself, to
+one of its two nodes, with the chances that make the mean the motion's own place. The mean cost of what comes out is the
+sum of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own cost by no
+more than the interpolation's error. Some rounding is no dearer than the mean. So the best way through the grid, with
+that error taken off every transition and limits relaxed by what they change within a cell, is a bound from below.
+
+The error is taken from second differences between neighbouring transitions, the largest of those around a cell: half of
+their sum over both nodes holds for costs that are convex along the curves, kinks included, and is four times what
+smooth ones need. What limits change is taken from first differences.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from paretoik.redundancy.grid_terms import HOLDS, Terms, priced
+from paretoik.redundancy.layers import best_way
+from paretoik.redundancy.posture_grid import PostureGrid, layered, transitions
+from paretoik.task.motion_task import MotionTask
+
+CORNERS = 2  # nodes: as much further than a motion in its cell, the steps between the cell's corners go
+BEYOND = 4  # nodes: as far beyond windows and ranges of joints, transitions are looked at
+
+
+def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
+    """Return a bound from below on every motion within the grid's windows; infinite where limits leave none.
+
+    ``grid`` is of all nodes, those that do not keep the limits included, a few beyond the joints' ranges.
+    """
+    wide = replace(grid, windows=grid.windows + BEYOND * spacing)
+    pairs, edge = transitions(task, wide)
+    counts = [len(sources) for sources, _ in pairs]
+    costs = priced(task, terms.weighed, counts, edge)
+    rates = priced(task, terms.worst(terms.rates), counts, edge)
+    postures = priced(task, terms.worst(terms.postures), [len(q) for q in grid.nodes], grid.still)
+    nodes = [_may_hold(over, [_beside(ahead)]) for over, ahead in zip(postures, grid.onward, strict=True)]
+    kept = []
+    for i, (sources, ends) in enumerate(pairs[1:], 1):
+        around = _around(sources, ends, grid.onward[i - 1], grid.onward[i])
+        costs[i] -= sum(_largest(np.maximum(_bend(costs[i], pair), 0.0), around) for pair in around) / 2
+        near = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources])) <= grid.windows[i] + CORNERS * spacing
+        kept.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_hold(rates[i], around))
+    layers = layered(grid, pairs, costs).thinned(kept, np.where(nodes[0], 0.0, np.inf))
+    return best_way(layers, task.cyclic)[0]
+
+
+Pair = tuple[np.ndarray, np.ndarray]  # where the neighbours on either side are, −1 where there is none
+
+
+def _beside(ahead: np.ndarray) -> Pair:
+    """Return the nodes after and before each on its curve."""
+    behind = np.full(len(ahead), -1)
+    known = np.flatnonzero(ahead >= 0)
+    behind[ahead[known]] = known
+    return ahead, behind
+
+
+def _around(sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.ndarray) -> list[Pair]:
+    """Return the transitions beside each: with the next and the last source, and with the next and the last end."""
+    width = len(before)
+    keys = ends * width + sources  # ascending
+
+    def at(source: np.ndarray, end: np.ndarray) -> np.ndarray:
+        wanted = end * width + source
+        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        return np.where((source >= 0) & (end >= 0) & (keys[place] == wanted), place, -1)
+
+    (later, earlier), (up, down) = (_beside(ahead) for ahead in (before, here))
+    return [
+        (at(later[sources], ends), at(earlier[sources], ends)),
+        (at(sources, up[ends]), at(sources, down[ends])),
+    ]
+
+
+def _bend(values: np.ndarray, pair: Pair) -> np.ndarray:
+    """Return second differences, 0 where a neighbour is missing."""
+    after, before = pair
+    return np.where((after >= 0) & (before >= 0), values[after] + values[before] - 2 * values, 0.0)
+
+
+def _change(values: np.ndarray, pair: Pair) -> np.ndarray:
+    """Return how much values differ from their neighbours', at most."""
+    return np.max([np.where(side >= 0, np.abs(values[side] - values), 0.0) for side in pair], axis=0)
+
+
+def _largest(values: np.ndarray, around: list[Pair]) -> np.ndarray:
+    """Return the largest of values and of those all around them."""
+    for pair in around:
+        values = np.max([values, *(np.where(side >= 0, values[side], -np.inf) for side in pair)], axis=0)
+    return values
+
+
+def _may_hold(over: np.ndarray, around: list[Pair]) -> np.ndarray:
+    """Return where limits may hold within a cell beside."""
+    return over <= HOLDS + sum(_largest(_change(over, pair), around) for pair in around)
