@@ -13,10 +13,9 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from paretoik.formulations.closed_loop.result import ClosedLoopRun, mean_position_error
+from paretoik.formulations.closed_loop.result import ClosedLoopRun
 from paretoik.redundancy.extended_jacobian import exact_steps
 from paretoik.task.motion import Motion
-from paretoik.task.objectives import joint_drift
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, STEPS, Links
 
@@ -44,31 +43,14 @@ class Cell:
         return f"r = {self.distance}, w = {self.weight}"
 
 
-@dataclass(frozen=True, eq=False)
-class Exact:
-    """The motion of a loop whose every step is the best one."""
-
-    motion: Motion
-
-    @property
-    def position_error(self) -> float:
-        """As of ``ClosedLoopRun``."""
-        return float(mean_position_error(self.motion))
-
-    @property
-    def drift(self) -> float:
-        """As of ``ClosedLoopRun``."""
-        return float(joint_drift(self.motion))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Followed:
-    """A cell's closed loop, searched, its seconds of processor time, and the exact one from the same start."""
+    """A cell's closed loop, searched, its seconds of processor time, and the exact motion from the same start."""
 
     cell: Cell
     run: ClosedLoopRun
     seconds: float
-    exact: Exact
+    exact: Motion
 
 
 def cells(
@@ -130,5 +112,4 @@ def follow(
     seconds = time.thread_time() - begun
     obstacles = loop.task.obstacles
     q = exact_steps(loop.task.arm, loop.task.targets, start, weight=cell.weight, obstacles=obstacles)
-    exact = Exact(loop.task.motion(q))
-    return Followed(cell=cell, run=run, seconds=seconds, exact=exact)
+    return Followed(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))

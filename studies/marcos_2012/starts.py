@@ -8,8 +8,8 @@ from jaxtyping import Float
 from paretoik.redundancy.extended_jacobian import exact_steps
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, RADIUS
-from studies.marcos_2012.loops import Cell, Exact
-from studies.marcos_2012.tables import paper
+from studies.marcos_2012.loops import Cell
+from studies.marcos_2012.tables import MEASURES, paper
 from studies.reporting import Row
 
 STARTS = 48  # angles of the first link
@@ -28,10 +28,9 @@ def start_rows(starts: int = STARTS) -> list[Row]:
         for q in postures(np.array([distance + RADIUS, 0.0]), starts):
             moved = exact_steps(loop.task.arm, loop.task.targets, q, weight=WEIGHT)
             if np.abs(np.diff(moved, axis=0)).max() < LEAP:
-                exact = Exact(loop.task.motion(moved))
-                found.append((exact.position_error, exact.drift))
-        for axis, (table, unit) in enumerate((("Table 1", "m"), ("Table 2", "rad"))):
-            values = [each[axis] for each in found]
+                found.append(loop.task.motion(moved))
+        for table, measure in zip(("Table 1", "Table 2"), MEASURES.values(), strict=True):
+            values = [float(measure(motion)) for motion in found]
             printed = paper()[table, cell.row, "3R"]
             inside = "lies" if min(values) <= printed <= max(values) else "does NOT lie"
             rows.append(
@@ -39,7 +38,7 @@ def start_rows(starts: int = STARTS) -> list[Row]:
                     table="what the start decides: the exact loop of 3R from all over the self-motion",
                     row=f"{table}, {cell.row}",
                     column="least",
-                    unit=unit,
+                    unit=measure.unit,
                     ours=min(values),
                     paper=printed,
                     note=f"to {max(values):.3g} over {len(values)} starts: the printed number {inside} between",

@@ -8,10 +8,13 @@ from functools import cache
 
 import numpy as np
 
+from paretoik.formulations.closed_loop.result import mean_position_error
+from paretoik.task.objectives import joint_drift
 from studies.marcos_2012.loops import Cell, Followed, follow
 from studies.reporting import REPORTED, Row
 
-ERROR_GOAL, DRIFT_GOAL = 0.005, 0.03  # of the oracle's, for w ≥ 0.5 and three links
+MEASURES = {"mean position error": mean_position_error, "drift": joint_drift}  # Eqs. 23 and 25
+GOALS = 0.005, 0.03  # of the oracle's, for w ≥ 0.5 and three links
 WARM = 20  # generations, a tenth of the paper's
 SAME = 0.05  # of the paper's number
 SEEDS, SHORT = 11, 100  # of four links, and steps that each follows
@@ -28,8 +31,8 @@ def measured(one: Followed) -> list[tuple[str, str, str, float, float]]:
     """Return (table, what, unit, ours, oracle's) of a cell's position error (Eq. 23) and drift (Eq. 25)."""
     names = ("Table 3", "Table 4") if one.cell.blocked else ("Table 1", "Table 2")
     return [
-        (names[0], "mean position error", "m", one.run.position_error, one.exact.position_error),
-        (names[1], "drift", "rad", one.run.drift, one.exact.drift),
+        (table, what, measure.unit, float(measure(one.run.motion)), float(measure(one.exact)))
+        for table, (what, measure) in zip(names, MEASURES.items(), strict=True)
     ]
 
 
@@ -99,9 +102,9 @@ def oracle_rows(found: Sequence[Followed]) -> list[Row]:
     rows = []
     kept = [one for one in found if one.cell.links == 3 and one.cell.weight >= 0.5]
     for blocked in dict.fromkeys(one.cell.blocked for one in kept):
-        for what, goal in (("position_error", ERROR_GOAL), ("drift", DRIFT_GOAL)):
+        for (what, measure), goal in zip(MEASURES.items(), GOALS, strict=True):
             apart = [
-                (abs(getattr(one.run, what) / getattr(one.exact, what) - 1), one.cell.row)
+                (abs(float(measure(one.run.motion) / measure(one.exact)) - 1), one.cell.row)
                 for one in kept
                 if one.cell.blocked == blocked
             ]
@@ -111,7 +114,7 @@ def oracle_rows(found: Sequence[Followed]) -> list[Row]:
                 Row(
                     table="beside the oracle, 3R, w of 0.5 and more",
                     row="with two obstacles" if blocked else "no obstacles",
-                    column=what.replace("_", " "),
+                    column=what,
                     unit="relative",
                     ours=worst,
                     paper=goal,
@@ -129,17 +132,17 @@ def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEE
         if links != 4:
             continue
         found = [follow(cell, start, steps=steps, seed=seed) for seed in range(seeds)]
-        for what, unit in (("position_error", "m"), ("drift", "rad")):
-            values = [getattr(one.run, what) for one in found]
+        for what, measure in MEASURES.items():
+            values = [float(measure(one.run.motion)) for one in found]
             low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
             rows.append(
                 Row(
                     table=f"4R over {seeds} seeds, {steps} steps: median beside the oracle",
                     row=cell.row,
-                    column=what.replace("_", " "),
-                    unit=unit,
+                    column=what,
+                    unit=measure.unit,
                     ours=float(middle),
-                    paper=float(getattr(found[0].exact, what)),
+                    paper=float(measure(found[0].exact)),
                     note=f"quartiles {low:.4g} and {high:.4g}",
                 )
             )

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from paretoik.formulations.closed_loop.result import mean_position_error
+from paretoik.task.objectives import joint_drift
 from studies.marcos_2012 import __main__ as study
 from studies.marcos_2012 import loops
 from studies.marcos_2012.collisions import meets
@@ -37,9 +39,9 @@ def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed
     error, drift = table_rows([followed])
     assert error.table == "Table 1: mean position error, no obstacles"
     assert (error.paper, drift.paper) == (7.35e-06, 1.32e-03)
-    assert error.ours == pytest.approx(followed.exact.position_error, rel=0.01)
-    assert drift.ours == pytest.approx(followed.exact.drift, rel=0.05)
-    assert f"oracle {followed.exact.drift:.4g}" in drift.note
+    assert error.ours == pytest.approx(mean_position_error(followed.exact), rel=0.01)
+    assert drift.ours == pytest.approx(joint_drift(followed.exact), rel=0.05)
+    assert f"oracle {joint_drift(followed.exact):.4g}" in drift.note
 
 
 def test_cells_that_are_not_the_papers_are_named_with_what_the_exact_loop_says(followed):
@@ -47,9 +49,9 @@ def test_cells_that_are_not_the_papers_are_named_with_what_the_exact_loop_says(f
     assert (error.ours, error.paper, error.row) == (0, 1, "Table 1")
     assert error.note.startswith("the exact loop, which ours agrees with, is off as well: r = 0.7, w = 0.5 (")
     printed = paper()["Table 1", CELL.row, "3R"]
-    q = followed.exact.motion.q
+    q = followed.exact.q
     assert drift.paper == 1
-    assert abs(followed.exact.position_error / printed - 1) > 0.05
+    assert abs(mean_position_error(followed.exact) / printed - 1) > 0.05
     assert len(q) == 13  # of few steps: another number than the paper's of all
 
 
