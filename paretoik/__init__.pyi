@@ -16,6 +16,15 @@ from .front.front import Front as Front
 from .front.preferences import Weights as Weights
 from .planning import epsilon_front as epsilon_front
 from .planning import plan as plan
+from .redundancy.resolving.methods import Criterion as Criterion
+from .redundancy.resolving.methods import DampedLeastSquares as DampedLeastSquares
+from .redundancy.resolving.methods import GradientProjection as GradientProjection
+from .redundancy.resolving.methods import LeastSquaresVelocity as LeastSquaresVelocity
+from .redundancy.resolving.methods import PseudoInverse as PseudoInverse
+from .redundancy.resolving.methods import WeightedGradientProjection as WeightedGradientProjection
+from .redundancy.resolving.methods import WeightedLeastNorm as WeightedLeastNorm
+from .redundancy.resolving.resolution import ResolvedMotion as ResolvedMotion
+from .redundancy.resolving.resolution import resolve as resolve
 from .refinement.multistart import Plan as Plan
 from .refining import refine as refine
 from .robot.arm import Arm as Arm
@@ -35,6 +44,7 @@ from .task.motion import Motion as Motion
 from .task.objectives import jerk as jerk
 from .task.objectives import joint_drift as joint_drift
 from .task.objectives import joint_limit_distance as joint_limit_distance
+from .task.objectives import joint_limit_nearness as joint_limit_nearness
 from .task.objectives import joint_travel as joint_travel
 from .task.objectives import kinetic_energy as kinetic_energy
 from .task.objectives import manipulability as manipulability
@@ -44,6 +54,7 @@ from .task.objectives import obstacle_clearance as obstacle_clearance
 from .task.objectives import peak_torque as peak_torque
 from .task.objectives import peak_velocity as peak_velocity
 from .task.objectives import torque_norm as torque_norm
+from .task.objectives import velocity_limit_nearness as velocity_limit_nearness
 from .task.obstacles import Box as Box
 from .task.obstacles import Capsule as Capsule
 from .task.obstacles import Circle as Circle

@@ -20,6 +20,8 @@ from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.task.motion import Motion
 
+NEAREST = 1e-3  # share of a joint's range: nearer to a limit than this nothing counts more
+
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
 if TYPE_CHECKING:
@@ -155,6 +157,23 @@ def joint_limit_distance(motion: Moving) -> Found:
     return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / _duration(motion)
 
 
+@objective(unit="s", form="integral")
+def joint_limit_nearness(motion: Moving) -> Found:
+    """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt: each joint 1 in the middle, without bounds at a limit.
+
+    Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits don't count; past 0.1 % of its range from
+    a limit a joint counts as there. Raises InvalidInput where no joint has limits.
+    """
+    return _nearness("joint_limit_nearness", "position", motion.q, *motion.arm.position_limits.T)
+
+
+@objective(unit="s", form="integral")
+def velocity_limit_nearness(motion: Moving) -> Found:
+    """As ``joint_limit_nearness``, of velocities. Source: Wan et al. 2018, Eq. 36."""
+    most = motion.arm.velocity_limits
+    return _nearness("velocity_limit_nearness", "velocity", motion.dq, -most, most)
+
+
 @objective(unit="", form="integral", maximise=True)
 def manipulability(motion: Moving) -> Found:
     """Mean over time of Yoshikawa's √det(J Jᵀ), J the Jacobian of the tasks; maximised. Source: Yoshikawa 1985."""
@@ -199,6 +218,8 @@ LIBRARY: tuple[Objective, ...] = (
     joint_travel,
     joint_drift,
     joint_limit_distance,
+    joint_limit_nearness,
+    velocity_limit_nearness,
     manipulability,
     peak_velocity,
     peak_torque,
@@ -209,3 +230,13 @@ LIBRARY: tuple[Objective, ...] = (
 
 def _duration(motion: Moving) -> np.ndarray:
     return (motion.time[..., -1] - motion.time[..., 0])[..., None]
+
+
+def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> Found:
+    limited = np.isfinite(upper - lower) & (upper > lower)
+    if not limited.any():
+        raise InvalidInput(f"{name} wants {kind} limits, but no joint of the arm has any")
+    lower, upper = lower[limited], upper[limited]
+    edge = NEAREST * (upper - lower)
+    inside = np.clip(values[..., limited], lower + edge, upper - edge)
+    return np.sum((upper - lower) ** 2 / (4 * (upper - inside) * (inside - lower)), axis=-1)

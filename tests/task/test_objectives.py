@@ -20,6 +20,7 @@ LIMITED = Arm.planar(
     centers=[0.15, 0.12, 0.1, 0.05],
     inertias=[0.01, 0.008, 0.004, 0.001],
     position_limits=([-1.0, -2.0, -np.inf, 0.5], [2.0, 2.0, np.inf, 0.5]),
+    velocity_limits=[30.0, 40.0, np.inf, 50.0],
     name="limited arm",
 )
 PATH = line([0.5, 0.1], [0.3, 0.4], duration=2.0, samples=17)
@@ -48,6 +49,13 @@ def quadrature(motion, values):
     return total
 
 
+def nearness(value, lower, upper):
+    """Return how near a value is to its limits, past a thousandth of the range from one as there."""
+    edge = (upper - lower) / 1000
+    value = min(max(value, lower + edge), upper - edge)
+    return (upper - lower) ** 2 / (4 * (upper - value) * (value - lower))
+
+
 LOADS = ("torque_norm", "mechanical_energy", "peak_torque")
 
 
@@ -70,6 +78,11 @@ def by_hand(name, motion):
     if name == "joint_limit_distance":
         first, second = ((q[:, 0] - 0.5) / 3.0) ** 2, (q[:, 1] / 4.0) ** 2
         return quadrature(motion, (first + second) / 8) / duration
+    if name == "joint_limit_nearness":
+        return quadrature(motion, [nearness(q[i][0], -1.0, 2.0) + nearness(q[i][1], -2.0, 2.0) for i in samples])
+    if name == "velocity_limit_nearness":
+        most = {0: 30.0, 1: 40.0, 3: 50.0}
+        return quadrature(motion, [sum(nearness(v[i][j], -most[j], most[j]) for j in most) for i in samples])
     if name == "manipulability":
         planes = [jacobian(arm, q[i])[:2] for i in samples]
         return quadrature(motion, [np.sqrt(np.linalg.det(plane @ plane.T)) for plane in planes]) / duration
@@ -114,6 +127,8 @@ def test_the_library_has_the_promised_names_units_and_senses():
         ("joint_travel", "rad", "integral", False),
         ("joint_drift", "rad", "terminal", False),
         ("joint_limit_distance", "", "integral", False),
+        ("joint_limit_nearness", "s", "integral", False),
+        ("velocity_limit_nearness", "s", "integral", False),
         ("manipulability", "", "integral", True),
         ("peak_velocity", "rad/s", "peak", False),
         ("peak_torque", "N m", "peak", False),

@@ -1,0 +1,289 @@
+"""Motions followed step by step, compiled: any of the methods, on lanes of starts and parameters.
+
+With weights D, A = J D Jᵀ + ρ²I and velocities v that the task wants, a step is D Jᵀ A⁻¹ v + z − B z, where z is the
+sum of what pushes joints off their limits and of the gradients of criteria, and B is D Jᵀ A⁻¹ J; in the paper's variant
+E Jᵀ A⁻¹ J E, D = E².
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.calculus.compiling import compiled
+from paretoik.calculus.running import run_first
+
+NONE, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighed
+DONE, DAMPED, HELD = 0, 1, 2  # what became of a step
+FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
+LONGEST = np.pi  # rad or m: a joint that were to go farther in a step stays
+BEYOND = 1e12  # weight of a joint at its limit or past it
+SWEEPS = 30  # of rotations, at most
+FLAT = 1e-13  # share of the largest diagonal entry: a pivot below is none
+
+
+@compiled
+def followed(first, last, parts, table, steps, limits, modes, settings, gains, signs, traces):
+    """Follow the motions of lanes ``first`` to ``last``; everything that comes out is in ``traces``.
+
+    ``table`` (time, rows) is what the program wants of every sample besides positions and rates, ``steps`` (time − 1)
+    the times between them, ``limits`` (1 or time, dof, 2). ``modes``: how joints are weighed, whether the projector is
+    the paper's, whether criteria are normalised. ``settings`` (lanes, columns); ``gains`` (lanes, criteria, 2): gain
+    and rank, 0 for the first; ``signs`` (criteria, 3): −1 for what is maximised, reference, scale.
+    """
+    q, errors, damping, weights, coefficients, repulsion, projected, velocities, status = traces
+    lower, upper = limits[..., 0], limits[..., 1]
+    time, n = q.shape[1], q.shape[2]
+    rows, criteria = errors.shape[2], signs.shape[0]
+    weighing, printed, normalised = modes
+    count = last - first
+    given = np.zeros((4 * n + table.shape[1], count))
+    found = np.empty((parts[3].shape[0], count))
+    leaning = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
+    J, A, factor, spare = np.empty((rows, n)), np.empty((rows, rows)), np.empty((rows, rows)), np.empty((rows, rows))
+    D, E, z, wanted = np.ones(n), np.ones(n), np.empty(n), np.empty(rows)
+    for k in range(time):
+        for j in range(n):
+            for lane in range(count):
+                given[j, lane] = q[first + lane, k, j]
+                given[n + j, lane] = velocities[first + lane, k - 1, j] if k > 0 else 0.0
+        for j in range(table.shape[1]):
+            for lane in range(count):
+                given[4 * n + j, lane] = table[k, j]
+        run_first(parts, given, found, count)
+        for lane in range(count):
+            here = first + lane
+            for i in range(rows):
+                errors[here, k, i] = found[i, lane]
+            if k == time - 1:
+                continue
+            dt, at = steps[k], min(k, lower.shape[0] - 1)
+            kept = 1.0 - settings[here, FEEDBACK] * dt
+            for i in range(rows):
+                wanted[i] = (found[rows + i, lane] - kept * found[i, lane]) / dt
+                for j in range(n):
+                    J[i, j] = found[2 * rows + i * n + j, lane]
+            for j in range(n):
+                place = q[here, k, j]
+                if weighing == LEAST_NORM:
+                    E[j] = _least_norm(place, lower[at, j], upper[at, j], leaning, lane, j)
+                    weights[here, k, j] = 1.0 / E[j] if E[j] > 0 else BEYOND
+                    D[j] = E[j]
+                elif weighing == CLAMPING:
+                    E[j] = clamping(depth(place, lower[at, j], upper[at, j], settings[here, BUFFER]))
+                    weights[here, k, j] = E[j]
+                    D[j] = E[j] * E[j]
+            for i in range(rows):
+                for m in range(i + 1):
+                    total = 0.0
+                    for j in range(n):
+                        total += J[i, j] * D[j] * J[m, j]
+                    A[i, m] = A[m, i] = total
+            squared = damped(A, settings[here, REGION], settings[here, DAMPING], factor, spare)
+            for i in range(rows):
+                A[i, i] += squared
+            damping[here, k] = np.sqrt(squared)
+            status[here, k] = DAMPED if squared > 0 else DONE
+            if not decomposed(A, factor):
+                _held(here, k, velocities, q, status)
+                continue
+            _solved(factor, wanted)
+            for j in range(n):
+                total = 0.0
+                for i in range(rows):
+                    total += J[i, j] * wanted[i]
+                velocities[here, k, j] = D[j] * total
+            if weighing == CLAMPING:
+                for j in range(n):
+                    into = depth(q[here, k, j], lower[at, j], upper[at, j], settings[here, BUFFER])
+                    z[j] = -(1.0 - E[j]) * into * settings[here, REPULSION]
+                _projected(J, D, E, factor, printed, z, wanted, repulsion[here, k])
+                for j in range(n):
+                    velocities[here, k, j] += repulsion[here, k, j]
+            for c in range(criteria):
+                base = 2 * rows + rows * n + c * (n + 1)
+                sign, scale = signs[c, 0], signs[c, 2]
+                share = gains[here, c, 0]
+                if normalised:
+                    share *= coefficient(sign * (signs[c, 1] - found[base, lane] / scale), sign, settings[here, BAND])
+                coefficients[here, k, c] = share
+                for j in range(n):
+                    priority = np.exp(-gains[here, c, 1] / criteria * E[j]) if normalised else 1.0
+                    z[j] = -sign * share * priority * found[base + 1 + j, lane]
+                _projected(J, D, E, factor, printed, z, wanted, projected[here, k, c])
+                for j in range(n):
+                    velocities[here, k, j] += projected[here, k, c, j]
+            for j in range(n):
+                q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
+                if not abs(dt * velocities[here, k, j]) <= LONGEST:
+                    _held(here, k, velocities, q, status)
+                    break
+
+
+@compiled
+def _held(lane, k, velocities, q, status):
+    """Take no step: there is none, or it has no bounds."""
+    status[lane, k] = HELD
+    for j in range(q.shape[2]):
+        velocities[lane, k, j] = 0.0
+        q[lane, k + 1, j] = q[lane, k, j]
+
+
+@compiled
+def depth(place, lower, upper, buffer):
+    """Return how deep in its buffer a joint is: −1 at its lower limit or past it, 0 between, 1 at the upper.
+
+    Source: Wan et al. 2018, Eqs. 16 and 20.
+    """
+    width = buffer * (upper - lower)
+    if not width < np.inf:
+        return 0.0
+    low, high = lower + width - place, place - (upper - width)
+    if low >= 0 and low >= high:
+        return -min(low / width, 1.0) if width > 0 else -1.0
+    if high >= 0:
+        return min(high / width, 1.0) if width > 0 else 1.0
+    return 0.0
+
+
+@compiled
+def clamping(into):
+    """Return the weight of a joint so deep in its buffer: from 1 outside to 0 at its limit. Source: Eq. 17."""
+    d = abs(into)
+    if d <= 0.0:
+        return 1.0
+    if d >= 1.0:
+        return 0.0
+    return 0.5 - 0.5 * np.tanh(1.0 / (1.0 - d) - 1.0 / d)
+
+
+@compiled
+def coefficient(exponent, sign, band):
+    """Return the weight of a criterion: 1 where its normalised value is below ``band``, 0 above 1 − band.
+
+    ``exponent`` is (reference − H) times the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
+    """
+    value = np.exp(min(exponent, 0.0)) if sign > 0 else 1.0 - np.exp(min(-exponent, 700.0))
+    s = min(max((value - band) / (1.0 - 2.0 * band), 0.0), 1.0)
+    return 1.0 - s * s * (3.0 - 2.0 * s)
+
+
+@compiled
+def _least_norm(place, lower, upper, leaning, lane, j):
+    """Return the inverse weight of a joint, that of Eq. 10, and remember its slope for the next step."""
+    if not upper - lower < np.inf:
+        return 1.0
+    above, below = upper - place, place - lower
+    if above <= 0.0 or below <= 0.0:
+        steep = BEYOND
+        inside = 0.0
+    else:
+        inside = (upper - lower) ** 2 * (below - above) / (4.0 * above * above * below * below)
+        steep = abs(inside)
+    nearer = steep >= leaning[lane, j]
+    leaning[lane, j] = steep
+    return 1.0 / (1.0 + steep) if nearer else 1.0
+
+
+@compiled
+def damped(A, region, most, factor, spare):
+    """Return ρ² of Eq. 4 for A = J D Jᵀ, whose least eigenvalue is σ_min².
+
+    That is looked for only where A − ε²I is not positive definite, for which it is enough to try.
+    """
+    if not (region > 0.0 and most > 0.0):
+        return 0.0
+    rows = A.shape[0]
+    for i in range(rows):
+        for m in range(rows):
+            spare[i, m] = A[i, m]
+        spare[i, i] -= region * region
+    if decomposed(spare, factor):
+        return 0.0
+    least = max(least_eigenvalue(A, spare), 0.0)
+    return max(most * most * (1.0 - least / (region * region)), 0.0)
+
+
+@compiled
+def decomposed(A, factor):
+    """Write the lower factor of A, and the inverses of its diagonal; return whether A is positive definite."""
+    rows, largest = A.shape[0], 0.0
+    for i in range(rows):
+        largest = max(largest, abs(A[i, i]))
+    for i in range(rows):
+        for m in range(i + 1):
+            total = A[i, m]
+            for c in range(m):
+                total -= factor[i, c] * factor[m, c]
+            if m < i:
+                factor[i, m] = total * factor[m, m]
+            elif total > FLAT * largest:
+                factor[i, i] = 1.0 / np.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@compiled
+def _solved(factor, right):
+    """Overwrite ``right`` with what solves for it."""
+    rows = right.shape[0]
+    for i in range(rows):
+        for c in range(i):
+            right[i] -= factor[i, c] * right[c]
+        right[i] *= factor[i, i]
+    for i in range(rows - 1, -1, -1):
+        for c in range(i + 1, rows):
+            right[i] -= factor[c, i] * right[c]
+        right[i] *= factor[i, i]
+
+
+@compiled
+def _projected(J, D, E, factor, printed, z, room, found):
+    """Write what is left of velocities where they may not disturb the task."""
+    rows, n = J.shape
+    for i in range(rows):
+        total = 0.0
+        for j in range(n):
+            total += J[i, j] * (z[j] * E[j] if printed else z[j])
+        room[i] = total
+    _solved(factor, room)
+    for j in range(n):
+        total = 0.0
+        for i in range(rows):
+            total += J[i, j] * room[i]
+        found[j] = z[j] - (E[j] if printed else D[j]) * total
+
+
+@compiled
+def least_eigenvalue(A, spare):
+    """Return the least eigenvalue of a symmetric matrix, by Jacobi's rotations on a copy."""
+    rows = A.shape[0]
+    for i in range(rows):
+        for m in range(rows):
+            spare[i, m] = A[i, m]
+    for _ in range(SWEEPS):
+        off, on = 0.0, 0.0
+        for i in range(rows):
+            on += spare[i, i] ** 2
+            for m in range(i):
+                off += spare[i, m] ** 2
+        if not off > 1e-32 * on:
+            break
+        for i in range(1, rows):
+            for m in range(i):
+                if spare[i, m] == 0.0:
+                    continue
+                turn = (spare[i, i] - spare[m, m]) / (2.0 * spare[i, m])
+                t = (1.0 if turn >= 0 else -1.0) / (abs(turn) + np.sqrt(turn * turn + 1.0))
+                c = 1.0 / np.sqrt(t * t + 1.0)
+                s = t * c
+                for r in range(rows):
+                    a, b = spare[r, m], spare[r, i]
+                    spare[r, m], spare[r, i] = c * a - s * b, s * a + c * b
+                for r in range(rows):
+                    a, b = spare[m, r], spare[i, r]
+                    spare[m, r], spare[i, r] = c * a - s * b, s * a + c * b
+    least = spare[0, 0]
+    for i in range(1, rows):
+        least = min(least, spare[i, i])
+    return least

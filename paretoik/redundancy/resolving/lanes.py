@@ -1,0 +1,67 @@
+"""Starts and the numbers of a method as lanes: one motion for each combination that broadcasting makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import InvalidInput
+from paretoik.redundancy.resolving.methods import Criterion, VelocityMethod
+
+SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback; 0 where a method has none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lanes:
+    """Motions of shape ``batch``, flat: where they start, and the numbers that they are followed with.
+
+    ``settings`` (lanes, 6) are feedback, then ``SETTINGS``; ``gains`` (lanes, criteria, 2) gain and rank, 0 the first.
+    """
+
+    batch: tuple[int, ...]
+    start: Float[np.ndarray, "lanes dof"]
+    settings: Float[np.ndarray, "lanes columns"]
+    gains: Float[np.ndarray, "lanes criteria 2"]
+
+
+def lanes(
+    method: VelocityMethod,
+    criteria: Sequence[Criterion],
+    start: Float[np.ndarray, "*starts dof"],
+    steps: Float[np.ndarray, " steps"],
+) -> Lanes:
+    """Return one lane for each start and set of numbers; raise InvalidInput where they do not fit each other."""
+    name, most = type(method).__name__, 1.0 / float(steps.max())
+    feedback = np.asarray(most if method.feedback is None else method.feedback, dtype=float)
+    if not ((feedback >= 0) & (feedback <= most * (1 + 1e-12))).all():
+        raise InvalidInput(
+            f"{name}: feedback from 0 to {most:.4g} 1/s wanted, one over the longest step, got {method.feedback}"
+        )
+    numbers = [feedback] + [np.asarray(getattr(method, each, 0.0), dtype=float) for each in SETTINGS]
+    numbers += [np.asarray(each.gain, dtype=float) for each in criteria]
+    given = getattr(method, "priorities", None)
+    ranks = np.arange(len(criteria)) if given is None else np.argsort(np.argsort(given, axis=-1), axis=-1)
+    if ranks.shape[-1:] != (len(criteria),):
+        raise InvalidInput(f"{name}: priorities for each of {len(criteria)} criteria wanted, got shape {ranks.shape}")
+    try:
+        batch = np.broadcast_shapes(start.shape[:-1], ranks.shape[:-1], *(each.shape for each in numbers))
+    except ValueError:
+        shapes = sorted({str(each.shape) for each in numbers if each.shape})
+        raise InvalidInput(
+            f"{name}: starts of shape {start.shape[:-1]} and numbers of {', '.join(shapes)} do not fit each other"
+        ) from None
+
+    def flat(values: np.ndarray, *axes: int) -> np.ndarray:
+        return np.broadcast_to(values, (*batch, *axes)).reshape(int(np.prod(batch)), *axes)
+
+    columns = np.stack([flat(each) for each in numbers], axis=1)
+    own = 1 + len(SETTINGS)
+    return Lanes(
+        batch=batch,
+        start=flat(start, start.shape[-1]),
+        settings=np.ascontiguousarray(columns[:, :own]),
+        gains=np.stack([columns[:, own:], flat(ranks, len(criteria)).astype(float)], axis=2),
+    )

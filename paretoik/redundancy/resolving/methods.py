@@ -1,0 +1,159 @@
+"""The methods that resolve velocities, and what they improve on the side.
+
+All make a step of the form q̇ = D Jᵀ(J D Jᵀ + ρ²I)⁻¹ v + N z, v what the tool must do, D a diagonal, N a projector. They
+differ in D, in ρ and in z. Every number may be an array (*batch,): one motion each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.task.objectives import Objective
+
+Number: TypeAlias = float | np.ndarray
+Variant = Literal["paper", "consistent"]
+POSITIVE, SHARE = {"within": (0.0, np.inf)}, {"within": (0.0, 0.5)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Criterion:
+    """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
+
+    ``gain`` scales its gradient and must not be negative. In ``WeightedGradientProjection`` its weight falls from 1
+    where the criterion is bad to 0 where it is good, told by H, its value over ``scale``: normalised to
+    exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
+    best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
+
+    Raises InvalidInput for other objectives and for numbers out of range.
+    """
+
+    objective: Objective
+    gain: Number = 1.0
+    reference: float = 0.0
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
+            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {self.objective!r}")
+        if not np.isfinite(self.reference) or not 0 < self.scale < np.inf:
+            raise InvalidInput(
+                f"criterion {self.objective.name}: wants a finite reference and a positive scale, got {self.reference} "
+                f"and {self.scale}"
+            )
+        gain = np.asarray(self.gain, dtype=float)
+        if not ((gain >= 0) & (gain < np.inf)).all():
+            raise InvalidInput(f"criterion {self.objective.name}: a gain of 0 or more wanted, got {self.gain}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VelocityMethod:
+    """What all have in common: ``feedback`` [1/s] of the tracking error, by default one over a step, which is the most.
+
+    Source: Wan et al. 2018, Eqs. 32 and 33.
+    """
+
+    feedback: Number | None = None
+
+    def __post_init__(self) -> None:
+        """Check that numbers are within their ranges."""
+        for each in fields(self):
+            if "within" not in each.metadata:
+                continue
+            low, high = each.metadata["within"]
+            given = getattr(self, each.name)
+            values, upper = np.asarray(given, dtype=float), "" if np.isinf(high) else f" and less than {high:g}"
+            if not ((values >= low) & (values < high)).all():
+                raise InvalidInput(f"{type(self).__name__}: {each.name} of {low:g} or more{upper} wanted, got {given}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PseudoInverse(VelocityMethod):
+    """The least joint velocities that do the task: q̇ = J⁺v. It refuses singular postures. Source: Whitney 1969."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeastSquaresVelocity(PseudoInverse):
+    """The pseudoinverse without feedback, by Euler steps: what the error of a step was, stays.
+
+    Source: Tringali & Cocuzza 2021, LSV.
+    """
+
+    feedback: Number | None = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DampedLeastSquares(VelocityMethod):
+    """Near singular postures velocities are damped and the task gives way: ρ² = ρ_max²(1 − (σ_min/ε)²), σ_min < ε.
+
+    ``region`` is ε, ``damping`` ρ_max, both in units of the Jacobian. Source: Nakamura & Hanafusa 1986; Wan et al.
+    2018, Eqs. 3 and 4.
+    """
+
+    region: Number = field(default=0.02, metadata=POSITIVE)
+    damping: Number = field(default=0.02, metadata=POSITIVE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WeightedLeastNorm(DampedLeastSquares):
+    """Joints are slowed as they come nearer to their position limits, and free to leave them.
+
+    Source: Chan & Dubey 1995; Wan et al. 2018, Eqs. 10, 11 and 14.
+    """
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GradientProjection(DampedLeastSquares):
+    """The gradients of criteria, times their gains, projected onto what the task leaves free.
+
+    An objective alone is a criterion of gain 1. Raises InvalidInput for what is neither, names that do not differ, and
+    numbers out of range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
+    """
+
+    criteria: Sequence[Criterion | Objective] = ()
+
+    @property
+    def settled(self) -> tuple[Criterion, ...]:
+        """The criteria, all of them with gains; raises InvalidInput for what is none."""
+        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in self.criteria)
+
+    def __post_init__(self) -> None:
+        """Check numbers and criteria."""
+        super().__post_init__()
+        names = [one.objective.name for one in self.settled]
+        if len(set(names)) != len(names):
+            raise InvalidInput(f"criteria: names must differ, got {', '.join(names)}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WeightedGradientProjection(GradientProjection):
+    """Joints near their position limits are clamped and pushed back; criteria count where they are bad.
+
+    ``buffer`` Ω is the share of a joint's range, at either end, in which it is clamped; ``repulsion`` t_rmax [rad/s,
+    m/s] the velocity that pushes it back at its limit; ``band`` λ the share of a normalised criterion's range, at
+    either end, in which its weight no longer changes. Of several criteria the first weighs most, or as ``priorities``
+    (*batch, criteria) say, the lowest first.
+
+    ``variant="paper"`` projects onto the null space of J E_c, as printed, which near limits disturbs the task;
+    "consistent" onto that of J, which does not where nothing is damped.
+
+    Raises InvalidInput for numbers out of range and another variant. Source: Wan et al. 2018, Eqs. 15 to 30, with the
+    signs by which criteria are descended.
+    """
+
+    buffer: Number = field(default=0.25, metadata=SHARE)
+    repulsion: Number = field(default=np.pi, metadata=POSITIVE)
+    band: Number = field(default=0.3, metadata=SHARE)
+    priorities: np.ndarray | None = None
+    variant: Variant = "consistent"
+
+    def __post_init__(self) -> None:
+        """Check numbers and variant."""
+        super().__post_init__()
+        if self.variant not in get_args(Variant):
+            raise InvalidInput(f"variant must be one of {', '.join(get_args(Variant))}, got {self.variant!r}")

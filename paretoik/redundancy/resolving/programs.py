@@ -1,0 +1,72 @@
+"""What a step wants to know of a posture, written down: errors, Jacobian, criteria and their gradients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from paretoik.calculus.differentiation import gradient, used
+from paretoik.calculus.expressions import Expression, entry
+from paretoik.calculus.machine import Program, program
+from paretoik.errors import InvalidInput
+from paretoik.robot.kinematics import chain
+from paretoik.task.derivatives import local, traced_sample
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepProgram:
+    """What a step computes from positions, velocities, accelerations and jerks (dof rows each) and a row of ``table``.
+
+    The table (time, rows) has the targets of every sample, those of the next, and what changes with time in criteria.
+    Accelerations and jerks are not read. The program writes the errors to this target, those to the next, the entries
+    of the Jacobian by rows, then of every criterion its value and its gradient: with respect to positions, or to
+    velocities where it reads these alone.
+    """
+
+    written: Program
+    table: Float[np.ndarray, "time rows"]
+    of_rates: Bool[np.ndarray, " criteria"]
+
+
+def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram:
+    """Write down one step of a task.
+
+    Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
+    """
+    motion = traced_sample(task)
+    trace, tape = motion.trace, motion.trace.tape
+    now, later = (list(trace.inputs(task.targets.shape[1]).entries) for _ in range(2))
+    links, outputs, slopes = chain(task.arm, list(motion.q.entries)), list[Any](), list[Any]()
+    for targets in (now, later):
+        begun = 0
+        for each in task.tasks:
+            error, rows = each.errors(task.arm, links, targets[begun : begun + each.numbers])
+            outputs += error
+            slopes += [slope for row in rows for slope in row] if targets is now else []
+            begun += each.numbers
+    places = [entry(tape, value) for value in (*outputs, *slopes)]
+    inputs = [[entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)]
+    of_rates = []
+    for one in criteria:
+        what = f"criterion {one.name}"
+        value = local(motion, what, one.function)
+        if value is None:
+            raise InvalidInput(f"{what}: looks at more than one sample")
+        result = entry(tape, Expression(tape, entry(tape, value)) * 1.0)
+        read = {order for order, part in enumerate(inputs) if set(part) & set(used(tape, [result]))}
+        if read & {2, 3} or not read:
+            raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
+        of_rates.append(0 not in read)
+        places += [result, *gradient(tape, result, inputs[1 if of_rates[-1] else 0])]
+    later_targets = np.concatenate([task.targets[1:], task.targets[-1:]])
+    return StepProgram(
+        written=program(tape, places),
+        table=np.concatenate([task.targets, later_targets, *(each[:, None] for each in trace.data.values())], axis=1),
+        of_rates=np.array(of_rates, dtype=bool),
+    )

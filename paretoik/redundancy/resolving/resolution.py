@@ -1,0 +1,257 @@
+"""One motion along a path, resolved by a method: the verb, and what comes out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.redundancy.resolving.lanes import lanes
+from paretoik.redundancy.resolving.methods import (
+    Criterion,
+    GradientProjection,
+    VelocityMethod,
+    WeightedGradientProjection,
+    WeightedLeastNorm,
+)
+from paretoik.redundancy.resolving.programs import step_program
+from paretoik.redundancy.self_motion import postures
+from paretoik.redundancy.self_motion import unreachable as out_of_reach
+from paretoik.robot.arm import Arm
+from paretoik.task.limits import Limits
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.objectives import joint_travel
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.retraction import task_errors
+from paretoik.task.task import Task
+
+TOLERANCE = 0.01  # m or rad: a motion farther off its path has not followed it
+STATUS = np.array(["done", "damped", "held"])
+TRIED = 64  # postures, of which a motion starts in the one farthest from singular
+Unreachable = Literal["refuse", "track"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traces:
+    """What a method did at every step, to the sample after it; steps = time − 1.
+
+    ``errors`` [m, rad] are what the task still wanted at every sample, ``velocities`` [rad/s, m/s] what was commanded,
+    ``damping`` ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient
+    projection, else 1. ``coefficients`` are those of the criteria, ``repulsion`` and ``projected`` the velocities that
+    were added to the task's: by what pushes joints off their limits, and by each criterion. ``status`` says of each
+    step whether it was "done", "damped", or "held": not taken, for the posture is singular or the step endless.
+    """
+
+    errors: Float[np.ndarray, "*batch time rows"]
+    velocities: Float[np.ndarray, "*batch steps dof"]
+    damping: Float[np.ndarray, "*batch steps"]
+    weights: Float[np.ndarray, "*batch steps dof"]
+    coefficients: Float[np.ndarray, "*batch steps criteria"]
+    repulsion: Float[np.ndarray, "*batch steps dof"]
+    projected: Float[np.ndarray, "*batch steps criteria dof"]
+    status: Shaped[np.ndarray, "*batch steps"]
+
+    def __getitem__(self, index: int | slice | np.ndarray) -> Traces:
+        return Traces(**{each.name: getattr(self, each.name)[index] for each in fields(self)})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResolvedMotion(Motion):
+    """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""
+
+    traces: Traces
+
+    def __getitem__(self, index: int | slice | np.ndarray) -> ResolvedMotion:
+        picked = super().__getitem__(index)
+        assert isinstance(picked, ResolvedMotion)
+        return replace(picked, traces=self.traces[index])
+
+
+def resolve(
+    arm: Arm,
+    path: Path | Task | Sequence[Path | Task],
+    method: VelocityMethod,
+    *,
+    start: object = None,
+    limits: Limits | None = None,
+    obstacles: Sequence[Obstacle] = (),
+    link_radius: float = 0.0,
+    unreachable: Unreachable = "refuse",
+    tolerance: float = TOLERANCE,
+    seed: int = 0,
+) -> ResolvedMotion:
+    """Return the motion by which a method follows a path.
+
+    Parameters
+    ----------
+    arm, path
+        A redundant arm, and a path or tasks for it.
+    method
+        ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
+        ``WeightedGradientProjection`` or ``LeastSquaresVelocity``.
+    start
+        Joint positions (*batch, dof) to start in; by default a posture on the path's first sample that is far from
+        singular. Starts and the method's numbers are broadcast against each other: one motion for each.
+    limits
+        Position limits that methods keep joints from; the arm's own by default. No method promises to keep them.
+    obstacles, link_radius
+        What criteria may look at.
+    unreachable
+        What to do where the path is lost: to "refuse" it, or to "track" it as well as can be.
+    tolerance
+        The distance [m, rad] from the path at which it counts as lost.
+    seed
+        Of the postures that the default start is chosen from.
+
+    The task's velocity over a step is what leads from one target to the next, in the coordinates of its errors, plus
+    feedback. A step is held where the Jacobian is singular and nothing is damped, or a joint were to make more than
+    half a turn in it.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used; OutOfReach where there is no start.
+    Infeasible
+        Where the path is lost and ``unreachable="refuse"``, with sample, error and the Jacobian's condition number.
+
+    >>> import paretoik as pk
+    >>> path = pk.line([0.4678, 0.0], [0.3678, 0.0], duration=1.0, samples=101)
+    >>> motion = resolve(pk.tringali_3r(), path, pk.PseudoInverse(), start=[0.0, 0.327, -0.754])
+    >>> motion.q.shape
+    (101, 3)
+    """
+    if not isinstance(method, VelocityMethod):
+        raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
+    if unreachable not in get_args(Unreachable):
+        raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
+    if not tolerance > 0:
+        raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
+    criteria = method.settled if isinstance(method, GradientProjection) else ()
+    task = motion_task(
+        arm,
+        path,
+        objectives=[each.objective for each in criteria] or [joint_travel],
+        limits=limits,
+        constraints=(),
+        obstacles=obstacles,
+        link_radius=link_radius,
+        start="free",
+        end_velocity=None,
+        cyclic=False,
+        differences="backward",
+    )
+    q = _starts(task, start, seed)
+    motion = _followed(task, method, criteria, q)
+    if unreachable == "refuse":
+        _check_followed(task, motion, tolerance)
+    return motion
+
+
+def _starts(task: MotionTask, given: object, seed: int) -> np.ndarray:
+    """Return the postures (*batch, dof) that motions start in."""
+    if given is None:
+        rng = np.random.default_rng(seed)
+        found = postures(task, TRIED, rng)
+        if not len(found):
+            raise out_of_reach(task, rng, 0)
+        slopes = np.moveaxis(
+            task_errors(task.arm, task.tasks, found, np.tile(task.targets[0], (len(found), 1)))[1], -1, 0
+        )
+        lower, upper = task.arm.position_limits.T
+        inside = ((found >= lower) & (found <= upper)).all(axis=1)
+        return np.asarray(found[np.argmax(np.linalg.svd(slopes)[1].min(axis=1) + 1e3 * inside)])
+    try:
+        q = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {given!r}") from None
+    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not np.isfinite(q).all():
+        raise InvalidInput(f"start: finite joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
+    return q
+
+
+def _followed(
+    task: MotionTask, method: VelocityMethod, criteria: Sequence[Criterion], start: np.ndarray
+) -> ResolvedMotion:
+    """Return the motions of a method, one for each of its starts and numbers, on all cores."""
+    steps = np.diff(task.times)
+    asked, program = lanes(method, criteria, start, steps), step_program(task, [c.objective for c in criteria])
+    count, size, n, c = len(asked.start), len(steps), task.arm.dof, len(criteria)
+    q = np.empty((count, size + 1, n))
+    q[:, 0] = asked.start
+    traces: dict[str, np.ndarray] = {
+        "errors": np.zeros((count, size + 1, task.rows)),
+        "damping": np.zeros((count, size)),
+        "weights": np.ones((count, size, n)),
+        "coefficients": np.zeros((count, size, c)),
+        "repulsion": np.zeros((count, size, n)),
+        "projected": np.zeros((count, size, c, n)),
+        "velocities": np.zeros((count, size, n)),
+        "status": np.zeros((count, size), dtype=np.int8),
+    }
+    bounds = np.ascontiguousarray(task.bounds.get("position", task.arm.position_limits[None]))
+    signs = np.array([[one.objective.sign, one.reference, one.scale] for one in criteria]).reshape(c, 3)
+    modes, found = _modes(method), (q, *traces.values())
+
+    def follow(first: int, last: int) -> None:
+        given = program.table, steps, bounds, modes, asked.settings, asked.gains, signs, found
+        _engine()(first, last, program.written.parts, *given)
+
+    threads = max(min(os.cpu_count() or 1, count), 1)
+    cuts = np.linspace(0, count, threads + 1).astype(int).tolist()
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(follow, cuts[:-1], cuts[1:]))
+    shaped = {name: values.reshape(*asked.batch, *values.shape[1:]) for name, values in traces.items()}
+    return ResolvedMotion(
+        arm=task.arm,
+        time=task.times,
+        q=q.reshape(*asked.batch, size + 1, n),
+        tasks=task.tasks,
+        obstacles=task.obstacles,
+        link_radius=task.link_radius,
+        traces=Traces(**{**shaped, "status": STATUS[shaped["status"]]}),
+    )
+
+
+def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:
+    """Return how joints are weighed, whether the projector is the paper's, and whether criteria are normalised."""
+    if isinstance(method, WeightedGradientProjection):
+        return 2, method.variant == "paper", True
+    return int(isinstance(method, WeightedLeastNorm)), False, False
+
+
+def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) -> None:
+    """Raise Infeasible where a motion lost its path, with the first sample where it did."""
+    n, time = task.arm.dof, len(task.times)
+    errors = np.abs(motion.traces.errors).max(axis=-1).reshape(-1, time)
+    held = np.zeros_like(errors, dtype=bool)
+    held[:, 1:] = motion.traces.status.reshape(-1, time - 1) == "held"
+    lost = held | (errors > tolerance)
+    if not lost.any():
+        return
+    lane = int(np.argmax(lost.any(axis=1)))
+    sample = int(np.argmax(lost[lane]))
+    before = max(sample - 1, 0)
+    q = motion.q.reshape(-1, time, n)[lane, [before]]
+    slopes = task_errors(task.arm, task.tasks, q, task.targets[[before]])[1][..., 0]
+    which = f"motion {lane}: " if motion.q.ndim > 2 else ""
+    what = "no step could be taken" if held[lane, sample] else f"{errors[lane, sample]:.3g} m or rad off the path"
+    raise Infeasible(
+        f"resolve: {which}{what} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
+        f'number is {np.linalg.cond(slopes):.3g}; unreachable="track" goes on as well as can be'
+    )
+
+
+@cache
+def _engine() -> Any:
+    from paretoik.redundancy.resolving.following import followed  # here: numba takes its time
+
+    return followed

@@ -1,0 +1,68 @@
+"""The resolvers once more, in plain NumPy and by the papers' formulas, one motion at a time; nothing is shared."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.task.retraction import task_errors
+
+
+def weights_of_clamping(q, lower, upper, buffer):
+    """Return e_c of every joint (Eqs. 16 and 17)."""
+    found = np.ones(len(q))
+    for i, place in enumerate(q):
+        if not np.isfinite(upper[i] - lower[i]):
+            continue
+        high, low = (1 - buffer) * upper[i] + buffer * lower[i], (1 - buffer) * lower[i] + buffer * upper[i]
+        d = (low - place) / (low - lower[i]) if place <= low else (place - high) / (upper[i] - high)
+        if d >= 1:
+            found[i] = 0.0
+        elif d > 0:
+            found[i] = 0.5 - 0.5 * np.tanh(1 / (1 - d) - 1 / d)
+    return found
+
+
+def repulsions(q, lower, upper, buffer, most):
+    """Return t_r of every joint (Eq. 20), no more than at its limit past it."""
+    found = np.zeros(len(q))
+    for i, place in enumerate(q):
+        if np.isfinite(upper[i] - lower[i]):
+            high, low = (1 - buffer) * upper[i] + buffer * lower[i], (1 - buffer) * lower[i] + buffer * upper[i]
+            found[i] = min(max(place - high, 0) / (upper[i] - high), 1) - min(max(low - place, 0) / (low - lower[i]), 1)
+    return most * found
+
+
+def coefficient(value, band):
+    s = np.clip((value - band) / (1 - 2 * band), 0, 1)
+    return 1 - 3 * s**2 + 2 * s**3
+
+
+def damping(matrix, region, most):
+    """Return ρ² (Eq. 4)."""
+    least = np.linalg.svd(matrix)[1].min()
+    return max(0.0, most**2 * (1 - (least / region) ** 2)) if region > 0 else 0.0
+
+
+class Plainly:
+    """One step after the other; ``rates(self, q, J, v, dq)`` makes the step."""
+
+    def __init__(self, motion, rates, feedback):
+        self.motion, self.rates, self.feedback = motion, rates, feedback
+        self.lower, self.upper = motion.arm.position_limits.T
+
+    def at(self, q, k):
+        targets = np.concatenate([task.targets(self.motion.time) for task in self.motion.tasks], axis=1)
+        error, slopes = task_errors(self.motion.arm, self.motion.tasks, q[None], targets[[k]])
+        return error[:, 0], slopes[..., 0]
+
+    def wanted(self, q, k):
+        dt = self.motion.time[k + 1] - self.motion.time[k]
+        return (self.at(q, k + 1)[0] - (1 - self.feedback * dt) * self.at(q, k)[0]) / dt
+
+    def followed(self):
+        q, dq, found = self.motion.q[0], np.zeros(self.motion.arm.dof), [self.motion.q[0]]
+        for k, dt in enumerate(np.diff(self.motion.time)):
+            dq = self.rates(self, q, self.at(q, k)[1], self.wanted(q, k), dq)
+            q = q + dt * dq
+            found.append(q)
+        return np.array(found)
