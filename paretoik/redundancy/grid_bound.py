@@ -6,9 +6,10 @@ sum of each transition's cost interpolated between the corners of its cell, whic
 more than the interpolation's error. Some rounding is no dearer than the mean. So the best way through the grid, with
 that error taken off every transition and limits relaxed by what they change within a cell, is a bound from below.
 
-The error is taken from second differences between neighbouring transitions, the largest of those around a cell: half of
-their sum over both nodes holds for costs that are convex along the curves, kinks included, and is four times what
-smooth ones need. What limits change is taken from first differences.
+The error is taken from second differences D between neighbouring transitions, those of all cells around one: where
+costs are smooth it is an eighth of the largest; where they have a kink, and are convex along the curves, half of it.
+There D jumps from node to node, so that ⅛ max D + ⅜ (max D − min D) holds for both. What limits change within a cell is
+taken from first differences.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
     kept = []
     for i, (sources, ends) in enumerate(pairs[1:], 1):
         around = _around(sources, ends, grid.onward[i - 1], grid.onward[i])
-        costs[i] -= sum(_largest(np.maximum(_bend(costs[i], pair), 0.0), around) for pair in around) / 2
+        costs[i] -= sum(_hidden(_bend(costs[i], pair), around) for pair in around)
         near = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources])) <= grid.windows[i] + CORNERS * spacing
         kept.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_hold(rates[i], around))
     layers = layered(grid, pairs, costs).thinned(kept, np.where(nodes[0], 0.0, np.inf))
@@ -76,10 +77,17 @@ def _around(sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.
     ]
 
 
+def _hidden(bends: np.ndarray, around: list[Pair]) -> np.ndarray:
+    """Return the most that interpolation can exceed what lies within the cells around, by second differences."""
+    known = np.maximum(bends, 0.0)  # of NaN: NaN
+    most, least = _largest(known, around), -_largest(-known, around)
+    return np.where(most >= least, most / 8 + 3 / 8 * (most - least), 0.0)
+
+
 def _bend(values: np.ndarray, pair: Pair) -> np.ndarray:
-    """Return second differences, 0 where a neighbour is missing."""
+    """Return second differences, NaN where a neighbour is missing."""
     after, before = pair
-    return np.where((after >= 0) & (before >= 0), values[after] + values[before] - 2 * values, 0.0)
+    return np.where((after >= 0) & (before >= 0), values[after] + values[before] - 2 * values, np.nan)
 
 
 def _change(values: np.ndarray, pair: Pair) -> np.ndarray:
@@ -88,9 +96,9 @@ def _change(values: np.ndarray, pair: Pair) -> np.ndarray:
 
 
 def _largest(values: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the largest of values and of those all around them."""
+    """Return the largest of values and of those all around them that are known, NaN where none is."""
     for pair in around:
-        values = np.max([values, *(np.where(side >= 0, values[side], -np.inf) for side in pair)], axis=0)
+        values = np.fmax.reduce([values, *(np.where(side >= 0, values[side], np.nan) for side in pair)])
     return values
 
 

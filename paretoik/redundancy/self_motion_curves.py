@@ -17,7 +17,7 @@ STRIDE = 0.1  # rad or m: how finely curves are traced before they are cut into 
 SHARPEST = 0.9  # cosine of the turn from one stride to the next
 STRIDES = 1200  # of one curve, at most
 SEEDS = 48  # postures at either end of the path, carried along it to find the curves of every sample
-NODES = 24, 500_000  # in the furthest step of a joint, and at most in all
+NODES = 12, 500_000  # in the furthest step of a joint, and at most in all
 PAIR_NODES = 10, 30_000
 
 Curve = tuple[np.ndarray, np.ndarray]  # strides (q, directions)

@@ -13,7 +13,9 @@ from studies.tringali_2020.candidates import Decline, declines, figure_1
 from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, simulated, tables, told
 from studies.tringali_2020.trade_off import TradeOff, figure_14, traded
-from studies.tringali_2020.validation import matched, table_4
+from studies.tringali_2020.validation import bounded, matched, table_4
+
+FINE = 0.006  # rad: of the grid oracle's nodes
 
 
 def studied(
@@ -31,6 +33,7 @@ def studied(
     for first, *_ in simulations.values():
         repeated = None if finer is None else plan(1, first.masses, samples=finer)
         rows += table_4(first, names, repeated)
+        rows.append(bounded(first, resolution=None if finer is None else FINE))
     rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
     rows += [row for one in simulations.values() for row in told(one)]
     falling = declines(most=most, seeds=seeds)

@@ -8,6 +8,7 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.redundancy.branches import labels
+from paretoik.redundancy.grid_oracle import grid_oracle
 from paretoik.redundancy.variational import Extremal, shooting, variational
 from paretoik.refinement.multistart import Optimum
 from studies.reporting import Row
@@ -61,6 +62,20 @@ def table_4(simulation: Simulation, names: Mapping[str, str], finer: Simulation 
         for row in _repeated(simulation.masses, finer, names) + _freed(simulation, optima, starts):
             rows.setdefault(row.row, []).append(row)
     return [row for several in rows.values() for row in several]
+
+
+def bounded(simulation: Simulation, *, resolution: float | None) -> Row:
+    """Return what no motion at all can be better than, by the grid oracle, beside the best that was planned."""
+    found, best = grid_oracle(simulation.problem.task, resolution=resolution), simulation.plan.best.objective
+    return Row(
+        table=f"{TABLE}, {simulation.masses} masses",
+        row="all motions",
+        column="bound from below",
+        unit="J s",
+        ours=found.lower_bound,
+        note=f"the best planned is within {1 - found.lower_bound / best:.1%} of the best of all; nodes "
+        f"{found.resolution:.2g} rad apart, the best way through them {found.best / best - 1:+.2%}",
+    )
 
 
 def _starts(optima: Sequence[Optimum]) -> np.ndarray:
