@@ -15,7 +15,8 @@ from studies.marcos_2012 import loops
 from studies.marcos_2012.collisions import meets
 from studies.marcos_2012.loops import Cell, cells, follow
 from studies.marcos_2012.pictures import draw
-from studies.marcos_2012.starts import postures, start_rows
+from studies.marcos_2012.starts import posture as posture_at
+from studies.marcos_2012.starts import start_rows
 from studies.marcos_2012.tables import oracle_rows, paper, reproduced_rows, table_rows, time_rows, warm_rows
 from tests.formulations.closed_loop.postures import posture
 
@@ -73,12 +74,15 @@ def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
 
 
 def test_starts_reach_the_circle_and_decide_the_numbers():
-    for q in postures(np.array([1.2, 0.0]), 8):
-        ends = np.cumsum(q)
-        np.testing.assert_allclose([np.cos(ends).sum(), np.sin(ends).sum()], [1.2, 0.0], atol=1e-12)
+    for angle in np.linspace(-np.pi, np.pi, 8, endpoint=False):
+        for side in (1, -1):
+            q = posture_at(0.7, angle, side)
+            if q is not None:
+                ends = np.cumsum(q)
+                np.testing.assert_allclose([np.cos(ends).sum(), np.sin(ends).sum()], [1.2, 0.0], atol=1e-12)
     rows = start_rows(4)
     assert [row.row for row in rows][:2] == ["Table 1, r = 0.7, w = 0.5", "Table 2, r = 0.7, w = 0.5"]
-    assert all(row.ours > 0 for row in rows)
+    assert all(row.ours > 0 for row in rows if row.column == "least")
 
 
 def test_warm_starts_are_reported_apart():
