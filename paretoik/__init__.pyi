@@ -20,11 +20,13 @@ from .redundancy.resolving.methods import Criterion as Criterion
 from .redundancy.resolving.methods import DampedLeastSquares as DampedLeastSquares
 from .redundancy.resolving.methods import GradientProjection as GradientProjection
 from .redundancy.resolving.methods import LeastSquaresVelocity as LeastSquaresVelocity
+from .redundancy.resolving.methods import Nedungadi as Nedungadi
+from .redundancy.resolving.methods import PredictiveKineticEnergy as PredictiveKineticEnergy
 from .redundancy.resolving.methods import PseudoInverse as PseudoInverse
 from .redundancy.resolving.methods import WeightedGradientProjection as WeightedGradientProjection
 from .redundancy.resolving.methods import WeightedLeastNorm as WeightedLeastNorm
-from .redundancy.resolving.resolution import ResolvedMotion as ResolvedMotion
 from .redundancy.resolving.resolution import resolve as resolve
+from .redundancy.resolving.traces import ResolvedMotion as ResolvedMotion
 from .refinement.multistart import Plan as Plan
 from .refining import refine as refine
 from .robot.arm import Arm as Arm

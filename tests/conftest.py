@@ -16,6 +16,7 @@ import paretoik.formulations.closed_loop.freedom
 import paretoik.formulations.closed_loop.surroundings
 import paretoik.redundancy.exact_step
 import paretoik.redundancy.resolving.following
+import paretoik.redundancy.resolving.minimising
 import paretoik.refinement.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
 import paretoik.task.compiled  # noqa: F401  before the hook, as all that is compiled

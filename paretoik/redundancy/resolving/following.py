@@ -11,14 +11,13 @@ import numpy as np
 
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.running import run_first
+from paretoik.redundancy.resolving.matrices import decomposed, least_eigenvalue, substituted
+from paretoik.redundancy.resolving.traces import LONGEST
 
 NONE, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighed
 DONE, DAMPED, HELD = 0, 1, 2  # what became of a step
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
-LONGEST = np.pi  # rad or m: a joint that were to go farther in a step stays
 BEYOND = 1e12  # weight of a joint at its limit or past it
-SWEEPS = 30  # of rotations, at most
-FLAT = 1e-13  # share of the largest diagonal entry: a pivot below is none
 
 
 @compiled
@@ -84,9 +83,9 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             damping[here, k] = np.sqrt(squared)
             status[here, k] = DAMPED if squared > 0 else DONE
             if not decomposed(A, factor):
-                _held(here, k, velocities, q, status)
+                _held(here, k, q, velocities, repulsion, projected, status)
                 continue
-            _solved(factor, wanted)
+            substituted(factor, wanted)
             for j in range(n):
                 total = 0.0
                 for i in range(rows):
@@ -115,16 +114,18 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             for j in range(n):
                 q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
                 if not abs(dt * velocities[here, k, j]) <= LONGEST:
-                    _held(here, k, velocities, q, status)
+                    _held(here, k, q, velocities, repulsion, projected, status)
                     break
 
 
 @compiled
-def _held(lane, k, velocities, q, status):
+def _held(lane, k, q, velocities, repulsion, projected, status):
     """Take no step: there is none, or it has no bounds."""
     status[lane, k] = HELD
     for j in range(q.shape[2]):
-        velocities[lane, k, j] = 0.0
+        velocities[lane, k, j] = repulsion[lane, k, j] = 0.0
+        for c in range(projected.shape[2]):
+            projected[lane, k, c, j] = 0.0
         q[lane, k + 1, j] = q[lane, k, j]
 
 
@@ -204,40 +205,6 @@ def damped(A, region, most, factor, spare):
 
 
 @compiled
-def decomposed(A, factor):
-    """Write the lower factor of A, and the inverses of its diagonal; return whether A is positive definite."""
-    rows, largest = A.shape[0], 0.0
-    for i in range(rows):
-        largest = max(largest, abs(A[i, i]))
-    for i in range(rows):
-        for m in range(i + 1):
-            total = A[i, m]
-            for c in range(m):
-                total -= factor[i, c] * factor[m, c]
-            if m < i:
-                factor[i, m] = total * factor[m, m]
-            elif total > FLAT * largest:
-                factor[i, i] = 1.0 / np.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@compiled
-def _solved(factor, right):
-    """Overwrite ``right`` with what solves for it."""
-    rows = right.shape[0]
-    for i in range(rows):
-        for c in range(i):
-            right[i] -= factor[i, c] * right[c]
-        right[i] *= factor[i, i]
-    for i in range(rows - 1, -1, -1):
-        for c in range(i + 1, rows):
-            right[i] -= factor[c, i] * right[c]
-        right[i] *= factor[i, i]
-
-
-@compiled
 def _projected(J, D, E, factor, printed, z, room, found):
     """Write what is left of velocities where they may not disturb the task."""
     rows, n = J.shape
@@ -246,44 +213,9 @@ def _projected(J, D, E, factor, printed, z, room, found):
         for j in range(n):
             total += J[i, j] * (z[j] * E[j] if printed else z[j])
         room[i] = total
-    _solved(factor, room)
+    substituted(factor, room)
     for j in range(n):
         total = 0.0
         for i in range(rows):
             total += J[i, j] * room[i]
         found[j] = z[j] - (E[j] if printed else D[j]) * total
-
-
-@compiled
-def least_eigenvalue(A, spare):
-    """Return the least eigenvalue of a symmetric matrix, by Jacobi's rotations on a copy."""
-    rows = A.shape[0]
-    for i in range(rows):
-        for m in range(rows):
-            spare[i, m] = A[i, m]
-    for _ in range(SWEEPS):
-        off, on = 0.0, 0.0
-        for i in range(rows):
-            on += spare[i, i] ** 2
-            for m in range(i):
-                off += spare[i, m] ** 2
-        if not off > 1e-32 * on:
-            break
-        for i in range(1, rows):
-            for m in range(i):
-                if spare[i, m] == 0.0:
-                    continue
-                turn = (spare[i, i] - spare[m, m]) / (2.0 * spare[i, m])
-                t = (1.0 if turn >= 0 else -1.0) / (abs(turn) + np.sqrt(turn * turn + 1.0))
-                c = 1.0 / np.sqrt(t * t + 1.0)
-                s = t * c
-                for r in range(rows):
-                    a, b = spare[r, m], spare[r, i]
-                    spare[r, m], spare[r, i] = c * a - s * b, s * a + c * b
-                for r in range(rows):
-                    a, b = spare[m, r], spare[i, r]
-                    spare[m, r], spare[i, r] = c * a - s * b, s * a + c * b
-    least = spare[0, 0]
-    for i in range(1, rows):
-        least = min(least, spare[i, i])
-    return least

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.task.objectives import Objective
+from paretoik.task.objectives import Objective, kinetic_energy
 
 Number: TypeAlias = float | np.ndarray
 Variant = Literal["paper", "consistent"]
@@ -51,8 +51,12 @@ class Criterion:
             raise InvalidInput(f"criterion {self.objective.name}: a gain of 0 or more wanted, got {self.gain}")
 
 
+class Method:
+    """A way to resolve one motion; ``resolve`` takes any."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VelocityMethod:
+class VelocityMethod(Method):
     """What all have in common: ``feedback`` [1/s] of the tracking error, by default one over a step, which is the most.
 
     Source: Wan et al. 2018, Eqs. 32 and 33.
@@ -157,3 +161,46 @@ class WeightedGradientProjection(GradientProjection):
         super().__post_init__()
         if self.variant not in get_args(Variant):
             raise InvalidInput(f"variant must be one of {', '.join(get_args(Variant))}, got {self.variant!r}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PredictiveKineticEnergy(Method):
+    """What the task leaves free leads to where the kinetic energy over a few samples ahead is least.
+
+    ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
+    ``horizon`` h is how many samples ahead are looked at, ``prediction_step`` ΔT [s] how far apart they are, by default
+    0.2 of the path's duration over h, and ``update_interval`` [s] how often, by default half of that; all may be arrays
+    (*batch,). ``feedback`` [1/s] of the tracking error is 0 by default: open loop, as in the paper.
+
+    Raises InvalidInput for numbers out of range. Source: Tringali & Cocuzza 2021, PMKE.
+    """
+
+    objective: Objective = kinetic_energy
+    horizon: int | np.ndarray = 2
+    prediction_step: Number | None = None
+    update_interval: Number | None = None
+    feedback: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        ahead = np.asarray(self.horizon)
+        if ahead.dtype.kind not in "iu" or not (ahead >= 1).all():
+            raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")
+        for name in ("prediction_step", "update_interval"):
+            given = getattr(self, name)
+            if given is not None and not (np.asarray(given, dtype=float) > 0).all():
+                raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {given}")
+        if not self.feedback >= 0:
+            raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {self.feedback}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nedungadi(Method):
+    """The motion along which the kinetic energy's integral is stationary, from the start on: exact, not by steps.
+
+    It begins with the velocities of least kinetic energy, and no torque drives the self-motion. ``tolerance`` is that
+    of every integration step. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq. 20, its sign
+    corrected.
+    """
+
+    tolerance: float = 1e-8

@@ -5,28 +5,31 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float, Shaped
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.redundancy.resolving.lanes import lanes
 from paretoik.redundancy.resolving.methods import (
     Criterion,
     GradientProjection,
+    Method,
+    Nedungadi,
+    PredictiveKineticEnergy,
     VelocityMethod,
     WeightedGradientProjection,
     WeightedLeastNorm,
 )
+from paretoik.redundancy.resolving.predictive import predicted
 from paretoik.redundancy.resolving.programs import step_program
+from paretoik.redundancy.resolving.traces import STATUS, ResolvedMotion, Traces, resolved
 from paretoik.redundancy.self_motion import postures
 from paretoik.redundancy.self_motion import unreachable as out_of_reach
+from paretoik.redundancy.variational import variational
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import Limits
-from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.obstacles import Obstacle
@@ -35,51 +38,14 @@ from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
 
 TOLERANCE = 0.01  # m or rad: a motion farther off its path has not followed it
-STATUS = np.array(["done", "damped", "held"])
 TRIED = 64  # postures, of which a motion starts in the one farthest from singular
 Unreachable = Literal["refuse", "track"]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Traces:
-    """What a method did at every step, to the sample after it; steps = time − 1.
-
-    ``errors`` [m, rad] are what the task still wanted at every sample, ``velocities`` [rad/s, m/s] what was commanded,
-    ``damping`` ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient
-    projection, else 1. ``coefficients`` are those of the criteria, ``repulsion`` and ``projected`` the velocities that
-    were added to the task's: by what pushes joints off their limits, and by each criterion. ``status`` says of each
-    step whether it was "done", "damped", or "held": not taken, for the posture is singular or the step endless.
-    """
-
-    errors: Float[np.ndarray, "*batch time rows"]
-    velocities: Float[np.ndarray, "*batch steps dof"]
-    damping: Float[np.ndarray, "*batch steps"]
-    weights: Float[np.ndarray, "*batch steps dof"]
-    coefficients: Float[np.ndarray, "*batch steps criteria"]
-    repulsion: Float[np.ndarray, "*batch steps dof"]
-    projected: Float[np.ndarray, "*batch steps criteria dof"]
-    status: Shaped[np.ndarray, "*batch steps"]
-
-    def __getitem__(self, index: int | slice | np.ndarray) -> Traces:
-        return Traces(**{each.name: getattr(self, each.name)[index] for each in fields(self)})
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ResolvedMotion(Motion):
-    """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""
-
-    traces: Traces
-
-    def __getitem__(self, index: int | slice | np.ndarray) -> ResolvedMotion:
-        picked = super().__getitem__(index)
-        assert isinstance(picked, ResolvedMotion)
-        return replace(picked, traces=self.traces[index])
 
 
 def resolve(
     arm: Arm,
     path: Path | Task | Sequence[Path | Task],
-    method: VelocityMethod,
+    method: Method,
     *,
     start: object = None,
     limits: Limits | None = None,
@@ -97,7 +63,7 @@ def resolve(
         A redundant arm, and a path or tasks for it.
     method
         ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
-        ``WeightedGradientProjection`` or ``LeastSquaresVelocity``.
+        ``WeightedGradientProjection``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` or ``Nedungadi``.
     start
         Joint positions (*batch, dof) to start in; by default a posture on the path's first sample that is far from
         singular. Starts and the method's numbers are broadcast against each other: one motion for each.
@@ -111,6 +77,8 @@ def resolve(
         The distance [m, rad] from the path at which it counts as lost.
     seed
         Of the postures that the default start is chosen from.
+
+    ``unreachable`` and ``tolerance`` mean nothing to ``Nedungadi``, whose motions are on the path or refused.
 
     The task's velocity over a step is what leads from one target to the next, in the coordinates of its errors, plus
     feedback. A step is held where the Jacobian is singular and nothing is damped, or a joint were to make more than
@@ -129,7 +97,7 @@ def resolve(
     >>> motion.q.shape
     (101, 3)
     """
-    if not isinstance(method, VelocityMethod):
+    if not isinstance(method, Method):
         raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
     if unreachable not in get_args(Unreachable):
         raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
@@ -150,7 +118,13 @@ def resolve(
         differences="backward",
     )
     q = _starts(task, start, seed)
-    motion = _followed(task, method, criteria, q)
+    if isinstance(method, Nedungadi):
+        return _stationary(task, method, q)
+    if isinstance(method, PredictiveKineticEnergy):
+        motion = predicted(task, method, q)
+    else:
+        assert isinstance(method, VelocityMethod)
+        motion = _followed(task, method, criteria, q)
     if unreachable == "refuse":
         _check_followed(task, motion, tolerance)
     return motion
@@ -187,16 +161,7 @@ def _followed(
     count, size, n, c = len(asked.start), len(steps), task.arm.dof, len(criteria)
     q = np.empty((count, size + 1, n))
     q[:, 0] = asked.start
-    traces: dict[str, np.ndarray] = {
-        "errors": np.zeros((count, size + 1, task.rows)),
-        "damping": np.zeros((count, size)),
-        "weights": np.ones((count, size, n)),
-        "coefficients": np.zeros((count, size, c)),
-        "repulsion": np.zeros((count, size, n)),
-        "projected": np.zeros((count, size, c, n)),
-        "velocities": np.zeros((count, size, n)),
-        "status": np.zeros((count, size), dtype=np.int8),
-    }
+    traces = resolved(count, size + 1, n, task.rows, c)
     bounds = np.ascontiguousarray(task.bounds.get("position", task.arm.position_limits[None]))
     signs = np.array([[one.objective.sign, one.reference, one.scale] for one in criteria]).reshape(c, 3)
     modes, found = _modes(method), (q, *traces.values())
@@ -210,15 +175,25 @@ def _followed(
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(follow, cuts[:-1], cuts[1:]))
     shaped = {name: values.reshape(*asked.batch, *values.shape[1:]) for name, values in traces.items()}
-    return ResolvedMotion(
-        arm=task.arm,
-        time=task.times,
-        q=q.reshape(*asked.batch, size + 1, n),
-        tasks=task.tasks,
-        obstacles=task.obstacles,
-        link_radius=task.link_radius,
-        traces=Traces(**{**shaped, "status": STATUS[shaped["status"]]}),
-    )
+    made = Traces(**{**shaped, "status": STATUS[shaped["status"]]})
+    return ResolvedMotion.of(task, q.reshape(*asked.batch, size + 1, n), made)
+
+
+def _stationary(task: MotionTask, method: Nedungadi, start: np.ndarray) -> ResolvedMotion:
+    """Return the motions of stationary kinetic energy; the task's share of their velocities is the shortest."""
+    found = variational(task, start, tolerance=method.tolerance)
+    n, samples = task.arm.dof, len(task.times)
+    q, dq = found.motion.q.reshape(-1, samples, n), found.dq.reshape(-1, samples, n)[:, :-1]
+    traces = resolved(len(q), samples, n, task.rows, 1)
+    flat, targets = q.reshape(-1, n), np.tile(task.targets, (len(q), 1))
+    errors, slopes = task_errors(task.arm, task.tasks, flat, targets)
+    traces["errors"][:] = errors.T.reshape(len(q), samples, -1)
+    jacobian = np.moveaxis(slopes, -1, 0).reshape(len(q), samples, task.rows, n)[:, :-1]
+    traces["velocities"][:] = dq
+    onto = np.linalg.pinv(jacobian) @ (jacobian @ dq[..., None])
+    traces["projected"][:, :, 0] = dq - onto[..., 0]
+    shaped = {name: values.reshape(*start.shape[:-1], *values.shape[1:]) for name, values in traces.items()}
+    return ResolvedMotion.of(task, found.motion.q, Traces(**{**shaped, "status": STATUS[shaped["status"]]}))
 
 
 def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:

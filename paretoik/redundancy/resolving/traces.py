@@ -1,0 +1,71 @@
+"""What comes out of a method: a motion, and what happened at every step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+
+STATUS = np.array(["done", "damped", "held"])
+LONGEST = np.pi  # rad or m: a joint that were to go farther in a step stays
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traces:
+    """What a method did at every step, to the sample after it; steps = time − 1.
+
+    ``errors`` [m, rad] are what the task still wanted at every sample, ``velocities`` [rad/s, m/s] what was commanded,
+    ``damping`` ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient
+    projection, else 1. ``coefficients`` are those of the criteria, ``repulsion`` and ``projected`` the velocities that
+    were added to the task's: by what pushes joints off their limits, and by each criterion. ``status`` says of each
+    step whether it was "done", "damped", or "held": not taken, for the posture is singular or the step endless.
+    """
+
+    errors: Float[np.ndarray, "*batch time rows"]
+    velocities: Float[np.ndarray, "*batch steps dof"]
+    damping: Float[np.ndarray, "*batch steps"]
+    weights: Float[np.ndarray, "*batch steps dof"]
+    coefficients: Float[np.ndarray, "*batch steps criteria"]
+    repulsion: Float[np.ndarray, "*batch steps dof"]
+    projected: Float[np.ndarray, "*batch steps criteria dof"]
+    status: Shaped[np.ndarray, "*batch steps"]
+
+    def __getitem__(self, index: int | slice | np.ndarray) -> Traces:
+        return type(self)(**{each.name: getattr(self, each.name)[index] for each in fields(self)})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResolvedMotion(Motion):
+    """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""
+
+    traces: Traces
+
+    def __getitem__(self, index: int | slice | np.ndarray) -> ResolvedMotion:
+        picked = super().__getitem__(index)
+        assert isinstance(picked, ResolvedMotion)
+        return replace(picked, traces=self.traces[index])
+
+    @classmethod
+    def of(cls, task: MotionTask, q: np.ndarray, traces: Traces) -> ResolvedMotion:
+        """Return joint positions (*batch, time, dof) as motions of a task."""
+        motion = task.motion(q)
+        return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=traces)
+
+
+def resolved(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
+    """Return room for the traces of so many motions; ``status`` in numbers, places in STATUS."""
+    steps = time - 1
+    return {
+        "errors": np.zeros((count, time, rows)),
+        "damping": np.zeros((count, steps)),
+        "weights": np.ones((count, steps, dof)),
+        "coefficients": np.zeros((count, steps, criteria)),
+        "repulsion": np.zeros((count, steps, dof)),
+        "projected": np.zeros((count, steps, criteria, dof)),
+        "velocities": np.zeros((count, steps, dof)),
+        "status": np.zeros((count, steps), dtype=np.int8),
+    }
