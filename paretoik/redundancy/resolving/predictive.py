@@ -9,18 +9,21 @@ Source: Tringali & Cocuzza 2021, Table 1.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.errors import InvalidInput
-from paretoik.redundancy.resolving.horizon import Horizon, horizon
+from paretoik.redundancy.resolving.horizon import Found, horizon
 from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
 from paretoik.redundancy.resolving.traces import LONGEST, STATUS, ResolvedMotion, Traces, resolved
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
 from paretoik.task.retraction import retract, task_errors
 
 DEGREE = 4
@@ -42,6 +45,15 @@ class PredictiveTraces(Traces):
     converged: Bool[np.ndarray, "*batch updates"]
     iterations: Int[np.ndarray, "*batch updates"]
     seconds: Float[np.ndarray, "*batch updates"]
+
+
+@runtime_checkable
+class Ahead(Protocol):
+    """What finds the positions ahead: ``Horizon``, or another solver beside it."""
+
+    def solved(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> Found:
+        """Return the minimum that positions (ahead, dof) lead to, from a posture and its velocity."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +97,14 @@ def rhythms(method: PredictiveKineticEnergy, times: np.ndarray, batch: tuple[int
     return found
 
 
-def predicted(task: MotionTask, method: PredictiveKineticEnergy, start: np.ndarray) -> ResolvedMotion:
-    """Return the motions that look ahead, one for each start (*batch, dof) and the method's numbers."""
+def predicted(
+    task: MotionTask,
+    method: PredictiveKineticEnergy,
+    start: Float[np.ndarray, "*starts dof"],
+    *,
+    program: Callable[[MotionTask, Objective, int, float], Ahead] = horizon,
+) -> ResolvedMotion:
+    """Return the motions that look ahead, one for each start and the method's numbers; ``program`` makes what looks."""
     numbers = (method.horizon, method.prediction_step, method.update_interval)
     try:
         batch = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers if each is not None))
@@ -96,7 +114,7 @@ def predicted(task: MotionTask, method: PredictiveKineticEnergy, start: np.ndarr
         ) from None
     n, times, count = task.arm.dof, task.times, int(np.prod(batch))
     own, dt = rhythms(method, times, batch), float(times[1] - times[0])
-    programs = {each: horizon(task, method.objective, each.ahead, each.stride * dt) for each in set(own)}
+    programs = {each: program(task, method.objective, each.ahead, each.stride * dt) for each in set(own)}
     looks = [Lookout(task=task, program=programs[each], rhythm=each) for each in own]
     q = np.empty((count, len(times), n))
     q[:, 0] = np.broadcast_to(start, (*batch, n)).reshape(count, n)
@@ -143,7 +161,7 @@ def _stepped(
 class Lookout:
     """What one motion sees ahead, from update to update."""
 
-    def __init__(self, *, task: MotionTask, program: Horizon, rhythm: Rhythm) -> None:
+    def __init__(self, *, task: MotionTask, program: Ahead, rhythm: Rhythm) -> None:
         self.task, self.program, self.rhythm = task, program, rhythm
         self.left = rhythm.updates(len(task.times))
         self.updates: list[tuple[int, np.ndarray, float, bool, int, float]] = []

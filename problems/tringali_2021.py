@@ -1,0 +1,70 @@
+"""Tringali & Cocuzza 2021: the four trajectories of Table 4, ten seconds each, from one configuration.
+
+What the paper resolves step by step is here as the global problem it is compared with: the least kinetic energy. Its
+own method is ``pk.PredictiveKineticEnergy``::
+
+    pk.resolve(tringali_3r(), straight(0.4), pk.PredictiveKineticEnergy(), start=START)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik import Arm, Path, Tracking, circle, kinetic_energy, line, tringali_3r
+
+START = (0.0, 0.327, -0.754)  # rad
+LENGTHS = (0.176, 0.176, 0.1375)
+DIRECTION = np.array([-0.3695, 0.1526]) / np.hypot(0.3695, 0.1526)  # that of the line of 2020
+MIRROR = np.array([1.0, -1.0])  # along the other one, least-squares velocities meet a singularity
+RADIUS = 0.05
+DURATION = 10.0
+SAMPLES = 1001  # Δt = 0.01 s
+
+
+def begin() -> np.ndarray:
+    """Return where the tool is at the start."""
+    angles = np.cumsum(START)
+    return np.array(LENGTHS) @ np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def straight(length: float, *, mirrored: bool = False, samples: int = SAMPLES) -> Path:
+    """Return a rectilinear trajectory of so many metres."""
+    way = DIRECTION * MIRROR if mirrored else DIRECTION
+    return line(begin(), begin() + length * way, duration=DURATION, samples=samples)
+
+
+def round_trip(samples: int = SAMPLES) -> Path:
+    """Return the circular trajectory, its centre toward the base."""
+    return circle(begin() - np.array([RADIUS, 0.0]), RADIUS, duration=DURATION, samples=samples)
+
+
+def trajectory(number: int, samples: int = SAMPLES) -> Path:
+    """Return a trajectory of Table 4 by its number, 1 to 4."""
+    if number == 2:
+        return round_trip(samples)
+    return straight({1: 0.1, 3: 0.4, 4: 0.7}[number], mirrored=number == 4, samples=samples)
+
+
+def problem(number: int, arm: Arm | None = None, samples: int = SAMPLES) -> Tracking:
+    """Return the least kinetic energy along a trajectory, from the paper's start."""
+    return Tracking(arm or tringali_3r(), trajectory(number, samples), objectives=[kinetic_energy], start=START)
+
+
+def trajectory_1() -> Tracking:
+    """Least kinetic energy along 0.1 m."""
+    return problem(1)
+
+
+def trajectory_2() -> Tracking:
+    """Least kinetic energy around a circle of 0.05 m radius."""
+    return problem(2)
+
+
+def trajectory_3() -> Tracking:
+    """Least kinetic energy along 0.4 m, where least-squares velocities meet a singularity."""
+    return problem(3)
+
+
+def trajectory_4() -> Tracking:
+    """Least kinetic energy along 0.7 m."""
+    return problem(4)

@@ -1,0 +1,100 @@
+"""Figures 3 to 12 as pictures, of either arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from paretoik.review.plots import INK, QUIET, STYLE, stroboscopic
+from studies.tringali_2021.trajectories import FAST, METHODS, Trajectory, spectral_radius
+
+JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as the paper has them
+LINES = {"PMKE": (INK, "--"), "LSV": (INK, "-"), "global": ("#c92a2a", "-")}
+
+
+def draw(folder: Path, trajectories: Sequence[Trajectory]) -> list[Path]:
+    """Write every figure of every arm into a folder, and return the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = []
+    for masses in dict.fromkeys(one.masses for one in trajectories):
+        own = [one for one in trajectories if one.masses == masses]
+        drawn.append(folder / f"figure_03_{masses}.png")
+        with _figure(drawn[-1], (8.0, 6.0)) as figure:
+            _energies(figure, own)
+        for one in own:
+            for first, other in ((3, "LSV"), (8, "global")):
+                drawn.append(folder / f"figure_{first + one.number:02d}_{masses}.png")
+                with _figure(drawn[-1], (8.0, 9.0 if other == "LSV" else 6.4)) as figure:
+                    _beside(figure, one, other, speeds=other == "LSV")
+            if one.number == max(each.number for each in own):
+                drawn.append(folder / f"figure_08_{masses}.png")
+                with _figure(drawn[-1], (6.0, 4.0)) as figure:
+                    _radii(figure, one)
+    return drawn
+
+
+@contextmanager
+def _figure(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
+    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
+        figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.savefig(file)
+
+
+def _energies(figure: Figure, trajectories: Sequence[Trajectory]) -> None:
+    for axes, one in zip(figure.subplots(2, 2).ravel(), trajectories, strict=False):
+        for name in METHODS:
+            motion = one.motions[name]
+            colour, style = LINES[name]
+            spent = np.cumsum(motion.kinetic_energy * motion.weights)
+            axes.plot(motion.time, spent, color=colour, linestyle=style, linewidth=1.3, label=name)
+        axes.set_title(one.name)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("kinetic energy integral [J s]")
+    figure.axes[0].legend(frameon=False)
+
+
+def _beside(figure: Figure, one: Trajectory, other: str, *, speeds: bool) -> None:
+    """Draw looking ahead on the left and another method on the right: postures, joint positions and velocities."""
+    panels = figure.subplots(
+        3 if speeds else 2, 2, sharex="row", sharey="row", height_ratios=[1.6] + [1.0] * (1 + speeds)
+    )
+    for column, name in enumerate(("PMKE", other)):
+        motion = one.motions[name]
+        stroboscopic(panels[0, column], motion, colour=JOINTS[0])
+        panels[0, column].set_aspect("equal")
+        panels[0, column].set_title(f"{one.name}, {name}")
+        for row, (values, label) in enumerate(
+            ((motion.q, "joint position [rad]"), (motion.dq, "joint velocity [rad/s]"))
+        ):
+            if row and not speeds:
+                continue
+            axes = panels[1 + row, column]
+            shown = np.where(np.abs(values) > FAST, np.nan, values) if row else values  # as the paper: no singularity
+            for joint, colour in enumerate(JOINTS):
+                axes.plot(motion.time, shown[:, joint], color=colour, linewidth=1.3, label=f"joint {joint + 1}")
+            axes.set_xlabel("time [s]")
+            if column == 0:
+                axes.set_ylabel(label)
+    panels[1, 1].legend(frameon=False)
+
+
+def _radii(figure: Figure, one: Trajectory) -> None:
+    axes = figure.subplots()
+    for name, style in (("PMKE", "--"), ("LSV", ":")):
+        motion = one.motions[name]
+        radii = spectral_radius(motion)
+        axes.plot(motion.time, radii, color=INK, linestyle=style, linewidth=1.3, label=name)
+        axes.plot(motion.time[radii.argmin()], radii.min(), color=QUIET, marker="o", markersize=4)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("spectral radius of the inertia matrix [kg m²]")
+    axes.set_title(one.name)
+    axes.legend(frameon=False)

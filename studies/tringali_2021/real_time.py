@@ -1,0 +1,113 @@
+"""What an update takes: ours, and the same look ahead by SciPy's SLSQP, in turn in one run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+import paretoik as pk
+from paretoik.redundancy.resolving.horizon import Found, Horizon, horizon
+from paretoik.redundancy.resolving.predictive import PredictiveTraces, predicted
+from paretoik.task.motion_task import MotionTask
+from problems import tringali_2021
+from problems.tringali_2021 import START
+from studies.reporting import Row
+from studies.tringali_2021.trajectories import NUMBERS, arm_of, paper
+
+GOAL, TIMES = 5e-4, 10.0  # s, median; times as fast as SLSQP with differences
+SAME = 1e-6  # relative: energies of the same motion
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Slsqp:
+    """The same program handed to SciPy's SLSQP, with derivatives by differences or with ours."""
+
+    program: Horizon
+    exact: bool
+
+    def solved(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> Found:
+        """Return what SLSQP finds from positions ahead."""
+        rest = np.zeros(self.program.ahead * self.program.rows + self.program.dof)
+        known = np.concatenate([posture, velocity, targets.ravel(), rest])
+        size, count, own = q.size, self.program.ahead * self.program.rows, self.program
+
+        def at(z: np.ndarray) -> np.ndarray:
+            return np.asarray(own.first(np.concatenate([z, known])[:, None])[:, 0])
+
+        def jacobian(z: np.ndarray) -> np.ndarray:
+            blocks = at(z)[1 + size + count :].reshape(own.ahead, own.rows, own.dof)
+            whole = np.zeros((own.ahead, own.rows, own.ahead, own.dof))
+            whole[np.arange(own.ahead), :, np.arange(own.ahead)] = blocks
+            return whole.reshape(count, size)
+
+        scale = max(float(at(q.ravel())[0]), 1e-12)
+        found = minimize(
+            lambda z: at(z)[0] / scale,
+            q.ravel(),
+            jac=(lambda z: at(z)[1 : 1 + size] / scale) if self.exact else None,
+            method="SLSQP",
+            constraints={
+                "type": "eq",
+                "fun": lambda z: at(z)[1 + size : 1 + size + count],
+                **({"jac": jacobian} if self.exact else {}),
+            },
+            options={"ftol": 1e-12, "maxiter": 200},
+        )
+        return Found(
+            q=found.x.reshape(q.shape), value=found.fun * scale, converged=bool(found.success), iterations=found.nit
+        )
+
+
+def updated(solver: str) -> Callable[..., Horizon | Slsqp]:
+    """Return what writes the program of a look ahead for a solver."""
+    if solver == "ours":
+        return horizon
+    return lambda *given: Slsqp(program=horizon(*given), exact="exact" in solver)
+
+
+def real_time_rows(*, rounds: int) -> list[Row]:
+    """Return the seconds of an update over all trajectories, spline included: their distribution, and SLSQP's."""
+    solvers = ("ours", "SLSQP, differences", "SLSQP, exact derivatives")
+    seconds: dict[str, list[np.ndarray]] = {solver: [] for solver in solvers}
+    energies: dict[str, list[float]] = {solver: [] for solver in solvers}
+    tasks: list[MotionTask] = [tringali_2021.problem(number, arm_of("fitted")).task for number in NUMBERS]
+    for task in tasks[:1]:
+        predicted(task, pk.PredictiveKineticEnergy(), np.array(START))  # compiled once
+    for turn in range(rounds):
+        for task in tasks:
+            for solver in solvers:
+                motion = predicted(task, pk.PredictiveKineticEnergy(), np.array(START), program=updated(solver))
+                assert isinstance(motion.traces, PredictiveTraces)
+                seconds[solver].append(motion.traces.seconds)
+                if turn == 0:
+                    energies[solver].append(float(pk.kinetic_energy(motion)))
+    rows = []
+    ours = float(np.median(np.concatenate(seconds["ours"])))
+    for solver in solvers:
+        taken = np.concatenate(seconds[solver])
+        low, middle, high, last = np.quantile(taken, [0.25, 0.5, 0.75, 0.99])
+        apart = max(abs(a / b - 1) for a, b in zip(energies[solver], energies["ours"], strict=True))
+        notes = [f"quartiles {1e3 * low:.2f} and {1e3 * high:.2f} ms, 99 % within {1e3 * last:.2f} ms"]
+        if solver == "ours":
+            lost = "LOSS: " if middle > GOAL else ""
+            notes.append(f"{lost}goal {1e3 * GOAL:g} ms; {len(taken)} updates")
+        else:
+            goal = TIMES if "differences" in solver else None
+            lost = "LOSS: " if goal is not None and middle / ours < goal else ""
+            notes.append(f"{lost}{middle / ours:.1f} times ours" + (f", goal {goal:g}" if goal else ""))
+            notes.append(f"energies {'the same' if apart < SAME else 'apart'}, within {apart:.1e}")
+        rows.append(
+            Row(
+                table="an update, optimisation and spline, median",
+                row="four trajectories, fitted masses",
+                column=solver,
+                unit="ms",
+                ours=1e3 * middle,
+                paper=1e3 * paper()["Section 3.2", "an update", "seconds"],
+                note="; ".join(notes),
+            )
+        )
+    return rows

@@ -1,0 +1,139 @@
+"""The four trajectories, by looking ahead, by least-squares velocities, and globally."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.robot.dynamics import inertia_matrix
+from problems import tringali_2021
+from problems.tringali_2021 import START
+from studies.reporting import REPORTED, Row
+
+MASSES = ("fitted", "printed")
+NUMBERS = (1, 2, 3, 4)
+FAST = 2.0  # rad/s: a motion this slow that has a faster joint has met a singularity
+METHODS = ("PMKE", "LSV", "global")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """A trajectory of Table 4 and the arm of these masses: the motion of every method."""
+
+    number: int
+    masses: str
+    motions: dict[str, pk.Motion]
+
+    @property
+    def name(self) -> str:
+        """As the rows call it."""
+        return f"trajectory {self.number}"
+
+
+@cache
+def paper() -> dict[tuple[str, str, str], float]:
+    """Return what the paper prints, by table, row and column."""
+    with (REPORTED / "tringali_2021.csv").open(encoding="utf-8") as file:
+        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
+
+
+def arm_of(masses: str) -> pk.Arm:
+    """Return the arm with "printed" or "fitted" masses."""
+    return pk.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
+
+
+def followed(number: int, masses: str, *, starts: int, samples: int = tringali_2021.SAMPLES) -> Trajectory:
+    """Resolve a trajectory by all methods; ``starts`` are those of the global one."""
+    arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
+    motions: dict[str, pk.Motion] = {
+        "PMKE": pk.resolve(arm, path, pk.PredictiveKineticEnergy(), start=START, unreachable="track"),
+        "LSV": pk.resolve(arm, path, pk.LeastSquaresVelocity(), start=START, unreachable="track"),
+        "global": pk.plan(tringali_2021.problem(number, arm, samples), starts=starts).best.motion,
+    }
+    return Trajectory(number=number, masses=masses, motions=motions)
+
+
+def table_5(trajectory: Trajectory) -> list[Row]:
+    """Return the kinetic energy integrals, how far from the paper's, and from that of looking ahead."""
+    energies = {name: float(pk.kinetic_energy(motion)) for name, motion in trajectory.motions.items()}
+    rows = []
+    for name in METHODS:
+        energy, printed = energies[name], paper()["Table 5", trajectory.name, name]
+        notes = [f"{100 * (energy / printed - 1):+.2f} %"]
+        if name != "PMKE":
+            theirs = printed / paper()["Table 5", trajectory.name, "PMKE"]
+            notes.append(
+                f"beside PMKE {100 * (energy / energies['PMKE'] - 1):+.1f} %, the paper {100 * (theirs - 1):+.1f} %"
+            )
+        fastest = float(np.abs(trajectory.motions[name].dq).max())
+        if name == "LSV" and fastest > FAST:
+            notes.append(f"meets a singularity: a joint at {fastest:.2g} rad/s; what it costs hangs on the time steps")
+        rows.append(
+            Row(
+                table=f"Table 5, {trajectory.masses} masses",
+                row=trajectory.name,
+                column=name,
+                unit="J s",
+                ours=energy,
+                paper=printed,
+                note="; ".join(notes),
+            )
+        )
+    return rows
+
+
+def told(trajectory: Trajectory) -> list[Row]:
+    """Return the greatest joint speeds and the least spectral radii that the text has."""
+    rows = []
+    for (table, row, column), printed in paper().items():
+        if row != trajectory.name or table == "Table 5":
+            continue
+        motion = trajectory.motions[column.split()[-1]]
+        if table == "Figure 8":
+            radii = spectral_radius(motion)
+            ours = motion.time[np.argmin(radii)] if column.startswith("its time") else radii.min()
+        else:
+            ours = np.abs(motion.dq[:, int(column.split()[1]) - 1]).max()
+        rows.append(
+            Row(
+                table=f"{table}, {trajectory.masses} masses",
+                row=row,
+                column=column,
+                unit={"Figure 8": "s" if column.startswith("its") else "kg m²"}.get(table, "rad/s"),
+                ours=float(ours),
+                paper=printed,
+                note=f"{100 * (ours / printed - 1):+.1f} %",
+            )
+        )
+    return rows
+
+
+def spectral_radius(motion: pk.Motion) -> np.ndarray:
+    """Return the largest eigenvalue of the inertia matrix (time,) (Eq. 6)."""
+    return np.asarray(np.linalg.eigvalsh(inertia_matrix(motion.arm, motion.q))[..., -1])
+
+
+def passing(trajectories: Sequence[Trajectory]) -> list[Row]:
+    """Return how near trajectory 3 comes to a singularity by either local method: Figure 6."""
+    rows = []
+    for one in trajectories:
+        if one.number == 3:
+            for name in ("PMKE", "LSV"):
+                least = one.motions[name].manipulability
+                rows.append(
+                    Row(
+                        table=f"how near to a singularity, {one.masses} masses",
+                        row=one.name,
+                        column=name,
+                        unit="m²",
+                        ours=float(least.min()),
+                        note=f"least √det(J Jᵀ), at {one.motions[name].time[least.argmin()]:.2f} s"
+                        + ("; the paper's LSV hits it at 6.5 s" if name == "LSV" else ""),
+                    )
+                )
+    return rows

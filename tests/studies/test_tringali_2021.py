@@ -1,0 +1,90 @@
+"""The study of looking ahead, on fewer samples."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from problems import tringali_2021
+from studies.tringali_2021 import __main__ as study
+from studies.tringali_2021.pictures import draw
+from studies.tringali_2021.real_time import Slsqp, real_time_rows, updated
+from studies.tringali_2021.trajectories import NUMBERS, arm_of, followed, paper, passing, spectral_radius, table_5, told
+
+
+@pytest.fixture(scope="module")
+def found():
+    return [followed(number, "fitted", starts=4, samples=201) for number in NUMBERS]
+
+
+def test_the_start_is_where_the_paths_begin():
+    for number in NUMBERS:
+        problem = tringali_2021.problem(number, samples=21)
+        motion = problem.task.motion(np.tile(tringali_2021.START, (21, 1)))
+        np.testing.assert_allclose(motion.tool[0], tringali_2021.begin(), atol=1e-12)
+    first, last = tringali_2021.trajectory(4).positions[[0, -1]]
+    assert np.linalg.norm(last - first) == pytest.approx(0.7)
+    assert last[1] < first[1]  # the mirror image
+
+
+def test_energies_stand_beside_the_papers(found):
+    rows = {(row.row, row.column): row for one in found for row in table_5(one)}
+    assert len(rows) == 12
+    assert all(row.paper == paper()["Table 5", *place] for place, row in rows.items())
+    for number in (1, 4):
+        for method in ("PMKE", "LSV", "global"):
+            row = rows[f"trajectory {number}", method]
+            assert row.ours == pytest.approx(row.paper, rel=0.04)
+    for number in NUMBERS:
+        energies = [rows[f"trajectory {number}", method].ours for method in ("global", "PMKE", "LSV")]
+        assert energies == sorted(energies)
+    assert "meets a singularity" in rows["trajectory 3", "LSV"].note
+
+
+def test_speeds_and_radii_stand_beside_the_papers(found):
+    rows = [row for one in found for row in told(one)]
+    assert len(rows) == 16
+    speeds = [row for row in rows if row.unit == "rad/s" and row.row != "trajectory 2"]
+    assert all(abs(row.ours / row.paper - 1) < 0.12 for row in speeds)
+    ahead, local = passing(found)
+    assert ahead.ours > 3 * local.ours
+
+
+def test_the_spectral_radius_is_twice_the_most_energy_of_a_unit_velocity():
+    arm, rng = arm_of("printed"), np.random.default_rng(0)
+    ways = rng.normal(size=(5000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    moving = pk.Motion(arm=arm, time=np.arange(3.0), q=1e-6 * np.arange(3.0)[:, None] * ways[:, None])
+    most = 2e12 * moving.kinetic_energy[:, 1].max()
+    radius = spectral_radius(pk.Motion(arm=arm, time=np.arange(3.0), q=np.zeros((3, 3))))[0]
+    assert 0.99 * radius < most < radius * (1 + 1e-4)
+
+
+def test_another_solver_may_look_ahead():
+    given = tringali_2021.problem(1, samples=201).task, pk.kinetic_energy, 2, 1.0
+    ours, slow = updated("ours")(*given), updated("SLSQP, exact derivatives")(*given)
+    assert isinstance(slow, Slsqp)
+    start, targets = np.array(tringali_2021.START), given[0].targets[[20, 40]]
+    guess = np.tile(start, (2, 1))
+    one, other = (solver.solved(guess, start, np.zeros(3), targets) for solver in (ours, slow))
+    np.testing.assert_allclose(one.q, other.q, atol=1e-5)
+    assert one.value == pytest.approx(other.value, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_updates_are_timed_side_by_side():
+    rows = real_time_rows(rounds=1)
+    assert [row.column for row in rows] == ["ours", "SLSQP, differences", "SLSQP, exact derivatives"]
+    assert all("energies the same" in row.note for row in rows[1:])
+
+
+def test_pictures_are_drawn_and_rows_written(found, tmp_path, monkeypatch):
+    assert len(draw(tmp_path / "pictures", found)) == 10
+    monkeypatch.setattr(study, "followed", lambda number, masses, **_: found[number - 1])
+    monkeypatch.setattr(study, "real_time_rows", lambda **_: [])
+    study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
+    rows = json.loads((tmp_path / "rows.json").read_text())
+    assert {row["table"] for row in rows} >= {"Table 5, fitted masses", "Figure 8, fitted masses"}
