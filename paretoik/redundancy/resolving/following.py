@@ -38,7 +38,12 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
     given = np.zeros((4 * n + table.shape[1], count))
     found = np.empty((parts[3].shape[0], count))
     leaning = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
-    J, A, factor, spare = np.empty((rows, n)), np.empty((rows, rows)), np.empty((rows, rows)), np.empty((rows, rows))
+    J, A, factor, spare = (
+        np.empty((rows, n)),
+        np.empty((rows, rows)),
+        np.empty((rows, rows)),
+        np.empty((rows + 4, rows)),
+    )
     D, E, z, wanted = np.ones(n), np.ones(n), np.empty(n), np.empty(rows)
     for k in range(time):
         for j in range(n):
@@ -198,7 +203,7 @@ def damped(A, region, most, factor, spare):
         for m in range(rows):
             spare[i, m] = A[i, m]
         spare[i, i] -= region * region
-    if decomposed(spare, factor):
+    if decomposed(spare[:rows], factor):
         return 0.0
     least = max(least_eigenvalue(A, spare), 0.0)
     return max(most * most * (1.0 - least / (region * region)), 0.0)

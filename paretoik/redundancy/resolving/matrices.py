@@ -6,7 +6,7 @@ import numpy as np
 
 from paretoik.calculus.compiling import compiled
 
-SWEEPS = 30  # of rotations, at most
+SWEEPS = 40  # of rotations for one eigenvalue, at most
 FLAT = 1e-13  # share of the largest diagonal entry: a pivot below is none
 
 
@@ -46,34 +46,81 @@ def substituted(factor, right):
 
 @compiled
 def least_eigenvalue(A, spare):
-    """Return the least eigenvalue of a symmetric matrix, by Jacobi's rotations on a copy."""
+    """Return the least eigenvalue of a symmetric matrix: reflected to three diagonals, then by implicit QL steps.
+
+    ``spare`` (rows + 4, rows) is room. Source: Golub & Van Loan, Matrix Computations, sections 8.3.1 and 8.3.3.
+    """
     rows = A.shape[0]
+    on, off, v, w = spare[rows], spare[rows + 1], spare[rows + 2], spare[rows + 3]
     for i in range(rows):
+        off[i] = 0.0
         for m in range(rows):
             spare[i, m] = A[i, m]
-    for _ in range(SWEEPS):
-        off, on = 0.0, 0.0
-        for i in range(rows):
-            on += spare[i, i] ** 2
-            for m in range(i):
-                off += spare[i, m] ** 2
-        if not off > 1e-32 * on:
-            break
-        for i in range(1, rows):
-            for m in range(i):
-                if spare[i, m] == 0.0:
-                    continue
-                turn = (spare[i, i] - spare[m, m]) / (2.0 * spare[i, m])
-                t = (1.0 if turn >= 0 else -1.0) / (abs(turn) + np.sqrt(turn * turn + 1.0))
-                c = 1.0 / np.sqrt(t * t + 1.0)
-                s = t * c
-                for r in range(rows):
-                    a, b = spare[r, m], spare[r, i]
-                    spare[r, m], spare[r, i] = c * a - s * b, s * a + c * b
-                for r in range(rows):
-                    a, b = spare[m, r], spare[i, r]
-                    spare[m, r], spare[i, r] = c * a - s * b, s * a + c * b
-    least = spare[0, 0]
+    for k in range(rows - 2):
+        size = 0.0
+        for i in range(k + 1, rows):
+            size += spare[i, k] ** 2
+        size = np.sqrt(size)
+        off[k] = -size if spare[k + 1, k] > 0 else size
+        square = size * (size + abs(spare[k + 1, k]))  # half of |v|²
+        if not square > 0.0:
+            off[k] = spare[k + 1, k]
+            continue
+        for i in range(k + 1, rows):
+            v[i] = spare[i, k]
+        v[k + 1] -= off[k]
+        along = 0.0
+        for i in range(k + 1, rows):
+            w[i] = 0.0
+            for m in range(k + 1, rows):
+                w[i] += spare[i, m] * v[m] / square
+            along += v[i] * w[i] / (2.0 * square)
+        for i in range(k + 1, rows):
+            for m in range(k + 1, rows):
+                spare[i, m] -= v[i] * (w[m] - along * v[m]) + (w[i] - along * v[i]) * v[m]
+    if rows > 1:
+        off[rows - 2] = spare[rows - 1, rows - 2]
+    for i in range(rows):
+        on[i] = spare[i, i]
+    _rotated(on, off)
+    least = on[0]
     for i in range(1, rows):
-        least = min(least, spare[i, i])
+        least = min(least, on[i])
     return least
+
+
+@compiled
+def _rotated(on, off):
+    """Overwrite the diagonal of a symmetric tridiagonal matrix with its eigenvalues; ``off`` is what lies beside it."""
+    for low in range(on.shape[0]):
+        for _ in range(SWEEPS):
+            high = low
+            while high < on.shape[0] - 1:
+                if abs(off[high]) <= 2.2e-16 * (abs(on[high]) + abs(on[high + 1])):
+                    break
+                high += 1
+            if high == low:
+                break
+            g = (on[low + 1] - on[low]) / (2.0 * off[low])
+            r = np.sqrt(g * g + 1.0)
+            g = on[high] - on[low] + off[low] / (g + (r if g >= 0 else -r))
+            s, c, p, cut = 1.0, 1.0, 0.0, False
+            for i in range(high - 1, low - 1, -1):
+                f, b = s * off[i], c * off[i]
+                r = np.sqrt(f * f + g * g)
+                off[i + 1] = r
+                if r == 0.0:  # it falls into two
+                    on[i + 1] -= p
+                    off[high] = 0.0
+                    cut = True
+                    break
+                s, c = f / r, g / r
+                g = on[i + 1] - p
+                r = (on[i] - g) * s + 2.0 * c * b
+                p = s * r
+                on[i + 1] = g + p
+                g = c * r - b
+            if not cut:
+                on[low] -= p
+                off[low] = g
+                off[high] = 0.0

@@ -1,0 +1,67 @@
+"""The study of weighted gradient projection, from a few starts."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import paretoik as pk
+from problems import wan_2018
+from studies.wan_2018 import __main__ as study
+from studies.wan_2018.methods import compared, paper, speed_row, starts, table_rows, worst_errors
+
+
+def test_paths_are_the_papers():
+    path = wan_2018.experiment()
+    assert (path.samples, path.duration) == (743, 3.71)
+    np.testing.assert_allclose(path.positions[371], wan_2018.ENDS["experiment"][1][0], atol=1e-12)
+    np.testing.assert_allclose(path.positions[[0, -1]], [wan_2018.ENDS["experiment"][0][0]] * 2, atol=1e-12)
+    turned = Rotation.from_quat(wan_2018.simulation().quaternions[-1], scalar_first=True)
+    wanted = Rotation.from_euler("ZYZ", wan_2018.ENDS["simulation"][1][1], degrees=True)
+    assert (turned.inv() * wanted).magnitude() < 1e-9
+
+
+def test_the_modified_trapezoid_has_its_textbooks_peaks():
+    u = np.linspace(0, 1, 4001)
+    way = wan_2018.modified_trapezoid(u)
+    assert way[[0, 2000, -1]] == pytest.approx([0.0, 0.5, 1.0], abs=1e-9)
+    assert np.gradient(way, u).max() == pytest.approx(2.0, rel=1e-3)
+    assert np.gradient(np.gradient(way, u), u)[5:-5].max() == pytest.approx(4.888, rel=5e-3)
+
+
+def test_starts_are_within_the_limits_and_on_the_first_pose():
+    path, arm = wan_2018.simulation(), pk.wan_7r()
+    found = starts(path, 60)
+    assert len(found) > 5
+    assert ((found >= arm.position_limits[:, 0]) & (found <= arm.position_limits[:, 1])).all()
+    motion = pk.resolve(arm, path, compared("Table 2")["WLN"], start=found, unreachable="track")
+    assert np.abs(motion.traces.errors[:, 0]).max() < 1e-9
+    assert worst_errors(motion).shape == (len(found), 6)
+
+
+@pytest.mark.parametrize("table", ["Table 2", "Table 3"])
+def test_tables_stand_beside_the_papers(table):
+    rows = table_rows(table, population=30)
+    errors = [row for row in rows if row.paper is not None]
+    assert len(errors) == 18
+    assert {row.paper for row in errors} == {value for place, value in paper().items() if place[0] == table}
+    shares = [row.ours for row in rows if row.unit == "share of starts"]
+    assert all(0 <= share <= 1 for share in shares)
+
+
+def test_joint_4_is_freed_more_often_than_by_the_weighted_least_norm():
+    rows = {(row.row, row.column): row.ours for row in table_rows("Table 2", population=60)}
+    for name in ("WGPM, as printed", "WGPM, consistent"):
+        assert rows[name, "joint 4 ends there"] < rows["WLN", "joint 4 ends there"]
+
+
+def test_the_command_writes_rows(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "table_rows", lambda *_, **__: [])
+    study.main(["--quick", "--json", str(tmp_path / "rows.json")])
+    (row,) = json.loads((tmp_path / "rows.json").read_text())
+    assert row["row"] == "200 sets, 743 samples"
+    assert row["ours"] > 0
+    assert speed_row(rounds=1).unit == "s"
