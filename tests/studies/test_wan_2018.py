@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import paretoik as pk
 from problems import wan_2018
 from studies.wan_2018 import __main__ as study
+from studies.wan_2018.fronts import compared_rows, holm
 from studies.wan_2018.methods import compared, paper, speed_row, starts, table_rows, worst_errors
 
 
@@ -58,8 +59,20 @@ def test_joint_4_is_freed_more_often_than_by_the_weighted_least_norm():
         assert rows[name, "joint 4 ends there"] < rows["WLN", "joint 4 ends there"]
 
 
+def test_corrected_p_values_are_holms():
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.9, 0.8]) == [1.0, 1.0]
+
+
+def test_families_are_compared_by_their_fronts():
+    rows = compared_rows(seeds=2, population=8, generations=2, several=1)
+    assert [row.column for row in rows] == ["hypervolume, median", "IGD+, median", "additive ε, median"]
+    assert all(row.note.startswith("from 1 starts each: undecided") for row in rows)  # two seeds decide nothing
+
+
 def test_the_command_writes_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "table_rows", lambda *_, **__: [])
+    monkeypatch.setattr(study, "compared_rows", lambda **_: [])
     study.main(["--quick", "--json", str(tmp_path / "rows.json")])
     (row,) = json.loads((tmp_path / "rows.json").read_text())
     assert row["row"] == "200 sets, 743 samples"

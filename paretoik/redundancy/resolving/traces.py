@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Shaped
@@ -34,7 +35,7 @@ class Traces:
     projected: Float[np.ndarray, "*batch steps criteria dof"]
     status: Shaped[np.ndarray, "*batch steps"]
 
-    def __getitem__(self, index: int | slice | np.ndarray) -> Traces:
+    def __getitem__(self, index: Any) -> Traces:
         return type(self)(**{each.name: getattr(self, each.name)[index] for each in fields(self)})
 
 
@@ -44,7 +45,7 @@ class ResolvedMotion(Motion):
 
     traces: Traces
 
-    def __getitem__(self, index: int | slice | np.ndarray) -> ResolvedMotion:
+    def __getitem__(self, index: Any) -> ResolvedMotion:
         picked = super().__getitem__(index)
         assert isinstance(picked, ResolvedMotion)
         return replace(picked, traces=self.traces[index])
