@@ -51,11 +51,11 @@ def compared_rows(*, seeds: int, population: int = 24, generations: int = 15, se
     print(file=sys.stderr)
     union = np.concatenate([front for each in fronts.values() for front in each])
     union = union[moocore.is_nondominated(union)]
-    low, high = np.quantile(union, [LOW, 1 - HIGH], axis=0)
-    span = np.where(high > low, high - low, 1.0)
+    least, most = np.quantile(union, [LOW, 1 - HIGH], axis=0)
+    span = np.where(most > least, most - least, 1.0)
 
     def placed(front: np.ndarray) -> np.ndarray:
-        return np.clip((front - low) / span, 0.0, None)
+        return np.clip((front - least) / span, 0.0, None)
 
     best = placed(union)
     measures: dict[str, Callable[[np.ndarray], float]] = {
@@ -63,20 +63,17 @@ def compared_rows(*, seeds: int, population: int = 24, generations: int = 15, se
         "IGD+": lambda front: moocore.igd_plus(placed(front), ref=best),
         "additive ε": lambda front: moocore.epsilon_additive(placed(front), ref=best),
     }
-    results = []
+    medians, tests, sizes = [], list[float](), []
     for name, measure in measures.items():
         ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
         test = mannwhitneyu(ours, theirs)
         larger = float(test.statistic) / len(ours) / len(theirs)
-        interval = bootstrap(
-            (ours, theirs), lambda a, b: np.median(a) / np.median(b), vectorized=False, n_resamples=2000, rng=0
-        ).confidence_interval
-        found.append(
-            (name, ours, theirs, float(test.pvalue), larger if name == "hypervolume" else 1 - larger, interval)
-        )
-    decided = holm([each[3] for each in results])
+        interval = bootstrap((ours, theirs), _ratio, vectorized=False, n_resamples=2000, rng=0).confidence_interval
+        medians.append((name, float(np.median(ours)), float(np.median(theirs))))
+        sizes.append((larger if name == "hypervolume" else 1 - larger, interval.low, interval.high))
+        tests.append(float(test.pvalue))
     rows = []
-    for (name, ours, theirs, _, better, interval), p in zip(results, decided, strict=True):
+    for (name, one, other), p, (better, low, high) in zip(medians, holm(tests), sizes, strict=True):
         verdict = "undecided" if p > LEVEL else "WGPM wins" if better > 0.5 else "LOSS, GPM wins"
         rows.append(
             Row(
@@ -84,13 +81,17 @@ def compared_rows(*, seeds: int, population: int = 24, generations: int = 15, se
                 row="path of section 3.2",
                 column=f"{name}, median",
                 unit="",
-                ours=float(np.median(ours)),
-                paper=float(np.median(theirs)),
-                note=f"from {several} starts each: {verdict}, p {p:.1e} (Holm), A12 {better:.2f}, ratio of medians {interval.low:.3f} to "
-                f"{interval.high:.3f}",
+                ours=one,
+                paper=other,
+                note=f"from {several} starts each: {verdict}, p {p:.1e} (Holm), A12 {better:.2f}, ratio of medians "
+                f"{low:.3f} to {high:.3f}",
             )
         )
     return rows
+
+
+def _ratio(ours: np.ndarray, theirs: np.ndarray) -> float:
+    return float(np.median(ours) / np.median(theirs))
 
 
 def holm(p: Sequence[float]) -> list[float]:
