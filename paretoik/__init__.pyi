@@ -10,6 +10,7 @@ from .formulations.closed_loop.objectives import joint_displacement as joint_dis
 from .formulations.closed_loop.objectives import position_error as position_error
 from .formulations.closed_loop.objectives import rotation_error as rotation_error
 from .formulations.closed_loop.objectives import step_objective as step_objective
+from .formulations.predictive_tracking import PredictiveTracking as PredictiveTracking
 from .formulations.projection_gains import ProjectionGains as ProjectionGains
 from .formulations.tracking import Tracking as Tracking
 from .front.front import Choice as Choice

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik import Arm, Path, Tracking, circle, kinetic_energy, line, tringali_3r
+from paretoik import Arm, Path, PredictiveTracking, Tracking, circle, kinetic_energy, line, tringali_3r
 
 START = (0.0, 0.327, -0.754)  # rad
 LENGTHS = (0.176, 0.176, 0.1375)
@@ -68,3 +68,8 @@ def trajectory_3() -> Tracking:
 def trajectory_4() -> Tracking:
     """Least kinetic energy along 0.7 m."""
     return problem(4)
+
+
+def rhythm() -> PredictiveTracking:
+    """Find the rhythm of looking ahead along 0.7 m: energy against the work of an update."""
+    return PredictiveTracking(tringali_3r(), trajectory(4, 201), start=START)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
-from paretoik import Path, Pose, poses
+from paretoik import Path, Pose, ProjectionGains, joint_limit_nearness, poses, velocity_limit_nearness, wan_7r
 
 STEP = 0.005  # s
 FEEDBACK = 80.0  # 1/s
@@ -42,6 +42,17 @@ def experiment(duration: float = 1.855) -> Path:
     """Return the path of section 3.2, there in so many seconds and back in as many."""
     way = np.linspace(0.0, 1.0, round(duration / STEP) + 1)
     return _path("experiment", np.concatenate([way, way[-2::-1]]))
+
+
+def weighted_gains() -> ProjectionGains:
+    """Find the numbers of weighted gradient projection along the path of section 3.2, velocities limited."""
+    return ProjectionGains(wan_7r(), experiment(), criteria=[velocity_limit_nearness])
+
+
+def plain_gains() -> ProjectionGains:
+    """Find the numbers of gradient projection along the same path, positions and velocities limited."""
+    criteria = [joint_limit_nearness, velocity_limit_nearness]
+    return ProjectionGains(wan_7r(), experiment(), family="plain", criteria=criteria)
 
 
 def modified_trapezoid(u: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from problems import wan_2018
 from studies.reporting import Row
 
 FAMILIES = ("weighted", "plain")
-CRITERIA = (pk.velocity_limit_nearness,)
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
 LEVEL = 0.05
 CORNER = 1.1  # of the ranges: the reference point of the hypervolume
@@ -27,7 +26,8 @@ LOW, HIGH = 0.01, 0.02  # quantiles that the ranges leave out at either end: wha
 
 def searched(family: str, seed: int, *, population: int, generations: int, several: int) -> np.ndarray:
     """Return the front (points, 4), minimised, that a search of a family's numbers gives."""
-    criteria = list(CRITERIA) if family == "weighted" else [pk.joint_limit_nearness, *CRITERIA]
+    criteria = [pk.velocity_limit_nearness]
+    criteria += [] if family == "weighted" else [pk.joint_limit_nearness]
     problem = pk.ProjectionGains(
         pk.wan_7r(),
         wan_2018.experiment(),

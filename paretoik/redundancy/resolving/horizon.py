@@ -70,8 +70,8 @@ class Horizon:
         return Found(q=given[: q.size].reshape(q.shape), value=value, converged=converged, iterations=iterations)
 
 
-def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float) -> Horizon:
-    """Write down the program of an objective over samples ahead.
+def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float, terminal: float = 0.0) -> Horizon:
+    """Write down the program of an objective over samples ahead; the last counts ``terminal`` times more.
 
     Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
     accelerations.
@@ -88,7 +88,7 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float)
     jerk = trace.inputs(n)
     before, rate = posture, velocity
     total, equations, slopes, lagrangian = tape.constant(0.0), list[int](), list[int](), list[object]()
-    for q, wanted, multiplier in zip(samples, targets, multipliers, strict=True):
+    for left, q, wanted, multiplier in zip(reversed(range(ahead)), samples, targets, multipliers, strict=True):
         dq = (q - before) * (1.0 / interval)
         ddq = (dq - rate) * (1.0 / interval)
         before, rate = q, dq
@@ -96,7 +96,7 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float)
         value = local(motion, what, objective.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
-        term = Expression(tape, entry(tape, value)) * (objective.sign * interval)
+        term = Expression(tape, entry(tape, value)) * (objective.sign * interval * (1.0 if left else 1.0 + terminal))
         total = entry(tape, Expression(tape, total) + term)
         links, begun = chain(task.arm, list(q.entries)), 0
         for each in task.tasks:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -55,6 +55,18 @@ class Method:
     """A way to resolve one motion; ``resolve`` takes any."""
 
 
+def _check_ranges(method: Any) -> None:
+    """Raise InvalidInput for a number outside of what its field is within."""
+    for each in fields(method):
+        if "within" not in each.metadata:
+            continue
+        low, high = each.metadata["within"]
+        given = getattr(method, each.name)
+        values, upper = np.asarray(given, dtype=float), "" if np.isinf(high) else f" and less than {high:g}"
+        if not ((values >= low) & (values < high)).all():
+            raise InvalidInput(f"{type(method).__name__}: {each.name} of {low:g} or more{upper} wanted, got {given}")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VelocityMethod(Method):
     """What all have in common: ``feedback`` [1/s] of the tracking error, by default one over a step, which is the most.
@@ -66,14 +78,7 @@ class VelocityMethod(Method):
 
     def __post_init__(self) -> None:
         """Check that numbers are within their ranges."""
-        for each in fields(self):
-            if "within" not in each.metadata:
-                continue
-            low, high = each.metadata["within"]
-            given = getattr(self, each.name)
-            values, upper = np.asarray(given, dtype=float), "" if np.isinf(high) else f" and less than {high:g}"
-            if not ((values >= low) & (values < high)).all():
-                raise InvalidInput(f"{type(self).__name__}: {each.name} of {low:g} or more{upper} wanted, got {given}")
+        _check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,8 +174,9 @@ class PredictiveKineticEnergy(Method):
 
     ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
     ``horizon`` h is how many samples ahead are looked at, ``prediction_step`` ΔT [s] how far apart they are, by default
-    0.2 of the path's duration over h, and ``update_interval`` [s] how often, by default half of that; all may be arrays
-    (*batch,). ``feedback`` [1/s] of the tracking error is 0 by default: open loop, as in the paper.
+    0.2 of the path's duration over h, and ``update_interval`` [s] how often, by default half of that. The last of them
+    counts ``terminal`` times more: what comes after the horizon costs as well. All may be arrays (*batch,).
+    ``feedback`` [1/s] of the tracking error is 0 by default: open loop, as in the paper.
 
     Raises InvalidInput for numbers out of range. Source: Tringali & Cocuzza 2021, PMKE.
     """
@@ -179,10 +185,12 @@ class PredictiveKineticEnergy(Method):
     horizon: int | np.ndarray = 2
     prediction_step: Number | None = None
     update_interval: Number | None = None
+    terminal: Number = field(default=0.0, metadata=POSITIVE)
     feedback: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        _check_ranges(self)
         ahead = np.asarray(self.horizon)
         if ahead.dtype.kind not in "iu" or not (ahead >= 1).all():
             raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")

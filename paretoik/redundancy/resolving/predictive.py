@@ -58,11 +58,15 @@ class Ahead(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Rhythm:
-    """How a motion looks ahead, in samples: so many times ``stride``, again after ``interval``."""
+    """How a motion looks ahead, in samples: so many times ``stride``, again after ``interval``.
+
+    The last of them counts ``terminal`` times more.
+    """
 
     ahead: int
     stride: int
     interval: int
+    terminal: float
 
     def updates(self, samples: int) -> list[int]:
         """Return the samples at which all of the horizon lies before the end, at least the first."""
@@ -80,9 +84,11 @@ def rhythms(method: PredictiveKineticEnergy, times: np.ndarray, batch: tuple[int
         0.2 * duration / ahead if method.prediction_step is None else np.broadcast_to(method.prediction_step, batch)
     )
     interval = stride / 2 if method.update_interval is None else np.broadcast_to(method.update_interval, batch)
+    terminal = np.broadcast_to(np.asarray(method.terminal, dtype=float), batch)
     found = []
-    for h, far, again in zip(ahead.ravel().tolist(), stride.ravel().tolist(), interval.ravel().tolist(), strict=True):
-        own = Rhythm(ahead=int(h), stride=max(round(far / dt), 1), interval=max(round(again / dt), 1))
+    columns = (each.ravel().tolist() for each in (ahead, stride, interval, terminal))
+    for h, far, again, more in zip(*columns, strict=True):
+        own = Rhythm(ahead=h, stride=max(round(far / dt), 1), interval=max(round(again / dt), 1), terminal=more)
         for name, given, samples in (("prediction_step", far, own.stride), ("update_interval", again, own.interval)):
             if getattr(method, name) is not None and abs(given / dt - samples) > 1e-6 * samples:
                 raise InvalidInput(
@@ -102,10 +108,10 @@ def predicted(
     method: PredictiveKineticEnergy,
     start: Float[np.ndarray, "*starts dof"],
     *,
-    program: Callable[[MotionTask, Objective, int, float], Ahead] = horizon,
+    program: Callable[[MotionTask, Objective, int, float, float], Ahead] = horizon,
 ) -> ResolvedMotion:
     """Return the motions that look ahead, one for each start and the method's numbers; ``program`` makes what looks."""
-    numbers = (method.horizon, method.prediction_step, method.update_interval)
+    numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal)
     try:
         batch = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers if each is not None))
     except ValueError:
@@ -114,7 +120,7 @@ def predicted(
         ) from None
     n, times, count = task.arm.dof, task.times, int(np.prod(batch))
     own, dt = rhythms(method, times, batch), float(times[1] - times[0])
-    programs = {each: program(task, method.objective, each.ahead, each.stride * dt) for each in set(own)}
+    programs = {each: program(task, method.objective, each.ahead, each.stride * dt, each.terminal) for each in set(own)}
     looks = [Lookout(task=task, program=programs[each], rhythm=each) for each in own]
     q = np.empty((count, len(times), n))
     q[:, 0] = np.broadcast_to(start, (*batch, n)).reshape(count, n)

@@ -87,6 +87,25 @@ def test_what_is_found_ahead_is_what_another_solver_finds(name, ahead, objective
     assert other.fun == pytest.approx(1.0, rel=1e-5)
 
 
+def test_the_last_sample_may_count_more():
+    task = task_of(tringali_3r(), straight(0.3), pk.kinetic_energy)
+    targets, guess = task.targets[[50, 100]], np.tile(START, (2, 1))
+    plain, more = (
+        horizon(task, pk.kinetic_energy, 2, 1.0, terminal).solved(guess, START, np.zeros(3), targets)
+        for terminal in (0.0, 5.0)
+    )
+    energies = [
+        [plainly(tringali_3r(), pk.kinetic_energy, one.q[: k + 1], START, np.zeros(3), 1.0) for k in (0, 1)]
+        for one in (plain, more)
+    ]
+    assert more.value == pytest.approx(energies[1][1] + 5 * (energies[1][1] - energies[1][0]), rel=1e-10)
+    assert energies[1][1] - energies[1][0] < energies[0][1] - energies[0][0]
+    motion = pk.resolve(
+        tringali_3r(), straight(0.1), pk.PredictiveKineticEnergy(terminal=np.array([0.0, 2.0])), start=START
+    )
+    assert np.abs(motion.q[0] - motion.q[1]).max() > 1e-4
+
+
 @given(pieces=st.integers(1, 6), seed=st.integers(0, 1000))
 def test_the_spline_goes_through_all_points_and_keeps_rates(pieces, seed):
     rng = np.random.default_rng(seed)
@@ -202,6 +221,7 @@ def test_nedungadis_motion_is_the_variational_one():
         (lambda: {"objective": pk.peak_velocity}, "objective peak_velocity: form 'integral' wanted, got 'peak'"),
         (lambda: {"objective": pk.jerk}, "objective jerk: wants a function of positions, velocities and accelerations"),
         (lambda: {"horizon": np.array([2, 3, 4])}, "starts of shape (2,) and its numbers do not fit each other"),
+        (lambda: {"terminal": -1.0}, "PredictiveKineticEnergy: terminal of 0 or more wanted, got -1.0"),
         (lambda: {"feedback": -1.0}, "feedback of 0 or more wanted, got -1.0"),
     ],
 )
