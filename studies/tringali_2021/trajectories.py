@@ -118,6 +118,34 @@ def spectral_radius(motion: pk.Motion) -> np.ndarray:
     return np.asarray(np.linalg.eigvalsh(inertia_matrix(motion.arm, motion.q))[..., -1])
 
 
+def searched(number: int, masses: str, *, starts: int, generations: int, samples: int = 201) -> list[Row]:
+    """Return what a search for the rhythm finds beside the paper's rhythm, and how near the global optimum."""
+    arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
+    problem = pk.PredictiveTracking(arm, path, start=START, starts=starts)
+    front = pk.solve(problem, population=40, generations=generations, seed=0)
+    least = float(pk.kinetic_energy(problem.optimum))
+    own = float(
+        pk.kinetic_energy(pk.resolve(arm, path, pk.PredictiveKineticEnergy(), start=START, unreachable="track"))
+    )
+    assert front.genes is not None
+    best = problem.method(front.genes[:1])
+    step, again = (np.atleast_1d(np.asarray(each))[0] for each in (best.prediction_step, best.update_interval))
+    return [
+        Row(
+            table=f"the rhythm searched for, {samples} samples, {masses} masses",
+            row=f"trajectory {number}",
+            column="least kinetic energy",
+            unit="J s",
+            ours=float(front.objectives[0, 0]),
+            paper=own,
+            note=f"beside the paper's rhythm; {100 * (front.objectives[0, 0] / least - 1):+.1f} % and "
+            f"{100 * (own / least - 1):+.1f} % from the global optimum; h = {np.atleast_1d(best.horizon)[0]}, "
+            f"ΔT = {step:.2g} s, every {again:.2g} s, terminal {np.atleast_1d(best.terminal)[0]:.2g}; "
+            f"{front.objectives[0, 1]:.0f} samples looked at an update; {len(front)} points",
+        )
+    ]
+
+
 def passing(trajectories: Sequence[Trajectory]) -> list[Row]:
     """Return how near trajectory 3 comes to a singularity by either local method: Figure 6."""
     rows = []

@@ -12,7 +12,17 @@ from problems import tringali_2021
 from studies.tringali_2021 import __main__ as study
 from studies.tringali_2021.pictures import draw
 from studies.tringali_2021.real_time import Slsqp, real_time_rows, updated
-from studies.tringali_2021.trajectories import NUMBERS, arm_of, followed, paper, passing, spectral_radius, table_5, told
+from studies.tringali_2021.trajectories import (
+    NUMBERS,
+    arm_of,
+    followed,
+    paper,
+    passing,
+    searched,
+    spectral_radius,
+    table_5,
+    told,
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +73,12 @@ def test_the_spectral_radius_is_twice_the_most_energy_of_a_unit_velocity():
     assert 0.99 * radius < most < radius * (1 + 1e-4)
 
 
+def test_a_search_finds_a_rhythm_no_worse_than_the_papers():
+    (row,) = searched(1, "fitted", starts=4, generations=3, samples=101)
+    assert row.ours < 1.02 * row.paper
+    assert "from the global optimum" in row.note
+
+
 def test_another_solver_may_look_ahead():
     given = tringali_2021.problem(1, samples=201).task, pk.kinetic_energy, 2, 1.0
     ours, slow = updated("ours")(*given), updated("SLSQP, exact derivatives")(*given)
@@ -85,6 +101,7 @@ def test_pictures_are_drawn_and_rows_written(found, tmp_path, monkeypatch):
     assert len(draw(tmp_path / "pictures", found)) == 10
     monkeypatch.setattr(study, "followed", lambda number, masses, **_: found[number - 1])
     monkeypatch.setattr(study, "real_time_rows", lambda **_: [])
+    monkeypatch.setattr(study, "searched", lambda *_, **__: [])
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert {row["table"] for row in rows} >= {"Table 5, fitted masses", "Figure 8, fitted masses"}
