@@ -4,11 +4,11 @@ Tables 2 and 3, ours beside the paper's, over starts from all over the self-moti
 neither its start, nor durations, nor which Euler angles, nor the units of its criteria's gradients. What is stated in
 ``problems/wan_2018.py`` is assumed, and rows tell medians and quartiles over starts.
 
-What reproduces: weighted gradient projection keeps joint 4 from its limit, or frees it, where weighted least norm leaves
-it there. What does not:
+What reproduces: weighted gradient projection keeps joint 4 from its limit, or frees it, where weighted least norm
+leaves it there. What does not:
 
 - the sizes of the errors: they hang on the start, and medians over starts are mostly larger;
-- smaller errors than weighted least norm's and gradient projection's: from the same start they are larger in most cases;
+- smaller errors than weighted least norm's and gradient projection's: from the same start they are mostly larger;
 - the avoidance of velocity limits without vibration: a gradient that depends on the velocity being solved for is not
   stable where its gain is not small, and in a third to a half of the cases a step would be endless and is held;
 - the saving of time: all methods take as long.
