@@ -15,8 +15,9 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
+from paretoik.redundancy.resolving.horizon import horizon
 from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
-from paretoik.redundancy.resolving.predictive import PredictiveTraces
+from paretoik.redundancy.resolving.predictive import PredictiveTraces, rhythms
 from paretoik.redundancy.resolving.resolution import resolve
 from paretoik.redundancy.resolving.traces import ResolvedMotion
 from paretoik.redundancy.self_motion_curves import wrapped
@@ -54,7 +55,8 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     starts, seed
         Of that plan.
 
-    Genes: horizon (1 to 6), prediction step and update interval as shares of what is possible, terminal weight.
+    Genes: horizon (1 to 6 samples, or as many as half the path has), prediction step and update interval as shares of
+    what is possible, terminal weight.
 
     Raises
     ------
@@ -87,12 +89,18 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             cyclic=False,
             differences="backward",
         )
+        samples = len(self.task.times)
+        ahead = min(FARTHEST, (samples - 1) // 2)
+        if ahead < 1:
+            raise InvalidInput(f"path: at least 3 samples wanted, got {samples}")
+        horizon(self.task, objective, 1, 1.0)  # refuses what cannot be looked ahead with
+        rhythms(PredictiveKineticEnergy(prediction_step=float(self.task.times[1])), self.task.times, ())
         self.optimum = planned(self.task, starts=starts, seed=seed).best.motion if optimum is None else optimum
         if self.optimum.q.shape != (len(self.task.times), arm.dof):
             raise InvalidInput(
                 f"optimum: one motion of shape ({len(self.task.times)}, {arm.dof}) wanted, got {self.optimum.q.shape}"
             )
-        low, high = [1.0, 0.0, 0.0, 0.0], [FARTHEST + 1 - 1e-9, 1.0, 1.0, TERMINAL]
+        low, high = [1.0, 0.0, 0.0, 0.0], [ahead + 1 - 1e-9, 1.0, 1.0, TERMINAL]
         super().__init__(n_var=4, n_obj=3, n_ieq_constr=1, xl=np.array(low), xu=np.array(high))
 
     @property
@@ -103,7 +111,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     @property
     def units(self) -> tuple[str, ...]:
         """Units of the objectives."""
-        return (self.objective.unit, "", "rad")
+        return (self.objective.unit, "", "rad, m")
 
     @property
     def maximised(self) -> tuple[bool, ...]:

@@ -37,7 +37,7 @@ SHARES = 0.02, 0.48  # of Ω and λ
 REPULSION = 2 * np.pi  # rad/s, at most
 LEAST_FEEDBACK = 0.02  # share of the most
 RANGES: tuple[tuple[str, str, bool], ...] = (
-    ("tracking_error", "m", False),
+    ("tracking_error", "m, rad", False),
     ("limit_margin", "", True),
     ("speed_ratio", "", False),
     ("roughness", "rad²/s⁵", False),
@@ -104,6 +104,10 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
             raise InvalidInput(f"family must be one of weighted, plain, got {family!r}")
         default = [] if family == "weighted" else [joint_limit_nearness]
         given = GradientProjection(criteria=default if criteria is None else criteria).settled
+        for one in given:
+            if np.ndim(one.gain):
+                raise InvalidInput(f"criterion {one.objective.name}: one gain wanted, got {one.gain}")
+        WeightedGradientProjection(variant=variant)  # refuses another
         self.family, self.variant, self.criteria = family, variant, given
         self.path, self.seed = path, seed
         self.task: MotionTask = motion_task(
@@ -120,11 +124,12 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
             differences="backward",
         )
         self.starts = _ordered(self.task, seed) if starts is None else np.array(starts, dtype=float)
-        if self.starts.ndim != 2 or self.starts.shape[1] != arm.dof or not len(self.starts):
-            raise InvalidInput(f"starts: postures (starts, {arm.dof}) wanted, got shape {self.starts.shape}")
-        if not 1 <= several <= len(self.starts):
+        shaped = self.starts.ndim == 2 and self.starts.shape[1] == arm.dof and self.starts.size
+        if not shaped or not np.isfinite(self.starts).all():
+            raise InvalidInput(f"starts: finite postures (starts, {arm.dof}) wanted, got shape {self.starts.shape}")
+        if several != int(several) or not 1 <= several <= len(self.starts):
             raise InvalidInput(f"several: 1 to {len(self.starts)} starts wanted, got {several}")
-        self.several = several
+        self.several = int(several)
         self.most = 1.0 / float(np.diff(self.task.times).max())
         count = len(given)
         low, high = [0.0, LEAST_FEEDBACK, DAMPING[0]], [1.0, 1.0, DAMPING[1]]
@@ -181,8 +186,9 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return what makes genes mean what they mean: the starts, the task, the method and its criteria."""
         task = self.task
         parts: list[object] = [self.starts, task.targets, task.times, task.arm.joint_names, self.family, self.variant]
-        parts += [self.several, self.names, self.maximised, task.arm.position_limits]
-        return parts + [(one.objective.name, one.reference, one.scale) for one in self.criteria]
+        parts += [self.several, self.names, self.maximised, task.arm.position_limits, task.arm.velocity_limits]
+        parts += [task.link_radius, *task.obstacles]
+        return parts + [(one.objective.name, one.gain, one.reference, one.scale) for one in self.criteria]
 
     def _resolved(self, genes: Genes, several: int) -> ResolvedMotion:
         starts = self.starts[self.begun(genes)[:, :several]]

@@ -64,5 +64,10 @@ def test_what_cannot_be_used_is_refused_by_name(asked):
         pk.PredictiveTracking(
             tringali_3r(), PATH, start=START, optimum=asked.task.motion(np.tile(asked.optimum.q, (2, 1, 1)))
         )
+    with pytest.raises(InvalidInput, match="objective peak_torque: form 'integral' wanted"):
+        pk.PredictiveTracking(tringali_3r(), PATH, start=START, objective=pk.peak_torque)
+    short = line(FIRST, FIRST + np.array([-0.02, 0.01]), duration=1.0, samples=5)
+    few = pk.PredictiveTracking(tringali_3r(), short, start=START, starts=2)
+    assert np.isfinite(few.evaluate(few.xu[None])[0]).all()
     with pytest.raises(InvalidInput, match=r"start is .* off the path"):
         pk.PredictiveTracking(tringali_3r(), PATH, start=START + 0.1)

@@ -102,7 +102,11 @@ def test_spatial_arms_without_criteria():
     [
         ({"family": "heavy"}, "family must be one of weighted, plain, got 'heavy'"),
         ({"several": 0}, "several: 1 to "),
-        ({"starts": np.zeros((2, 2))}, "starts: postures (starts, 3) wanted, got shape (2, 2)"),
+        ({"several": 2.5}, "several: 1 to "),
+        ({"variant": "ours"}, "variant must be one of paper, consistent, got 'ours'"),
+        ({"starts": np.full((4, 3), np.nan)}, "starts: finite postures (starts, 3) wanted"),
+        ({"criteria": [pk.Criterion(objective=pk.manipulability, gain=np.ones(2))]}, "manipulability: one gain wanted"),
+        ({"starts": np.zeros((2, 2))}, "starts: finite postures (starts, 3) wanted, got shape (2, 2)"),
         ({"criteria": [pk.joint_drift]}, "criteria: wants objectives of form integral or peak"),
     ],
 )

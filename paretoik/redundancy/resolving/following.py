@@ -181,10 +181,9 @@ def _least_norm(place, lower, upper, leaning, lane, j):
     above, below = upper - place, place - lower
     if above <= 0.0 or below <= 0.0:
         steep = BEYOND
-        inside = 0.0
     else:
         inside = (upper - lower) ** 2 * (below - above) / (4.0 * above * above * below * below)
-        steep = abs(inside)
+        steep = min(abs(inside), BEYOND)
     nearer = steep >= leaning[lane, j]
     leaning[lane, j] = steep
     return 1.0 / (1.0 + steep) if nearer else 1.0

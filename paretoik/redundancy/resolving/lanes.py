@@ -49,7 +49,7 @@ def lanes(
     try:
         batch = np.broadcast_shapes(start.shape[:-1], ranks.shape[:-1], *(each.shape for each in numbers))
     except ValueError:
-        shapes = sorted({str(each.shape) for each in numbers if each.shape})
+        shapes = sorted({str(shape) for shape in (ranks.shape[:-1], *(each.shape for each in numbers)) if shape})
         raise InvalidInput(
             f"{name}: starts of shape {start.shape[:-1]} and numbers of {', '.join(shapes)} do not fit each other"
         ) from None

@@ -110,8 +110,9 @@ class DampedLeastSquares(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints are slowed as they come nearer to their position limits, and free to leave them.
+    """Joints are slowed as they come nearer to their position limits, both of them finite, and free as they leave.
 
+    A joint at its limit, or past it, stays there: the method has nothing that pushes it back.
     Source: Chan & Dubey 1995; Wan et al. 2018, Eqs. 10, 11 and 14.
     """
 
@@ -120,20 +121,23 @@ class WeightedLeastNorm(DampedLeastSquares):
 class GradientProjection(DampedLeastSquares):
     """The gradients of criteria, times their gains, projected onto what the task leaves free.
 
-    An objective alone is a criterion of gain 1. Raises InvalidInput for what is neither, names that do not differ, and
-    numbers out of range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
+    An objective alone is a criterion of gain 1. What reads positions is differentiated by these, at the last
+    velocities; what reads velocities alone by them. Raises InvalidInput for what is neither, names that do not differ,
+    and numbers out of range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
     """
 
-    criteria: Sequence[Criterion | Objective] = ()
+    criteria: Sequence[Criterion | Objective] | Criterion | Objective = ()
 
     @property
     def settled(self) -> tuple[Criterion, ...]:
         """The criteria, all of them with gains; raises InvalidInput for what is none."""
-        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in self.criteria)
+        given = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
+        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in given)
 
     def __post_init__(self) -> None:
         """Check numbers and criteria."""
         super().__post_init__()
+        object.__setattr__(self, "criteria", self.settled)
         names = [one.objective.name for one in self.settled]
         if len(set(names)) != len(names):
             raise InvalidInput(f"criteria: names must differ, got {', '.join(names)}")
@@ -141,7 +145,7 @@ class GradientProjection(DampedLeastSquares):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedGradientProjection(GradientProjection):
-    """Joints near their position limits are clamped and pushed back; criteria count where they are bad.
+    """Joints near position limits, both finite, are clamped and pushed back; criteria count where they are bad.
 
     ``buffer`` Ω is the share of a joint's range, at either end, in which it is clamped; ``repulsion`` t_rmax [rad/s,
     m/s] the velocity that pushes it back at its limit; ``band`` λ the share of a normalised criterion's range, at
@@ -175,8 +179,8 @@ class PredictiveKineticEnergy(Method):
     ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
     ``horizon`` h is how many samples ahead are looked at, ``prediction_step`` ΔT [s] how far apart they are, by default
     0.2 of the path's duration over h, and ``update_interval`` [s] how often, by default half of that. The last of them
-    counts ``terminal`` times more: what comes after the horizon costs as well. All may be arrays (*batch,).
-    ``feedback`` [1/s] of the tracking error is 0 by default: open loop, as in the paper.
+    counts ``terminal`` times more: what comes after the horizon costs as well. These may be arrays (*batch,).
+    ``feedback`` [1/s] of the tracking error, one number, is 0 by default: open loop, as in the paper.
 
     Raises InvalidInput for numbers out of range. Source: Tringali & Cocuzza 2021, PMKE.
     """
@@ -196,10 +200,15 @@ class PredictiveKineticEnergy(Method):
             raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")
         for name in ("prediction_step", "update_interval"):
             given = getattr(self, name)
-            if given is not None and not (np.asarray(given, dtype=float) > 0).all():
+            values = np.asarray(1.0 if given is None else given, dtype=float)
+            if not ((values > 0) & (values < np.inf)).all():
                 raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {given}")
-        if not self.feedback >= 0:
-            raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {self.feedback}")
+        if np.ndim(self.feedback) or not 0 <= self.feedback < np.inf:
+            raise InvalidInput(
+                f"PredictiveKineticEnergy: feedback, one number of 0 or more wanted, got {self.feedback}"
+            )
+        if not isinstance(self.objective, Objective):
+            raise InvalidInput(f"PredictiveKineticEnergy: an objective wanted, got {self.objective!r}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -35,8 +35,8 @@ class PredictiveTraces(Traces):
     """What was predicted, besides what was done: padded with −1 and NaN where motions have fewer updates.
 
     ``updates`` are the samples at which was looked ahead, ``predictions`` (updates, ahead, dof) [rad, m] the positions
-    found, ``values`` the objective over the horizon, ``converged`` whether it is a minimum on the path, ``iterations``
-    and ``seconds`` what that took, the spline included.
+    found, ``values`` the objective over the horizon, minimised, its last sample as often as it counts, ``converged``
+    whether that is a minimum on the path, ``iterations`` and ``seconds`` what it took, the spline included.
     """
 
     updates: Int[np.ndarray, "*batch updates"]
@@ -120,6 +120,10 @@ def predicted(
         ) from None
     n, times, count = task.arm.dof, task.times, int(np.prod(batch))
     own, dt = rhythms(method, times, batch), float(times[1] - times[0])
+    if method.feedback * dt > 1 + 1e-12:
+        raise InvalidInput(
+            f"PredictiveKineticEnergy: feedback from 0 to {1 / dt:.4g} 1/s wanted, got {method.feedback}"
+        )
     programs = {each: program(task, method.objective, each.ahead, each.stride * dt, each.terminal) for each in set(own)}
     looks = [Lookout(task=task, program=programs[each], rhythm=each) for each in own]
     q = np.empty((count, len(times), n))

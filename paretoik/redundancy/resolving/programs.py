@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from paretoik.calculus.differentiation import gradient, used
 from paretoik.calculus.expressions import Expression, entry
@@ -17,6 +17,7 @@ from paretoik.robot.kinematics import chain
 from paretoik.task.derivatives import local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.path import Path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +32,6 @@ class StepProgram:
 
     written: Program
     table: Float[np.ndarray, "time rows"]
-    of_rates: Bool[np.ndarray, " criteria"]
 
 
 def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram:
@@ -39,7 +39,7 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
 
     Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
     """
-    motion = traced_sample(task)
+    motion = traced_sample(_of_unit_time(task))
     trace, tape = motion.trace, motion.trace.tape
     now, later = (list(trace.inputs(task.targets.shape[1]).entries) for _ in range(2))
     links, outputs, slopes = chain(task.arm, list(motion.q.entries)), list[Any](), list[Any]()
@@ -52,7 +52,6 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
             begun += each.numbers
     places = [entry(tape, value) for value in (*outputs, *slopes)]
     inputs = [[entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)]
-    of_rates = []
     for one in criteria:
         what = f"criterion {one.name}"
         value = local(motion, what, one.function)
@@ -62,11 +61,16 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
         read = {order for order, part in enumerate(inputs) if set(part) & set(used(tape, [result]))}
         if read & {2, 3} or not read:
             raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
-        of_rates.append(0 not in read)
-        places += [result, *gradient(tape, result, inputs[1 if of_rates[-1] else 0])]
+        places += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     later_targets = np.concatenate([task.targets[1:], task.targets[-1:]])
     return StepProgram(
         written=program(tape, places),
         table=np.concatenate([task.targets, later_targets, *(each[:, None] for each in trace.data.values())], axis=1),
-        of_rates=np.array(of_rates, dtype=bool),
     )
+
+
+def _of_unit_time(task: MotionTask) -> MotionTask:
+    """Return the task in a second: means over time are then what they are of one sample."""
+    given = [each.path for each in task.tasks]
+    paths = [Path(one.times / one.duration, one.positions, one.quaternions, one.curve) for one in given]
+    return replace(task, tasks=tuple(replace(each, path=path) for each, path in zip(task.tasks, paths, strict=True)))

@@ -65,10 +65,12 @@ def resolve(
         ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
         ``WeightedGradientProjection``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` or ``Nedungadi``.
     start
-        Joint positions (*batch, dof) to start in; by default a posture on the path's first sample that is far from
-        singular. Starts and the method's numbers are broadcast against each other: one motion for each.
+        Joint positions (*batch, dof) to start in; by default a posture on the path's first sample, within the limits if
+        one is found there, that is far from singular. Starts and the method's numbers are broadcast against each
+        other: one motion for each.
     limits
-        Position limits that methods keep joints from; the arm's own by default. No method promises to keep them.
+        Position limits that methods keep joints from, where both are finite; the arm's own by default. No method
+        promises to keep them.
     obstacles, link_radius
         What criteria may look at.
     unreachable
@@ -81,8 +83,8 @@ def resolve(
     ``unreachable`` and ``tolerance`` mean nothing to ``Nedungadi``, whose motions are on the path or refused.
 
     The task's velocity over a step is what leads from one target to the next, in the coordinates of its errors, plus
-    feedback. A step is held where the Jacobian is singular and nothing is damped, or a joint were to make more than
-    half a turn in it.
+    feedback. A step is held where the Jacobian is singular and nothing is damped, or a joint were to go more than π
+    rad or m in it: where a path leaves what can be reached, less feedback than the default keeps steps short.
 
     Raises
     ------
@@ -140,14 +142,14 @@ def _starts(task: MotionTask, given: object, seed: int) -> np.ndarray:
         slopes = np.moveaxis(
             task_errors(task.arm, task.tasks, found, np.tile(task.targets[0], (len(found), 1)))[1], -1, 0
         )
-        lower, upper = task.arm.position_limits.T
+        lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
         inside = ((found >= lower) & (found <= upper)).all(axis=1)
         return np.asarray(found[np.argmax(np.linalg.svd(slopes)[1].min(axis=1) + 1e3 * inside)])
     try:
         q = np.array(given, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {given!r}") from None
-    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not np.isfinite(q).all():
+    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size or not np.isfinite(q).all():
         raise InvalidInput(f"start: finite joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
     return q
 
@@ -217,7 +219,13 @@ def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     before = max(sample - 1, 0)
     q = motion.q.reshape(-1, time, n)[lane, [before]]
     slopes = task_errors(task.arm, task.tasks, q, task.targets[[before]])[1][..., 0]
-    which = f"motion {lane}: " if motion.q.ndim > 2 else ""
+    batch = np.unravel_index(lane, motion.q.shape[:-2])
+    which = f"motion {', '.join(str(int(i)) for i in batch)}: " if batch else ""
+    if sample == 0:
+        raise InvalidInput(
+            f"resolve: {which}start is {errors[lane, 0]:.3g} m (or rad) off the path's first sample; wants at most "
+            f'{tolerance:g}, or unreachable="track"'
+        )
     what = "no step could be taken" if held[lane, sample] else f"{errors[lane, sample]:.3g} m or rad off the path"
     raise Infeasible(
         f"resolve: {which}{what} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "

@@ -299,6 +299,45 @@ def test_without_a_start_one_is_found_far_from_singular():
         pk.resolve(tringali_3r(), line([0.6, 0.0], [0.5, 0.0], duration=1.0, samples=11), pk.PseudoInverse())
 
 
+@pytest.mark.parametrize("objective", [pk.manipulability, pk.joint_limit_distance], ids=lambda one: one.name)
+def test_a_criterion_means_the_same_whatever_the_duration(objective):
+    quick, slow = (
+        pk.resolve(
+            tringali_3r(),
+            line([0.468, 0.0], [0.368, 0.0], duration=duration, samples=41),
+            pk.WeightedGradientProjection(criteria=[Criterion(objective=objective, scale=0.01, reference=1.0)]),
+            start=START,
+            limits=Limits(position=3.0),
+            tolerance=0.2,
+        )
+        for duration in (1.0, 10.0)
+    )
+    np.testing.assert_allclose(quick.traces.projected[0], slow.traces.projected[0], atol=1e-12)
+    np.testing.assert_allclose(quick.traces.coefficients[0], slow.traces.coefficients[0], atol=1e-12)
+
+
+def test_criteria_may_be_one_objective_or_come_from_a_generator():
+    given = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
+    motions = [pk.resolve(tringali_3r(), DOWN, pk.GradientProjection(criteria=each), start=START) for each in given]
+    for motion in motions:
+        np.testing.assert_array_equal(motion.traces.projected, motions[0].traces.projected)
+    assert np.abs(motions[0].traces.projected).max() > 0
+
+
+def test_a_joint_past_its_limit_stays_there_by_the_weighted_least_norm():
+    limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 3.0, 3.0]))
+    motion = pk.resolve(tringali_3r(), DOWN, pk.WeightedLeastNorm(), start=START, limits=limits, unreachable="track")
+    assert np.abs(motion.q[:, 2] - START[2]).max() < 1e-9
+    assert motion.traces.weights[:, 2].max() <= 2e12
+
+
+def test_the_default_start_is_within_the_limits_of_the_first_sample():
+    lower, upper = np.full((41, 3), -3.0), np.full((41, 3), 3.0)
+    upper[:5, 0] = -0.2
+    motion = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse(), limits=Limits(position=(lower, upper)))
+    assert motion.q[0, 0] <= -0.2
+
+
 def test_more_redundancy_and_several_tasks():
     arm = pk.Arm.planar(lengths=[1.0] * 5)
     q = np.array([0.3, 0.4, -0.5, 0.9, -0.4])
@@ -319,6 +358,8 @@ def test_more_redundancy_and_several_tasks():
         ({"tolerance": 0.0}, "tolerance: a positive distance in m or rad wanted, got 0.0"),
         ({"start": [0.0, np.nan, 0.0]}, "start: finite joint positions (..., 3) wanted, got shape (3,)"),
         ({"start": [0.0, 1.0]}, "start: finite joint positions (..., 3) wanted, got shape (2,)"),
+        ({"start": np.zeros((0, 3))}, "start: finite joint positions (..., 3) wanted, got shape (0, 3)"),
+        ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
         ({"start": "home"}, "start: joint positions (..., 3) wanted, got 'home'"),
         ({"method": pk.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
         (
