@@ -1,4 +1,4 @@
-"""What all studies share: rows of a table, their printing, and their JSON."""
+"""What all studies share: rows of a table, their printing, their JSON, and p-values of several tests."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -52,3 +53,12 @@ def _record(row: Row) -> dict[str, str | float | None]:
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in asdict(row).items()
     }
+
+
+def holm(p: Sequence[float]) -> np.ndarray:
+    """Return p-values of several tests, corrected for their number. Source: Holm 1979."""
+    corrected, highest = np.empty(len(p)), 0.0
+    for place, index in enumerate(np.argsort(p)):
+        highest = max(highest, min(1.0, p[index] * (len(p) - place)))
+        corrected[index] = highest
+    return corrected

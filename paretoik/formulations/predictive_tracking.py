@@ -80,14 +80,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             arm,
             path,
             objectives=[objective],
-            limits=None,
-            constraints=(),
-            obstacles=(),
-            link_radius=0.0,
             start=start,
-            end_velocity=None,
-            cyclic=False,
-            differences="backward",
         )
         samples = len(self.task.times)
         ahead = min(FARTHEST, (samples - 1) // 2)

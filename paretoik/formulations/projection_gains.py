@@ -114,14 +114,8 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
             arm,
             path,
             objectives=[one.objective for one in given] or [joint_travel],
-            limits=None,
-            constraints=(),
             obstacles=obstacles,
             link_radius=link_radius,
-            start="free",
-            end_velocity=None,
-            cyclic=False,
-            differences="backward",
         )
         self.starts = _ordered(self.task, seed) if starts is None else np.array(starts, dtype=float)
         shaped = self.starts.ndim == 2 and self.starts.shape[1] == arm.dof and self.starts.size

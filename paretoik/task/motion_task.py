@@ -177,14 +177,14 @@ def motion_task(
     tasks: Path | Task | Sequence[Path | Task],
     *,
     objectives: Sequence[Objective],
-    limits: Limits | None,
-    constraints: Sequence[Constraint],
-    obstacles: Sequence[Obstacle],
-    link_radius: float,
-    start: object,
-    end_velocity: float | None,
-    cyclic: bool,
-    differences: Differences,
+    limits: Limits | None = None,
+    constraints: Sequence[Constraint] = (),
+    obstacles: Sequence[Obstacle] = (),
+    link_radius: float = 0.0,
+    start: object = "free",
+    end_velocity: float | None = None,
+    cyclic: bool = False,
+    differences: Differences = "backward",
 ) -> MotionTask:
     """Check everything that a motion problem is made of and return it.
 

@@ -43,7 +43,7 @@ from scipy.stats import mannwhitneyu
 from paretoik.arrays import Genes, Objectives, Values
 from paretoik.search import MaxiMinNSGA2, seeded_population
 from problems.tringali_2020 import energy_torque
-from studies.reporting import Row, report
+from studies.reporting import Row, holm, report
 
 OURS = "MaxiMin"
 BOXED = "MaxiMin, ranges="
@@ -231,16 +231,6 @@ def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Value
     low, high = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
     a12 = test.statistic / len(ours) / len(theirs)
     return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, test.pvalue, p_equal)
-
-
-def holm(p: Sequence[float]) -> Values:
-    """Correct p-values for their number."""
-    corrected = np.empty(len(p))
-    highest = 0.0
-    for place, index in enumerate(np.argsort(p)):
-        highest = max(highest, min(1.0, p[index] * (len(p) - place)))
-        corrected[index] = highest
-    return corrected
 
 
 def judged(rows: Sequence[Comparison]) -> list[Comparison]:

@@ -7,7 +7,7 @@ speed and roughness, over the ranges of the best of all, by the rules that peers
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import moocore
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.stats import bootstrap, mannwhitneyu
 
 import paretoik as pk
 from problems import wan_2018
-from studies.reporting import Row
+from studies.reporting import Row, holm
 
 FAMILIES = ("weighted", "plain")
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
@@ -92,13 +92,6 @@ def compared_rows(*, seeds: int, population: int = 24, generations: int = 15, se
 
 def _ratio(ours: np.ndarray, theirs: np.ndarray) -> float:
     return float(np.median(ours) / np.median(theirs))
-
-
-def holm(p: Sequence[float]) -> list[float]:
-    """Return p-values of several tests, corrected. Source: Holm 1979."""
-    order = np.argsort(p)
-    held = np.minimum(np.maximum.accumulate([p[k] * (len(p) - i) for i, k in enumerate(order)]), 1.0)
-    return [float(held[np.flatnonzero(order == k)[0]]) for k in range(len(p))]
 
 
 def _scaled(front: np.ndarray) -> np.ndarray:

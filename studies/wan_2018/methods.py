@@ -73,14 +73,6 @@ def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
         arm,
         path,
         objectives=[pk.joint_travel],
-        limits=None,
-        constraints=(),
-        obstacles=(),
-        link_radius=0.0,
-        start="free",
-        end_velocity=None,
-        cyclic=False,
-        differences="backward",
     )
     found = postures(task, count, np.random.default_rng(seed))
     turned = (found + np.pi) % (2 * np.pi) - np.pi

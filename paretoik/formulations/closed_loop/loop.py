@@ -107,13 +107,8 @@ class ClosedLoop:
             path,
             objectives=[mean_position_error, joint_drift],
             limits=limits,
-            constraints=(),
             obstacles=obstacles,
             link_radius=link_radius,
-            start="free",
-            end_velocity=None,
-            cyclic=False,
-            differences="backward",
         )
         steps = np.diff(self.task.times)
         if np.ptp(steps) > 1e-9 * steps.mean():

@@ -111,13 +111,8 @@ def resolve(
         path,
         objectives=[each.objective for each in criteria] or [joint_travel],
         limits=limits,
-        constraints=(),
         obstacles=obstacles,
         link_radius=link_radius,
-        start="free",
-        end_velocity=None,
-        cyclic=False,
-        differences="backward",
     )
     q = _starts(task, start, seed)
     if isinstance(method, Nedungadi):

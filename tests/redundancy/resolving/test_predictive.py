@@ -37,14 +37,6 @@ def task_of(arm, path, objective):
         arm,
         path,
         objectives=[objective],
-        limits=None,
-        constraints=(),
-        obstacles=(),
-        link_radius=0.0,
-        start="free",
-        end_velocity=None,
-        cyclic=False,
-        differences="backward",
     )
 
 
