@@ -11,7 +11,7 @@ that MaxiMin spreads. Points that the verifier refuses (violation > 1e-8, tracki
 
 Cells differ in nothing else: same operators, same mating; MaxiMin means our whole survival, with its places for
 infeasible points and for species. Statistics are those of ``studies.benchmarks.maximin``; effects are contrasts of the
-cells' means, seeds as blocks.
+cells' means, seeds as blocks. Control-C judges the seeds that are done.
 """
 
 from __future__ import annotations
@@ -93,6 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"quick: {', '.join(chosen)} only, {evaluations} evaluations, {seeds} seeds: too few to prove much")
         print("quick: FATROP and IPOPT with CasADi's own evaluation, not compiled")
     found = run_all(chosen, KINDS, seeds, evaluations, compiling=not given.quick)
+    if min((len(runs) for each in found.values() for runs in each.values()), default=0) < 2:
+        parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
     report(rows_of(found), json_file=given.json)
 
 

@@ -65,7 +65,10 @@ def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form
 def run_all(
     chosen: Sequence[str], kinds: Sequence[Kind], seeds: int, evaluations: int | None = None, *, compiling: bool = True
 ) -> Found:
-    """Run everything, seeds outermost and the order of methods turning, a process a core."""
+    """Run everything, seeds outermost and the order of methods turning, a process a core.
+
+    Interrupted, it returns the seeds that are done; nobody would wait hours to see nothing.
+    """
     for name in THREADS:
         os.environ.setdefault(name, "1")
     found: Found = {}
@@ -73,20 +76,38 @@ def run_all(
         sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
         forms = _forms(pool, chosen, Path(folder) if compiling else None)
         budgets = {case: _budgets(pool, case, sizes[case], kinds) for case in chosen}
-        for seed in range(seeds):
-            waiting: list[tuple[str, Kind, str, Future[Run]]] = []
-            for case in chosen:
-                names = methods_of(case)
-                for name, kind in product(names[seed % len(names) :] + names[: seed % len(names)], kinds):
-                    form = forms.get((case, name))
-                    asked = [case, name, seed, budgets[case][kind], sizes[case], form]
-                    work: Future[Run] = pool.schedule(run, args=asked, timeout=LIMIT)
-                    waiting.append((case, kind, name, work))
-            for case, kind, name, done in waiting:
-                every = found.setdefault((case, kind), {each: [] for each in methods_of(case)})
-                every[name].append(_ended(done, case, f"{name} on {case}, equal {kind}, seed {seed}"))
-            _tell(f"seed {seed + 1} of {seeds}: done")
+        try:
+            for seed in range(seeds):
+                for key, runs in _seed(pool, chosen, seed, budgets, sizes, forms).items():
+                    for name, one in runs.items():
+                        found.setdefault(key, {}).setdefault(name, []).append(one)
+                _tell(f"seed {seed + 1} of {seeds}: done")
+        except KeyboardInterrupt:
+            pool.stop()  # type: ignore[no-untyped-call]
+            _tell(f"interrupted in seed {seed + 1} of {seeds}: the seeds before it are judged")
     return found
+
+
+def _seed(
+    pool: ProcessPool,
+    chosen: Sequence[str],
+    seed: int,
+    budgets: dict[str, dict[Kind, Budget]],
+    sizes: dict[str, int],
+    forms: dict[tuple[str, str], Form],
+) -> dict[tuple[str, Kind], dict[str, Run]]:
+    """Run every method once on every case under every budget."""
+    waiting: list[tuple[str, Kind, str, Future[Run]]] = []
+    for case in chosen:
+        names = methods_of(case)
+        for name, kind in product(names[seed % len(names) :] + names[: seed % len(names)], budgets[case]):
+            asked = [case, name, seed, budgets[case][kind], sizes[case], forms.get((case, name))]
+            work: Future[Run] = pool.schedule(run, args=asked, timeout=LIMIT)
+            waiting.append((case, kind, name, work))
+    runs: dict[tuple[str, Kind], dict[str, Run]] = {(case, kind): {} for case in chosen for kind in budgets[case]}
+    for case, kind, name, done in waiting:
+        runs[case, kind][name] = _ended(done, case, f"{name} on {case}, equal {kind}, seed {seed}")
+    return runs
 
 
 def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
