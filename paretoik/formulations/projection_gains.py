@@ -18,6 +18,7 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
+from paretoik.redundancy.resolving.lanes import ranges
 from paretoik.redundancy.resolving.methods import Criterion, GradientProjection, Variant, WeightedGradientProjection
 from paretoik.redundancy.resolving.resolution import resolve
 from paretoik.redundancy.resolving.traces import ResolvedMotion
@@ -200,8 +201,9 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
         motion = self._resolved(X, self.several)
         arm = self.task.arm
         lower, upper = arm.position_limits.T
-        limited = np.isfinite(upper - lower)
-        span = np.where(limited, upper - lower, 1.0)
+        between = ranges(arm, arm.position_limits)
+        limited = np.isfinite(between)
+        span = np.where(limited, between, 1.0)
         room = np.where(limited, np.minimum(motion.q - lower, upper - motion.q) / span, np.inf)
         margin = room.min(axis=(-2, -1)) if limited.any() else np.zeros(motion.q.shape[:2])
         speeds = np.where(np.isfinite(arm.velocity_limits), arm.velocity_limits, 1.0)

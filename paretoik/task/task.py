@@ -28,7 +28,7 @@ from paretoik.robot.components import (
     transpose,
 )
 from paretoik.robot.kinematics import Chain, columns, located
-from paretoik.robot.pose import quaternion_to_matrix
+from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.path import Path
 
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
@@ -93,6 +93,11 @@ class Task:
         """Number of target columns a sample."""
         return {"xy": 2, "xyz": 3, "xy+angle": 11}.get(self.axes or "", 12)
 
+    @property
+    def travel(self) -> int:
+        """Number of columns of ``travels``."""
+        return self.positions + 3 * self.turns
+
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
         """Return what ``errors`` compares with at times t [s]: position, then the rotation matrix by rows, if any."""
         positions, quaternions = self.path.at(t)
@@ -101,6 +106,36 @@ class Task:
             assert quaternions is not None
             wanted.append(quaternion_to_matrix(quaternions).reshape(-1, 9))
         return np.concatenate(wanted, axis=1)
+
+    def travels(self, t: Times) -> Float[np.ndarray, "time travels"]:
+        """Return how far what is wanted goes from each of the times t [s] to the next, 0 from the last.
+
+        Position [m], then the turn [rad] in world axes, if any: with "xyz+z-axis" the least that turns the z axis.
+        """
+        wanted = self.targets(t)
+        size = self.positions
+        found = [np.diff(wanted[:, :size], axis=0, append=wanted[-1:, :size])]
+        if self.turns:
+            rotations = wanted[:, size:].reshape(-1, 3, 3)
+            later = np.concatenate([rotations[1:], rotations[-1:]])
+            if self.axes == "xyz+z-axis":
+                axis, cosine = np.cross(rotations[..., 2], later[..., 2]), (rotations[..., 2] * later[..., 2]).sum(-1)
+                sine = np.linalg.norm(axis, axis=-1)
+                angle_over_sine = np.where(sine < DUST, 1.0, np.arctan2(sine, cosine) / np.maximum(sine, DUST))
+                found.append(angle_over_sine[:, None] * axis)
+            else:
+                found.append(rotation_vector(later @ rotations.swapaxes(-1, -2)))
+        return np.concatenate(found, axis=1)
+
+    def travelled(self, arm: Arm, links: Chain, travels: Sequence[Component]) -> list[Component]:
+        """Return a row of ``travels`` in the coordinates of ``errors``, as components."""
+        found = list(travels[: self.positions])
+        if self.turns:
+            rotation, _ = located(arm, links, _frame(arm, self.frame))
+            x, y, z = travels[self.positions :]
+            turn = apply_transposed(rotation, (x, y, z))
+            found += [turn[i] for i in self._kept]
+        return found
 
     def errors(
         self, arm: Arm, links: Chain, wanted: Sequence[Component]

@@ -12,10 +12,9 @@ import numpy as np
 from paretoik.calculus.compiling import compiled
 from paretoik.calculus.running import run_first
 from paretoik.redundancy.resolving.matrices import decomposed, least_eigenvalue, substituted
-from paretoik.redundancy.resolving.traces import LONGEST
+from paretoik.redundancy.resolving.traces import DAMPED, DONE, HELD, LONGEST, SHORTENED
 
 NONE, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighed
-DONE, DAMPED, HELD = 0, 1, 2  # what became of a step
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
 BEYOND = 1e12  # weight of a joint at its limit or past it
 
@@ -25,12 +24,13 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
     """Follow the motions of lanes ``first`` to ``last``; everything that comes out is in ``traces``.
 
     ``table`` (time, rows) is what the program wants of every sample besides positions and rates, ``steps`` (time − 1)
-    the times between them, ``limits`` (1 or time, dof, 2). ``modes``: how joints are weighed, whether the projector is
-    the paper's, whether criteria are normalised. ``settings`` (lanes, columns); ``gains`` (lanes, criteria, 2): gain
-    and rank, 0 for the first; ``signs`` (criteria, 3): −1 for what is maximised, reference, scale.
+    the times between them, ``limits`` (1 or time, dof, 3) lower, upper and the range between. ``modes``: how joints are
+    weighed, whether the projector is the paper's, whether criteria are normalised. ``settings`` (lanes, columns);
+    ``gains`` (lanes, criteria, 2): gain and rank, 0 for the first; ``signs`` (criteria, 3): −1 for what is maximised,
+    reference, scale.
     """
     q, errors, damping, weights, coefficients, repulsion, projected, velocities, status = traces
-    lower, upper = limits[..., 0], limits[..., 1]
+    lower, upper, ranges = limits[..., 0], limits[..., 1], limits[..., 2]
     time, n = q.shape[1], q.shape[2]
     rows, criteria = errors.shape[2], signs.shape[0]
     weighing, printed, normalised = modes
@@ -61,19 +61,18 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             if k == time - 1:
                 continue
             dt, at = steps[k], min(k, lower.shape[0] - 1)
-            kept = 1.0 - settings[here, FEEDBACK] * dt
             for i in range(rows):
-                wanted[i] = (found[rows + i, lane] - kept * found[i, lane]) / dt
+                wanted[i] = found[rows + i, lane] / dt + settings[here, FEEDBACK] * found[i, lane]
                 for j in range(n):
                     J[i, j] = found[2 * rows + i * n + j, lane]
             for j in range(n):
                 place = q[here, k, j]
                 if weighing == LEAST_NORM:
-                    E[j] = _least_norm(place, lower[at, j], upper[at, j], leaning, lane, j)
+                    E[j] = _least_norm(place, lower[at, j], upper[at, j], ranges[at, j], leaning, lane, j)
                     weights[here, k, j] = 1.0 / E[j] if E[j] > 0 else BEYOND
                     D[j] = E[j]
                 elif weighing == CLAMPING:
-                    E[j] = clamping(depth(place, lower[at, j], upper[at, j], settings[here, BUFFER]))
+                    E[j] = clamping(depth(place, lower[at, j], upper[at, j], settings[here, BUFFER] * ranges[at, j]))
                     weights[here, k, j] = E[j]
                     D[j] = E[j] * E[j]
             for i in range(rows):
@@ -88,7 +87,9 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             damping[here, k] = np.sqrt(squared)
             status[here, k] = DAMPED if squared > 0 else DONE
             if not decomposed(A, factor):
-                _held(here, k, q, velocities, repulsion, projected, status)
+                status[here, k] = HELD
+                for j in range(n):
+                    q[here, k + 1, j] = q[here, k, j]
                 continue
             substituted(factor, wanted)
             for j in range(n):
@@ -98,7 +99,8 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
                 velocities[here, k, j] = D[j] * total
             if weighing == CLAMPING:
                 for j in range(n):
-                    into = depth(q[here, k, j], lower[at, j], upper[at, j], settings[here, BUFFER])
+                    width = settings[here, BUFFER] * ranges[at, j]
+                    into = depth(q[here, k, j], lower[at, j], upper[at, j], width)
                     z[j] = -(1.0 - E[j]) * into * settings[here, REPULSION]
                 _projected(J, D, E, factor, printed, z, wanted, repulsion[here, k])
                 for j in range(n):
@@ -116,31 +118,35 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
                 _projected(J, D, E, factor, printed, z, wanted, projected[here, k, c])
                 for j in range(n):
                     velocities[here, k, j] += projected[here, k, c, j]
+            farthest = 0.0
+            for j in range(n):
+                farthest = np.maximum(farthest, abs(dt * velocities[here, k, j]))  # NaN stays
+            if not farthest < np.inf:
+                _scaled(here, k, 0.0, velocities, repulsion, projected)
+                status[here, k] = HELD
+            elif farthest > LONGEST:
+                _scaled(here, k, LONGEST / farthest, velocities, repulsion, projected)
+                status[here, k] = SHORTENED
             for j in range(n):
                 q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
-                if not abs(dt * velocities[here, k, j]) <= LONGEST:
-                    _held(here, k, q, velocities, repulsion, projected, status)
-                    break
 
 
 @compiled
-def _held(lane, k, q, velocities, repulsion, projected, status):
-    """Take no step: there is none, or it has no bounds."""
-    status[lane, k] = HELD
-    for j in range(q.shape[2]):
-        velocities[lane, k, j] = repulsion[lane, k, j] = 0.0
+def _scaled(lane, k, share, velocities, repulsion, projected):
+    """Take a share of a step; 0 where there is none."""
+    for j in range(velocities.shape[2]):
+        velocities[lane, k, j] = share * velocities[lane, k, j] if share > 0.0 else 0.0
+        repulsion[lane, k, j] = share * repulsion[lane, k, j] if share > 0.0 else 0.0
         for c in range(projected.shape[2]):
-            projected[lane, k, c, j] = 0.0
-        q[lane, k + 1, j] = q[lane, k, j]
+            projected[lane, k, c, j] = share * projected[lane, k, c, j] if share > 0.0 else 0.0
 
 
 @compiled
-def depth(place, lower, upper, buffer):
-    """Return how deep in its buffer a joint is: −1 at its lower limit or past it, 0 between, 1 at the upper.
+def depth(place, lower, upper, width):
+    """Return how deep in a buffer so wide a joint is: −1 at its lower limit or past it, 0 between, 1 at the upper.
 
     Source: Wan et al. 2018, Eqs. 16 and 20.
     """
-    width = buffer * (upper - lower)
     if not width < np.inf:
         return 0.0
     low, high = lower + width - place, place - (upper - width)
@@ -174,15 +180,22 @@ def coefficient(exponent, sign, band):
 
 
 @compiled
-def _least_norm(place, lower, upper, leaning, lane, j):
-    """Return the inverse weight of a joint, that of Eq. 10, and remember its slope for the next step."""
-    if not upper - lower < np.inf:
+def _least_norm(place, lower, upper, between, leaning, lane, j):
+    """Return the inverse weight of a joint, that of Eq. 10, and remember its slope for the next step.
+
+    A joint with one limit is slowed in the half of its range that is next to it.
+    """
+    if not between < np.inf:
         return 1.0
     above, below = upper - place, place - lower
+    if above == np.inf:
+        above = max(between - below, below)
+    elif below == np.inf:
+        below = max(between - above, above)
     if above <= 0.0 or below <= 0.0:
         steep = BEYOND
     else:
-        inside = (upper - lower) ** 2 * (below - above) / (4.0 * above * above * below * below)
+        inside = between**2 * (below - above) / (4.0 * above * above * below * below)
         steep = min(abs(inside), BEYOND)
     nearer = steep >= leaning[lane, j]
     leaning[lane, j] = steep

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.redundancy.resolving.methods import Criterion, VelocityMethod
+from paretoik.robot.arm import Arm
 
 SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback; 0 where a method has none
 
@@ -65,3 +66,13 @@ def lanes(
         settings=np.ascontiguousarray(columns[:, :own]),
         gains=np.stack([columns[:, own:], flat(ranks, len(criteria)).astype(float)], axis=2),
     )
+
+
+def ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
+    """Return how far [rad, m] joints may go between their position limits.
+
+    With one limit alone that counts as a whole turn or 1 m; it is inf with none.
+    """
+    between = limits[..., 1] - limits[..., 0]
+    one = np.isfinite(limits).any(axis=-1) & np.isinf(between)
+    return np.where(one, np.where(arm.periodic, 2 * np.pi, 1.0), between)

@@ -110,7 +110,7 @@ class DampedLeastSquares(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints are slowed as they come nearer to their position limits, both of them finite, and free as they leave.
+    """Joints are slowed as they come nearer to their position limits, and free as they leave.
 
     A joint at its limit, or past it, stays there: the method has nothing that pushes it back.
     Source: Chan & Dubey 1995; Wan et al. 2018, Eqs. 10, 11 and 14.
@@ -145,7 +145,7 @@ class GradientProjection(DampedLeastSquares):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedGradientProjection(GradientProjection):
-    """Joints near position limits, both finite, are clamped and pushed back; criteria count where they are bad.
+    """Joints near position limits are clamped and pushed back; criteria count where they are bad.
 
     ``buffer`` Ω is the share of a joint's range, at either end, in which it is clamped; ``repulsion`` t_rmax [rad/s,
     m/s] the velocity that pushes it back at its limit; ``band`` λ the share of a normalised criterion's range, at

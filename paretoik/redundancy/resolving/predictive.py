@@ -20,7 +20,17 @@ from jaxtyping import Bool, Float, Int
 from paretoik.errors import InvalidInput
 from paretoik.redundancy.resolving.horizon import Found, horizon
 from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
-from paretoik.redundancy.resolving.traces import LONGEST, STATUS, ResolvedMotion, Traces, resolved
+from paretoik.redundancy.resolving.programs import step_program
+from paretoik.redundancy.resolving.traces import (
+    DONE,
+    HELD,
+    LONGEST,
+    SHORTENED,
+    STATUS,
+    ResolvedMotion,
+    Traces,
+    resolved,
+)
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -129,18 +139,19 @@ def predicted(
     q = np.empty((count, len(times), n))
     q[:, 0] = np.broadcast_to(start, (*batch, n)).reshape(count, n)
     found = resolved(count, len(times), n, task.rows, 1)
+    step = step_program(task, [])
+    given = np.zeros((4 * n + step.table.shape[1], count))
     for k in range(len(times)):
-        target = np.tile(task.targets[k], (count, 1))
-        error, slopes = task_errors(task.arm, task.tasks, q[:, k], target)
+        given[:n], given[4 * n :] = q[:, k].T, step.table[k][:, None]
+        error, travel, slopes = np.split(step.written(given), [task.rows, 2 * task.rows])
         found["errors"][:, k] = error.T
         if k == len(times) - 1:
             break
-        later = task_errors(task.arm, task.tasks, q[:, k], np.tile(task.targets[k + 1], (count, 1)))[0]
-        wanted = (later - (1 - method.feedback * dt) * error).T / dt
+        wanted = (travel / dt + method.feedback * error).T
         before = found["velocities"][:, k - 1] if k else np.zeros((count, n))
         pace = (before - (found["velocities"][:, k - 2] if k > 1 else 0.0)) / dt if k else np.zeros((count, n))
         aimed = np.stack([one.aimed(k, q[i, k], before[i], pace[i]) for i, one in enumerate(looks)])
-        _stepped(np.moveaxis(slopes, -1, 0), wanted, (aimed - q[:, k]) / dt, k, dt, q, found)
+        _stepped(slopes.T.reshape(count, task.rows, n), wanted, (aimed - q[:, k]) / dt, k, dt, q, found)
     return _told(task, batch, q, found, looks)
 
 
@@ -161,10 +172,12 @@ def _stepped(
     onto = np.linalg.solve(square, (wanted - (jacobian @ free[..., None])[..., 0])[..., None])
     both = free + (jacobian.swapaxes(1, 2) @ onto)[..., 0]
     task_part = (jacobian.swapaxes(1, 2) @ np.linalg.solve(square, wanted[..., None]))[..., 0]
-    good &= np.isfinite(both).all(axis=1) & (np.abs(both).max(axis=1) * dt <= LONGEST)
-    found["velocities"][:, k] = np.where(good[:, None], both, 0.0)
-    found["projected"][:, k, 0] = np.where(good[:, None], both - task_part, 0.0)
-    found["status"][:, k] = np.where(good, 0, STATUS.tolist().index("held"))
+    farthest = np.abs(both).max(axis=1) * dt
+    good &= np.isfinite(farthest)
+    share = np.where(good, np.minimum(LONGEST / np.maximum(farthest, LONGEST), 1.0), 0.0)[:, None]
+    found["velocities"][:, k] = np.where(good[:, None], share * both, 0.0)
+    found["projected"][:, k, 0] = np.where(good[:, None], share * (both - task_part), 0.0)
+    found["status"][:, k] = np.select([~good, share[:, 0] < 1], [HELD, SHORTENED], DONE)
     q[:, k + 1] = q[:, k] + dt * found["velocities"][:, k]
 
 

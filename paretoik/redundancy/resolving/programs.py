@@ -24,10 +24,10 @@ from paretoik.task.path import Path
 class StepProgram:
     """What a step computes from positions, velocities, accelerations and jerks (dof rows each) and a row of ``table``.
 
-    The table (time, rows) has the targets of every sample, those of the next, and what changes with time in criteria.
-    Accelerations and jerks are not read. The program writes the errors to this target, those to the next, the entries
-    of the Jacobian by rows, then of every criterion its value and its gradient: with respect to positions, or to
-    velocities where it reads these alone.
+    The table (time, rows) has the targets of every sample, how far they go to the next, and what changes with time in
+    criteria. Accelerations and jerks are not read. The program writes the errors, how far the target goes in the same
+    coordinates, the entries of the Jacobian by rows, then of every criterion its value and its gradient: with respect
+    to positions, or to velocities where it reads these alone.
     """
 
     written: Program
@@ -41,16 +41,17 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
     """
     motion = traced_sample(_of_unit_time(task))
     trace, tape = motion.trace, motion.trace.tape
-    now, later = (list(trace.inputs(task.targets.shape[1]).entries) for _ in range(2))
-    links, outputs, slopes = chain(task.arm, list(motion.q.entries)), list[Any](), list[Any]()
-    for targets in (now, later):
-        begun = 0
-        for each in task.tasks:
-            error, rows = each.errors(task.arm, links, targets[begun : begun + each.numbers])
-            outputs += error
-            slopes += [slope for row in rows for slope in row] if targets is now else []
-            begun += each.numbers
-    places = [entry(tape, value) for value in (*outputs, *slopes)]
+    travels = np.concatenate([each.travels(task.times) for each in task.tasks], axis=1)
+    targets, going = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
+    links = chain(task.arm, list(motion.q.entries))
+    outputs, along, slopes = list[Any](), list[Any](), list[Any]()
+    for each in task.tasks:
+        error, rows = each.errors(task.arm, links, targets[: each.numbers])
+        outputs += error
+        along += each.travelled(task.arm, links, going[: each.travel])
+        slopes += [slope for row in rows for slope in row]
+        targets, going = targets[each.numbers :], going[each.travel :]
+    places = [entry(tape, value) for value in (*outputs, *along, *slopes)]
     inputs = [[entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)]
     for one in criteria:
         what = f"criterion {one.name}"
@@ -62,10 +63,9 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
         if read & {2, 3} or not read:
             raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
         places += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
-    later_targets = np.concatenate([task.targets[1:], task.targets[-1:]])
     return StepProgram(
         written=program(tape, places),
-        table=np.concatenate([task.targets, later_targets, *(each[:, None] for each in trace.data.values())], axis=1),
+        table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.data.values())], axis=1),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.redundancy.resolving.lanes import lanes
+from paretoik.redundancy.resolving.lanes import lanes, ranges
 from paretoik.redundancy.resolving.methods import (
     Criterion,
     GradientProjection,
@@ -38,6 +38,7 @@ from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
 
 TOLERANCE = 0.01  # m or rad: a motion farther off its path has not followed it
+BROKEN = {"held": "no step could be taken", "shortened": "a joint were to go more than 1 rad or m in the step"}
 TRIED = 64  # postures, of which a motion starts in the one farthest from singular
 Unreachable = Literal["refuse", "track"]
 
@@ -69,8 +70,8 @@ def resolve(
         one is found there, that is far from singular. Starts and the method's numbers are broadcast against each
         other: one motion for each.
     limits
-        Position limits that methods keep joints from, where both are finite; the arm's own by default. No method
-        promises to keep them.
+        Position limits that methods keep joints from; the arm's own by default. A joint with one limit counts as having
+        a range of 2π rad, or 1 m. No method promises to keep them.
     obstacles, link_radius
         What criteria may look at.
     unreachable
@@ -82,9 +83,10 @@ def resolve(
 
     ``unreachable`` and ``tolerance`` mean nothing to ``Nedungadi``, whose motions are on the path or refused.
 
-    The task's velocity over a step is what leads from one target to the next, in the coordinates of its errors, plus
-    feedback. A step is held where the Jacobian is singular and nothing is damped, or a joint were to go more than π
-    rad or m in it: where a path leaves what can be reached, less feedback than the default keeps steps short.
+    The task's velocity over a step is that of its target, with a pose the angular velocity of the target's frame, plus
+    feedback. A step is held where the Jacobian is singular and nothing is damped, and shortened where a joint were to
+    go more than 1 rad or m in it. Where a path leaves what can be reached, the arm follows as it can and returns with
+    it; damping keeps it calm meanwhile.
 
     Raises
     ------
@@ -159,7 +161,8 @@ def _followed(
     q = np.empty((count, size + 1, n))
     q[:, 0] = asked.start
     traces = resolved(count, size + 1, n, task.rows, c)
-    bounds = np.ascontiguousarray(task.bounds.get("position", task.arm.position_limits[None]))
+    bounds = task.bounds.get("position", task.arm.position_limits[None])
+    bounds = np.concatenate([bounds, ranges(task.arm, bounds)[..., None]], axis=-1)
     signs = np.array([[one.objective.sign, one.reference, one.scale] for one in criteria]).reshape(c, 3)
     modes, found = _modes(method), (q, *traces.values())
 
@@ -204,9 +207,10 @@ def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     """Raise Infeasible where a motion lost its path, with the first sample where it did."""
     n, time = task.arm.dof, len(task.times)
     errors = np.abs(motion.traces.errors).max(axis=-1).reshape(-1, time)
-    held = np.zeros_like(errors, dtype=bool)
-    held[:, 1:] = motion.traces.status.reshape(-1, time - 1) == "held"
-    lost = held | (errors > tolerance)
+    broken = np.zeros_like(errors, dtype=bool)
+    status = motion.traces.status.reshape(-1, time - 1)
+    broken[:, 1:] = np.isin(status, list(BROKEN))
+    lost = broken | (errors > tolerance)
     if not lost.any():
         return
     lane = int(np.argmax(lost.any(axis=1)))
@@ -221,7 +225,8 @@ def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
             f"resolve: {which}start is {errors[lane, 0]:.3g} m (or rad) off the path's first sample; wants at most "
             f'{tolerance:g}, or unreachable="track"'
         )
-    what = "no step could be taken" if held[lane, sample] else f"{errors[lane, sample]:.3g} m or rad off the path"
+    off = f"{errors[lane, sample]:.3g} m or rad off the path"
+    what = BROKEN[str(status[lane, sample - 1])] if broken[lane, sample] else off
     raise Infeasible(
         f"resolve: {which}{what} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
         f'number is {np.linalg.cond(slopes):.3g}; unreachable="track" goes on as well as can be'

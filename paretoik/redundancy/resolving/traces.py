@@ -11,8 +11,9 @@ from jaxtyping import Float, Shaped
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
-STATUS = np.array(["done", "damped", "held"])
-LONGEST = np.pi  # rad or m: a joint that were to go farther in a step stays
+STATUS = np.array(["done", "damped", "shortened", "held"])
+DONE, DAMPED, SHORTENED, HELD = range(4)  # places in it
+LONGEST = 1.0  # rad or m that a joint goes in a step, at most: farther, a slope tells nothing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +24,8 @@ class Traces:
     ``damping`` ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient
     projection, else 1. ``coefficients`` are those of the criteria, ``repulsion`` and ``projected`` the velocities that
     were added to the task's: by what pushes joints off their limits, and by each criterion. ``status`` says of each
-    step whether it was "done", "damped", or "held": not taken, for the posture is singular or the step endless.
+    step whether it was "done", "damped", "shortened" to at most 1 rad or m of every joint, all of it by one share, or
+    "held": not taken, for the posture is singular.
     """
 
     errors: Float[np.ndarray, "*batch time rows"]

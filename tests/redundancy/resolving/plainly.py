@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from paretoik.robot import kinematics
 from paretoik.task.retraction import task_errors
 
 
@@ -57,7 +59,19 @@ class Plainly:
 
     def wanted(self, q, k):
         dt = self.motion.time[k + 1] - self.motion.time[k]
-        return (self.at(q, k + 1)[0] - (1 - self.feedback * dt) * self.at(q, k)[0]) / dt
+        return self.travelled(q, k) / dt + self.feedback * self.at(q, k)[0]
+
+    def travelled(self, q, k):
+        """Return how far the target goes: positions in world axes, the turn of its frame in the tool's."""
+        (task,) = self.motion.tasks
+        now, later = (task.targets(self.motion.time)[i] for i in (k, k + 1))
+        size = task.positions
+        if len(now) == size:
+            return later - now
+        before, after = (Rotation.from_matrix(each[size:].reshape(3, 3)) for each in (now, later))
+        tool = Rotation.from_matrix(kinematics.tool_pose(self.motion.arm, q)[0])
+        turn = tool.inv().apply((after * before.inv()).as_rotvec())
+        return np.concatenate([later[:size] - now[:size], turn])
 
     def followed(self):
         q, dq, found = self.motion.q[0], np.zeros(self.motion.arm.dof), [self.motion.q[0]]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from paretoik.redundancy.resolving.following import clamping, coefficient, damped, depth
 from paretoik.redundancy.resolving.matrices import decomposed, least_eigenvalue
 
-BUFFER = 0.25
+WIDTH = 0.5
 NEAR = 1e-7
 
 
@@ -47,13 +47,13 @@ def test_a_matrix_that_is_not_positive_definite_is_not_decomposed():
 
 @pytest.mark.parametrize("threshold", [-1.0, 1.0, -0.5, 0.5])
 def test_weights_are_continuous_across_thresholds(threshold):
-    before, after = (clamping(depth(threshold + side, -1.0, 1.0, BUFFER)) for side in (-NEAR, NEAR))
+    before, after = (clamping(depth(threshold + side, -1.0, 1.0, WIDTH)) for side in (-NEAR, NEAR))
     assert before == pytest.approx(after, abs=1e-5)
 
 
 @given(place=st.floats(-3.0, 3.0))
 def test_weights_fall_from_one_outside_the_buffer_to_nothing_at_the_limit(place):
-    into = depth(place, -1.0, 1.0, BUFFER)
+    into = depth(place, -1.0, 1.0, WIDTH)
     assert -1.0 <= into <= 1.0
     assert into == pytest.approx(np.sign(place) * np.clip((abs(place) - 0.5) / 0.5, 0.0, 1.0), abs=1e-12)
     assert (clamping(into) == 1.0) == (abs(into) < 1e-3) or 0 < abs(into) < 0.1  # tanh reaches 1 before
@@ -62,7 +62,7 @@ def test_weights_fall_from_one_outside_the_buffer_to_nothing_at_the_limit(place)
 
 def test_half_way_into_the_buffer_the_weight_is_a_half():
     assert clamping(0.5) == clamping(-0.5) == 0.5
-    assert depth(0.3, -np.inf, np.inf, BUFFER) == 0.0
+    assert depth(0.3, -np.inf, np.inf, np.inf) == 0.0
     assert depth(1.0, -1.0, 1.0, 0.0) == 1.0
     assert depth(0.999, -1.0, 1.0, 0.0) == 0.0
 
