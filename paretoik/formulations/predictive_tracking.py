@@ -133,7 +133,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def decode(self, genes: Genes) -> ResolvedMotion:
         """Return the motions (points, time, dof) of genes."""
         start = self.task.start
-        return resolve(self.task.arm, self.path, self.method(genes), start=start, unreachable="track")
+        return resolve(self.task.arm, self.path, self.method(genes), start=start, unreachable="track", tolerance=LOST)
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""

@@ -311,8 +311,8 @@ def limit_pairs(what: str, given: object, count: int) -> Float[np.ndarray, "dof 
     """Return limits as rows (lower, upper), (count, 2); None is unlimited, a tuple (lower, upper), else symmetric."""
     if given is None:
         return np.tile([-np.inf, np.inf], (count, 1))
-    lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (-np.asarray(given, float), given)
     try:
+        lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (-np.asarray(given, float), given)
         rows = np.stack([np.broadcast_to(np.asarray(side, float), (count,)) for side in (lower, upper)], axis=-1)
     except ValueError:
         raise InvalidInput(f"{what} wants one value or {count}, one a joint, got {given!r}") from None

@@ -190,6 +190,8 @@ def motion_task(
 
     Raises InvalidInput, naming the thing, for each part that cannot be used.
     """
+    if not isinstance(arm, Arm):
+        raise InvalidInput(f"arm: an Arm wanted, such as tringali_3r() or Arm.from_urdf(...), got {arm!r}")
     settled = tuple(_task(given).settled(arm) for given in (tasks if isinstance(tasks, Sequence) else [tasks]))
     _check_tasks(arm, settled)
     _check_decorated("objective", objectives, Objective)

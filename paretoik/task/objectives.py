@@ -145,13 +145,13 @@ def joint_drift(motion: Moving) -> Found:
 def joint_limit_distance(motion: Moving) -> Found:
     """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))².
 
-    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits, or held at one place, don't count.
-    Raises InvalidInput where no joint has limits.
+    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits at both ends, or held at one place, do
+    not count. Raises InvalidInput where no joint has such limits.
     """
     lower, upper = motion.arm.position_limits.T
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
-        raise InvalidInput("joint_limit_distance wants position limits, but no joint of the arm has any")
+        raise InvalidInput("joint_limit_distance wants position limits at both ends, but no joint of the arm has these")
     lower, upper = lower[limited], upper[limited]
     ratio = (motion.q[..., limited] - (lower + upper) / 2) / (upper - lower)
     return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / _duration(motion)
@@ -161,8 +161,8 @@ def joint_limit_distance(motion: Moving) -> Found:
 def joint_limit_nearness(motion: Moving) -> Found:
     """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt: each joint 1 in the middle, without bounds at a limit.
 
-    Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits don't count; past 0.1 % of its range from
-    a limit a joint counts as there. Raises InvalidInput where no joint has limits.
+    Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits at both ends do not count; past 0.1 % of
+    its range from a limit a joint counts as there. Raises InvalidInput where no joint has such limits.
     """
     return _nearness("joint_limit_nearness", "position", motion.q, *motion.arm.position_limits.T)
 
@@ -235,7 +235,7 @@ def _duration(motion: Moving) -> np.ndarray:
 def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> Found:
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
-        raise InvalidInput(f"{name} wants {kind} limits, but no joint of the arm has any")
+        raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
     lower, upper = lower[limited], upper[limited]
     edge = NEAREST * (upper - lower)
     inside = np.clip(values[..., limited], lower + edge, upper - edge)

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 import paretoik as pk
 from paretoik.redundancy.resolving.horizon import Found, Horizon, horizon
 from paretoik.redundancy.resolving.predictive import PredictiveTraces, predicted
+from paretoik.redundancy.resolving.resolution import TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021
 from problems.tringali_2021 import START
@@ -75,11 +76,12 @@ def real_time_rows(*, rounds: int) -> list[Row]:
     energies: dict[str, list[float]] = {solver: [] for solver in solvers}
     tasks: list[MotionTask] = [tringali_2021.problem(number, arm_of("fitted")).task for number in NUMBERS]
     for task in tasks[:1]:
-        predicted(task, pk.PredictiveKineticEnergy(), np.array(START))  # compiled once
+        predicted(task, pk.PredictiveKineticEnergy(), np.array(START), tolerance=TOLERANCE)  # compiled once
     for turn in range(rounds):
         for task in tasks:
             for solver in solvers:
-                motion = predicted(task, pk.PredictiveKineticEnergy(), np.array(START), program=updated(solver))
+                given = task, pk.PredictiveKineticEnergy(), np.array(START)
+                motion = predicted(*given, tolerance=TOLERANCE, program=updated(solver))
                 assert isinstance(motion.traces, PredictiveTraces)
                 seconds[solver].append(motion.traces.seconds)
                 if turn == 0:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Arm, Path, Pose, Task, line, marcos_nr
+from paretoik import Arm, Path, Pose, Task, line, marcos_nr, poses
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import chain, tool_pose
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm
@@ -102,6 +102,20 @@ def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
     error, _ = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
     assert error.shape == (task.rows, 6)
     assert np.abs(error).max() < 1e-14
+
+
+@every_kind
+def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, path):
+    q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
+    rotations, places = tool_pose(arm, q)
+    frames = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
+    task = Task(poses(np.arange(6.0), frames), axes=axes).settled(arm)
+    travels, targets = task.travels(task.path.times), task.targets(task.path.times)
+    assert travels.shape == (6, task.travel)
+    assert (travels[-1] == 0).all()
+    error, _ = task_errors(arm, [task], q[:-1], targets[1:])
+    going = task.travelled(arm, chain(arm, list(q[:-1].T)), list(travels[:-1].T))
+    np.testing.assert_allclose(np.broadcast_arrays(*going, np.zeros(5))[:-1], error, atol=1e-10)
 
 
 @every_kind

@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.robot.pose import finite_array
 from paretoik.task.objectives import Objective, kinetic_energy
 
 Number: TypeAlias = float | np.ndarray
@@ -41,14 +42,12 @@ class Criterion:
         """Check the numbers."""
         if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
             raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {self.objective!r}")
-        if not np.isfinite(self.reference) or not 0 < self.scale < np.inf:
-            raise InvalidInput(
-                f"criterion {self.objective.name}: wants a finite reference and a positive scale, got {self.reference} "
-                f"and {self.scale}"
-            )
-        gain = np.asarray(self.gain, dtype=float)
-        if not ((gain >= 0) & (gain < np.inf)).all():
-            raise InvalidInput(f"criterion {self.objective.name}: a gain of 0 or more wanted, got {self.gain}")
+        what = f"criterion {self.objective.name}"
+        finite_array(f"{what}, reference", self.reference, ())
+        if not finite_array(f"{what}, scale", self.scale, ()) > 0:
+            raise InvalidInput(f"{what}: a positive scale wanted, got {self.scale}")
+        if not (finite_array(f"{what}, gain", self.gain) >= 0).all():
+            raise InvalidInput(f"{what}: a gain of 0 or more wanted, got {self.gain}")
 
 
 class Method:
@@ -61,10 +60,10 @@ def _check_ranges(method: Any) -> None:
         if "within" not in each.metadata:
             continue
         low, high = each.metadata["within"]
-        given = getattr(method, each.name)
-        values, upper = np.asarray(given, dtype=float), "" if np.isinf(high) else f" and less than {high:g}"
+        given, what = getattr(method, each.name), f"{type(method).__name__}: {each.name}"
+        values, upper = finite_array(what, given), "" if np.isinf(high) else f" and less than {high:g}"
         if not ((values >= low) & (values < high)).all():
-            raise InvalidInput(f"{type(method).__name__}: {each.name} of {low:g} or more{upper} wanted, got {given}")
+            raise InvalidInput(f"{what} of {low:g} or more{upper} wanted, got {given}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,8 +76,10 @@ class VelocityMethod(Method):
     feedback: Number | None = None
 
     def __post_init__(self) -> None:
-        """Check that numbers are within their ranges."""
+        """Check that numbers are within their ranges; of the feedback ``resolve`` does, which knows the steps."""
         _check_ranges(self)
+        if self.feedback is not None:
+            finite_array(f"{type(self).__name__}: feedback", self.feedback)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -168,6 +169,8 @@ class WeightedGradientProjection(GradientProjection):
     def __post_init__(self) -> None:
         """Check numbers and variant."""
         super().__post_init__()
+        if self.priorities is not None:
+            finite_array("WeightedGradientProjection: priorities", self.priorities)
         if self.variant not in get_args(Variant):
             raise InvalidInput(f"variant must be one of {', '.join(get_args(Variant))}, got {self.variant!r}")
 
@@ -200,13 +203,10 @@ class PredictiveKineticEnergy(Method):
             raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")
         for name in ("prediction_step", "update_interval"):
             given = getattr(self, name)
-            values = np.asarray(1.0 if given is None else given, dtype=float)
-            if not ((values > 0) & (values < np.inf)).all():
+            if given is not None and not (finite_array(f"PredictiveKineticEnergy: {name}", given) > 0).all():
                 raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {given}")
-        if np.ndim(self.feedback) or not 0 <= self.feedback < np.inf:
-            raise InvalidInput(
-                f"PredictiveKineticEnergy: feedback, one number of 0 or more wanted, got {self.feedback}"
-            )
+        if not finite_array("PredictiveKineticEnergy: feedback", self.feedback, ()) >= 0:
+            raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {self.feedback}")
         if not isinstance(self.objective, Objective):
             raise InvalidInput(f"PredictiveKineticEnergy: an objective wanted, got {self.objective!r}")
 
@@ -217,7 +217,12 @@ class Nedungadi(Method):
 
     It begins with the velocities of least kinetic energy, and no torque drives the self-motion. ``tolerance`` is that
     of every integration step. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq. 20, its sign
-    corrected.
+    corrected. Raises InvalidInput for a tolerance that is not positive.
     """
 
     tolerance: float = 1e-8
+
+    def __post_init__(self) -> None:
+        """Check the tolerance."""
+        if not finite_array("Nedungadi: tolerance", self.tolerance, ()) > 0:
+            raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {self.tolerance}")

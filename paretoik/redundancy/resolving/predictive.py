@@ -118,9 +118,13 @@ def predicted(
     method: PredictiveKineticEnergy,
     start: Float[np.ndarray, "*starts dof"],
     *,
+    tolerance: float,
     program: Callable[[MotionTask, Objective, int, float, float], Ahead] = horizon,
 ) -> ResolvedMotion:
-    """Return the motions that look ahead, one for each start and the method's numbers; ``program`` makes what looks."""
+    """Return the motions that look ahead, one for each start and the method's numbers; ``program`` makes what looks.
+
+    Farther than ``tolerance`` [m, rad] off the path they do not, but make for the path.
+    """
     numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal)
     try:
         batch = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers if each is not None))
@@ -150,8 +154,9 @@ def predicted(
         wanted = (travel / dt + method.feedback * error).T
         before = found["velocities"][:, k - 1] if k else np.zeros((count, n))
         pace = (before - (found["velocities"][:, k - 2] if k > 1 else 0.0)) / dt if k else np.zeros((count, n))
-        aimed = np.stack([one.aimed(k, q[i, k], before[i], pace[i]) for i, one in enumerate(looks)])
-        _stepped(slopes.T.reshape(count, task.rows, n), wanted, (aimed - q[:, k]) / dt, k, dt, q, found)
+        lost = np.abs(error).max(axis=0) > tolerance
+        aims = [one.aimed(k, q[i, k], before[i], pace[i], lost=bool(lost[i])) for i, one in enumerate(looks)]
+        _stepped(slopes.T.reshape(count, task.rows, n), wanted, (np.stack(aims) - q[:, k]) / dt, k, dt, q, found)
     return _told(task, batch, q, found, looks)
 
 
@@ -190,12 +195,19 @@ class Lookout:
         self.updates: list[tuple[int, np.ndarray, float, bool, int, float]] = []
         self._since, self._pieces = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
-    def aimed(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        """Return where the joints should be at the sample after k; look ahead first where it is time to."""
-        if self.left and self.left[0] == k:
-            self.left.pop(0)
-            self._look(k, q, dq, ddq)
-        return self._at((k + 1 - self._since) / self.rhythm.stride) if len(self._pieces) else q
+    def aimed(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, lost: bool) -> np.ndarray:
+        """Return where the joints should be at the sample after k; look ahead first where it is time to.
+
+        Off the path, or past what was last seen ahead, they have no aim.
+        """
+        if lost:
+            self._pieces = self._pieces[:0]
+        elif self.left and self.left[0] <= k:
+            last, self.left = self.left[-1], [update for update in self.left if update > k]
+            if k <= last:
+                self._look(k, q, dq, ddq)
+        place = (k + 1 - self._since) / self.rhythm.stride
+        return self._at(place) if place <= len(self._pieces) else q
 
     def _look(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
         begun = time.perf_counter()

@@ -29,6 +29,7 @@ from paretoik.redundancy.self_motion import postures
 from paretoik.redundancy.self_motion import unreachable as out_of_reach
 from paretoik.redundancy.variational import variational
 from paretoik.robot.arm import Arm
+from paretoik.robot.pose import finite_array
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
@@ -77,7 +78,7 @@ def resolve(
     unreachable
         What to do where the path is lost: to "refuse" it, or to "track" it as well as can be.
     tolerance
-        The distance [m, rad] from the path at which it counts as lost.
+        The distance [m, rad] from the path at which it counts as lost; so far off nothing is predicted either.
     seed
         Of the postures that the default start is chosen from.
 
@@ -101,11 +102,11 @@ def resolve(
     >>> motion.q.shape
     (101, 3)
     """
-    if not isinstance(method, Method):
+    if not isinstance(method, VelocityMethod | PredictiveKineticEnergy | Nedungadi):
         raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {method!r}")
     if unreachable not in get_args(Unreachable):
         raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
-    if not tolerance > 0:
+    if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
     criteria = method.settled if isinstance(method, GradientProjection) else ()
     task = motion_task(
@@ -120,9 +121,8 @@ def resolve(
     if isinstance(method, Nedungadi):
         return _stationary(task, method, q)
     if isinstance(method, PredictiveKineticEnergy):
-        motion = predicted(task, method, q)
+        motion = predicted(task, method, q, tolerance=tolerance)
     else:
-        assert isinstance(method, VelocityMethod)
         motion = _followed(task, method, criteria, q)
     if unreachable == "refuse":
         _check_followed(task, motion, tolerance)

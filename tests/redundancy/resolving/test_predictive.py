@@ -214,7 +214,7 @@ def test_nedungadis_motion_is_the_variational_one():
         (lambda: {"objective": pk.jerk}, "objective jerk: wants a function of positions, velocities and accelerations"),
         (lambda: {"horizon": np.array([2, 3, 4])}, "starts of shape (2,) and its numbers do not fit each other"),
         (lambda: {"terminal": -1.0}, "PredictiveKineticEnergy: terminal of 0 or more wanted, got -1.0"),
-        (lambda: {"feedback": -1.0}, "feedback, one number of 0 or more wanted, got -1.0"),
+        (lambda: {"feedback": -1.0}, "feedback of 0 or more wanted, got -1.0"),
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(make, said):

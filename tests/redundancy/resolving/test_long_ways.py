@@ -1,0 +1,147 @@
+"""Laws of ``resolve`` where errors are large, joints slide, or have one limit alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import paretoik as pk
+from paretoik import Limits, Pose, line, tringali_3r, wan_7r
+from paretoik.errors import Infeasible
+from paretoik.robot import kinematics
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+START = np.array([0.0, 0.327, -0.754])
+BENT = np.array([0.3, -0.4, 0.5, -0.9, 0.4, 0.7, -0.3])
+DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=101)
+METHODS = [
+    pk.PseudoInverse(),
+    pk.DampedLeastSquares(),
+    pk.WeightedLeastNorm(),
+    pk.WeightedGradientProjection(),
+    pk.PredictiveKineticEnergy(feedback=50.0),
+]
+every_method = pytest.mark.parametrize("method", METHODS, ids=lambda one: type(one).__name__)
+
+
+@every_method
+@pytest.mark.parametrize("farthest", [0.5, 0.7, 1.5])
+def test_who_loses_a_path_that_leaves_its_reach_finds_it_again(method, farthest):
+    corners = [[0.4678, 0.0], [farthest, 0.0], [0.4678, 0.0], [0.4, 0.05]]
+    path = pk.waypoints(corners, duration=1.0, samples=201)
+    motion = pk.resolve(tringali_3r(), path, method, start=START, unreachable="track")
+    assert motion.tracking_error.max() > 0.9 * (farthest - 0.49)
+    assert motion.tracking_error[-1] < 1e-4
+    assert np.abs(np.diff(motion.q, axis=0)).max() <= 1.0 + 1e-12
+    assert np.abs(motion.q).max() < np.pi  # it did not spin meanwhile
+
+
+@every_method
+def test_a_step_too_long_is_shortened_in_all_its_parts_or_refused(method):
+    path = pk.waypoints([[0.4678, 0.0], [0.7, 0.0], [0.4, 0.05]], duration=1.0, samples=101)
+    motion = pk.resolve(tringali_3r(), path, method, start=START, unreachable="track")
+    traces, short = motion.traces, motion.traces.status == "shortened"
+    assert short.any()
+    assert np.abs(traces.velocities[short] * 0.01).max(axis=1) == pytest.approx(1.0, rel=1e-12)
+    with pytest.raises(Infeasible, match=r"off the path at sample|more than 1 rad or m in the step at sample"):
+        pk.resolve(tringali_3r(), path, method, start=START)
+
+
+def test_a_step_too_long_is_refused_by_its_length():
+    arm = wan_7r()
+    rotation, position = kinematics.tool_pose(arm, BENT)
+    first = Pose.from_matrix(rotation, position)
+    path = line(first, first @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2.8)), duration=1.0, samples=3)
+    with pytest.raises(Infeasible, match=r"a joint were to go more than 1 rad or m in the step at sample 1 \(0.5 s\)"):
+        pk.resolve(arm, path, pk.PseudoInverse(), start=BENT)
+
+
+def test_who_comes_back_too_late_to_look_ahead_still_follows():
+    path = pk.waypoints([[0.4678, 0.0], [0.45, 0.05], [0.6, 0.0], [0.46, 0.0]], duration=1.0, samples=201)
+    motion = pk.resolve(tringali_3r(), path, METHODS[-1], start=START, unreachable="track")
+    assert np.flatnonzero(motion.tracking_error > 0.01).max() > 160  # the last sample from which all ahead is path
+    assert motion.traces.updates.max() < 160
+    assert motion.tracking_error[-1] < 1e-4
+
+
+def turned(arm, q, about, angle):
+    """Return a path that leaves a posture's place, its first orientation off the posture's by an angle."""
+    rotation, position = kinematics.tool_pose(arm, q)
+    off = rotation @ Rotation.from_rotvec(angle * np.array(about) / np.linalg.norm(about)).as_matrix()
+    first = Pose.from_matrix(off, position)
+    last = Pose.from_rpy((0.05, -0.05, 0.05), (0.3, 0.2, -0.4)) @ first
+    return line(first, last, duration=1.0, samples=1001)
+
+
+@pytest.mark.parametrize("angle", [0.5, 2.0, 3.0, np.pi - 1e-6, np.pi])
+def test_without_feedback_an_error_of_orientation_turns_with_the_target_and_keeps_its_size(angle):
+    arm = wan_7r()
+    path = turned(arm, BENT, (1.0, -2.0, 0.5), angle)
+    motion = pk.resolve(arm, path, pk.PseudoInverse(feedback=0.0), start=BENT, unreachable="track")
+    sizes = np.linalg.norm(motion.traces.errors[:, 3:], axis=1)
+    assert sizes == pytest.approx(np.full(1001, angle), abs=2e-3)  # Euler's
+
+
+@pytest.mark.parametrize("angle", [1.0, 3.0, np.pi])
+def test_a_large_error_of_orientation_is_made_good(angle):
+    arm = wan_7r()
+    path = turned(arm, BENT, (1.0, -2.0, 0.5), angle)
+    motion = pk.resolve(arm, path, pk.PseudoInverse(feedback=10.0), start=BENT, unreachable="track")
+    sizes = np.linalg.norm(motion.traces.errors[:, 3:], axis=1)
+    decayed = angle * (1.0 - 10.0 * 0.001) ** np.arange(1001)
+    assert sizes[:601] == pytest.approx(decayed[:601], rel=0.05)  # later it meets the limit of its reach
+    assert np.linalg.norm(motion.traces.errors[:601, :3], axis=1).max() < 0.01
+
+
+@pytest.mark.parametrize("axes", ["xyz+z-axis", "pose"])
+def test_sliding_joints_are_resolved_as_turning_ones_are(axes):
+    arm = pk.Arm.from_dh(
+        theta=[0.0] * 7,
+        alpha=[np.pi / 2, 0.0, np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0],
+        a=[0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0],
+        d=[0.2, 0.0, 0.3, 0.0, 0.3, 0.0, 0.1],
+        types=["revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute"],
+        convention="standard",
+    )
+    rotation, position = kinematics.tool_pose(arm, BENT)
+    first = Pose.from_matrix(rotation, position)
+    last = Pose.from_rpy((0.1, -0.05, 0.05), (0.1, 0.0, 0.2)) @ first
+    path = line(first, last, duration=1.0, samples=401)
+    motion = pk.resolve(arm, pk.Task(path, axes=axes), pk.PseudoInverse(), start=BENT)
+    assert motion.tracking_error.max() < 1e-4
+    assert np.abs(motion.traces.velocities[:, [1, 4]]).min() > 0
+    rows = 5 if axes == "xyz+z-axis" else 6
+    assert motion.traces.errors.shape == (401, rows)
+    half = pk.resolve(arm, pk.Task(path.resampled(201), axes=axes), pk.PseudoInverse(), start=BENT)
+    assert half.q[-1] == pytest.approx(motion.q[-1], abs=5e-3)  # both go the same way
+
+
+@pytest.mark.parametrize("side", ["upper", "lower"])
+@pytest.mark.parametrize("method", [pk.WeightedLeastNorm(), pk.WeightedGradientProjection()], ids=["WLN", "WGPM"])
+def test_a_joint_with_one_limit_is_kept_from_it_as_with_a_turn_between_two(method, side):
+    upper, lower = np.array([0.35, 1.2, -0.5]), np.array([-0.3, 0.1, -1.9])
+    one = (np.full(3, -np.inf), upper) if side == "upper" else (lower, np.full(3, np.inf))
+    two = (upper - 2 * np.pi, upper) if side == "upper" else (lower, lower + 2 * np.pi)
+    alone, both = (
+        pk.resolve(tringali_3r(), DOWN, method, start=START, limits=Limits(position=each), unreachable="track")
+        for each in (one, two)
+    )
+    assert (both.traces.weights != 1.0).any()
+    np.testing.assert_allclose(alone.q, both.q, rtol=0, atol=1e-12)
+
+
+def test_of_a_joint_with_one_limit_the_far_half_is_free():
+    limits = Limits(position=(np.full(3, -np.inf), START + 4.0))
+    motion = pk.resolve(tringali_3r(), DOWN, pk.WeightedLeastNorm(), start=START, limits=limits)
+    assert (motion.traces.weights == 1.0).all()
+
+
+def test_the_margin_of_a_joint_with_one_limit_counts():
+    arm = pk.Arm.planar(lengths=[1.0, 1.0, 1.0], position_limits=(-np.inf, [2.0, 2.0, 2.0]))
+    path = line([2.0, 0.0], [1.8, 0.2], duration=1.0, samples=21)
+    problem = pk.ProjectionGains(arm, path, several=1)
+    genes = np.random.default_rng(0).uniform(problem.xl, problem.xu, (5, problem.n_var))
+    margins = -problem.evaluate(genes)[:, 1]
+    nearest = ((2.0 - problem.decode(genes).q) / (2 * np.pi)).min(axis=(1, 2))
+    assert margins == pytest.approx(nearest, rel=1e-12)
