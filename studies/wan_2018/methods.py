@@ -90,7 +90,7 @@ def worst_errors(motion: pk.ResolvedMotion) -> np.ndarray:
 
 
 def table_rows(table: str, *, population: int) -> list[Row]:
-    """Return the medians over starts of the greatest errors, what becomes of joint 4, and how often steps are held."""
+    """Return medians over starts of the greatest errors, what becomes of joint 4, and how often steps fall short."""
     arm, path = pk.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
     begun = starts(path, population)
     lower, upper = arm.position_limits[FOURTH]
@@ -116,7 +116,7 @@ def table_rows(table: str, *, population: int) -> list[Row]:
             )
         room = np.minimum(motion.q[..., FOURTH] - lower, upper - motion.q[..., FOURTH]) / (upper - lower)
         met, ended = room.min(axis=1) < AT_LIMIT, room[:, -1] < AT_LIMIT
-        held = (motion.traces.status == "held").any(axis=1)
+        broken = np.isin(motion.traces.status, ["shortened", "held"]).any(axis=1)
         rows += [
             Row(
                 table=f"{table}: what becomes of joint 4, and of steps",
@@ -129,7 +129,7 @@ def table_rows(table: str, *, population: int) -> list[Row]:
             for column, share, note in (
                 ("joint 4 comes to a limit", met.mean(), f"within {AT_LIMIT:.0%} of its range"),
                 ("joint 4 ends there", ended.mean(), "those that came there and do not end there were freed"),
-                ("some step held", held.mean(), "a joint were to turn by more than π, or posture singular"),
+                ("some step cut short", broken.mean(), "a joint were to turn by more than 1 rad, or posture singular"),
             )
         ]
         rows.append(
@@ -189,5 +189,5 @@ def speed_row(*, rounds: int) -> Row:
         ours=middle,
         paper=GOAL,
         note=f"{'LOSS: ' if middle > GOAL else ''}goal; median of {rounds}, from {min(taken[1:]):.3f} to "
-        f"{max(taken[1:]):.3f} s; {damped:.0%} of steps damped or held",
+        f"{max(taken[1:]):.3f} s; {damped:.0%} of steps damped or cut short",
     )

@@ -158,7 +158,7 @@ def test_the_limit_distance_is_zero_in_the_middle_and_an_eighth_per_joint_at_a_l
 
 def test_a_limit_distance_without_limits_is_refused():
     motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
-    with pytest.raises(InvalidInput, match="joint_limit_distance wants position limits at both ends, but no joint of the arm has"):
+    with pytest.raises(InvalidInput, match="joint_limit_distance wants position limits at both ends, but no joint"):
         pk.joint_limit_distance(motion)
 
 
