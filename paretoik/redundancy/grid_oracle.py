@@ -42,7 +42,8 @@ class GridOracle:
 
     Where ``exact``, no way through the grid is better than the first, and no motion on the curves traced, its joints
     within the same pace, is worth less than ``lower_bound``, which comes nearer as the resolution is refined: with its
-    square, or in proportion to it where limits are active. Where accelerations count, it is NaN.
+    square, or in proportion to it where limits are active. Where accelerations count it is NaN, as where
+    it was not asked for.
     """
 
     q: Float[np.ndarray, "paths time dof"]
@@ -67,6 +68,7 @@ def grid_oracle(
     resolution: float | None = None,
     classes: int = 8,
     seed: int = 0,
+    bounded: bool = True,
 ) -> GridOracle:
     """Return the best ways through a grid of all postures, one of each class, for one degree of redundancy.
 
@@ -83,6 +85,8 @@ def grid_oracle(
         The most motions returned, of every class first: how joints are bent, and how often they turn.
     seed
         Of the first postures; the curves through them hardly depend on it.
+    bounded
+        Whether the bound is wanted, which takes half of the time.
 
     Joints without velocity limit may go at a few times the pace that the path asks for.
 
@@ -119,7 +123,7 @@ def grid_oracle(
     if not terms.second and not np.isclose(told["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
     least = np.nan
-    if not terms.second:
+    if bounded and not terms.second:
         every = posture_grid(level, curves, spacing, windows, unrolled, beyond=BEYOND * spacing)
         least = lower_bound(level, every, terms, spacing)
     return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least)

@@ -13,7 +13,9 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ACCEPTED, TOLERANCE, eliminate, retract, task_errors
 
 ATTEMPTS = 40  # Newton steps of a cold start
-DRIFT = 1.0  # rad or m: how far joints are pushed, RMS, where the path leaves them free to go
+FARTHEST = 9.0  # rad or m: how far joints, all of them together, travel along the self-motion, at most
+PUSH = 1.0  # rad or m: how far joints are pushed, RMS, where the path leaves them free to go
+WIDTH = 0.3, 1.0  # share of the path in which they mostly do
 JUMP = 0.7  # rad or m: no joint of a candidate moves further than this from one sample to the next
 
 
@@ -69,10 +71,12 @@ def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[
     Raises OutOfReach, naming the sample, where no posture reaches the path; Infeasible where postures exist everywhere
     but no continuous motion was found.
     """
-    start = postures(task, count, rng) if task.start is None else np.tile(task.start, (count, 1))
+    start = _starts(task, count, rng)
     if len(start) == 0:
         raise unreachable(task, rng, 0)
-    q = _roll_outs(task, start, rng)
+    q, came = _roll_outs(task, start, rng, np.zeros((len(start), len(task.times) - 1)))
+    if not len(q):
+        raise unreachable(task, rng, came)
     q, on_path = _onto_path(task, _without_drift(task, q) if task.cyclic else q)
     kept = on_path.all(axis=1)
     if not kept.any():
@@ -80,34 +84,68 @@ def candidates(task: MotionTask, count: int, rng: np.random.Generator) -> Float[
     return q[kept]
 
 
-def drifted(
+def swept(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
+    """Return up to ``count`` motions on the path that travel along the self-motion meanwhile.
+
+    Roll-outs alone move little: they do not pass through the postures between one way to bend the arm and another.
+    Each travels so far, and mostly at such a time, as chance has it; cyclic motions there and back.
+    Source: Tringali & Cocuzza 2020, Eq. 17, along the path instead of before it.
+    """
+    steps = len(task.times) - 1
+    share, shape = (np.arange(steps) + 0.5) / steps, (count, 1)
+    way = rng.uniform(0.0, FARTHEST, shape)
+    if task.cyclic:
+        pace = way * np.pi / (2 * steps) * np.cos(2 * np.pi * (share - rng.uniform(0.0, 1.0, shape)))
+    else:
+        bump = np.exp(-(((share - rng.uniform(0.0, 1.0, shape)) / rng.uniform(*WIDTH, shape)) ** 2) / 2)
+        pace = way * bump / bump.sum(axis=1, keepdims=True)
+    start = _starts(task, count, rng)
+    q, _ = _roll_outs(task, start, rng, pace[: len(start)])
+    q, on_path = _onto_path(task, _without_drift(task, q) if task.cyclic else q)
+    if task.start is not None:
+        q[:, 0] = task.start
+    return q[on_path.all(axis=1)]
+
+
+def pushed(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path that drift away from given ones: what roll-outs, which move little, would not do.
+    """Return motions on the path near given ones, which all joints are pushed away from at random.
 
-    All joints are pushed at random at both ends (in cyclic motions at opposite points), less in between, along the null
-    space of the tasks' Jacobian, and led back; motions that then leave the path or jump are left out.
+    Most at both ends (in cyclic motions at opposite points), less in between, along the null space of the tasks'
+    Jacobian; then they are led back. Motions that leave the path or jump are left out.
     """
     share, shape = task.times / task.times[-1], (len(q), 1, task.arm.dof)
-    first, last = DRIFT * rng.normal(size=shape), DRIFT * rng.normal(size=shape)
+    first, last = PUSH * rng.normal(size=shape), PUSH * rng.normal(size=shape)
     if task.cyclic:
         wave = np.cos(2 * np.pi * (share - rng.uniform(size=(len(q), 1))))[..., None]
-        pushed = first * (1 + wave) / 2 + last * (1 - wave) / 2
+        away = first * (1 + wave) / 2 + last * (1 - wave) / 2
     else:
-        pushed = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
-    rows = _row_spaces(task, q)
-    pushed -= np.einsum("ptdk,ptek,pte->ptd", rows, rows, pushed)
-    found, on_path = _onto_path(task, q + pushed)
+        away = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
+    slopes = task_errors(task.arm, task.tasks, q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1)))[1]
+    rows = steepest(slopes).reshape(*q.shape, task.rows)
+    found, on_path = _onto_path(task, q + away - np.einsum("ptdk,ptek,pte->ptd", rows, rows, away))
     if task.start is not None:
         found[:, 0] = task.start
     return found[on_path.all(axis=1)]
 
 
+def _starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found dof"]:
+    return postures(task, count, rng) if task.start is None else np.tile(task.start, (count, 1))
+
+
 def _roll_outs(
-    task: MotionTask, start: Float[np.ndarray, "count dof"], rng: np.random.Generator
-) -> Float[np.ndarray, "found time dof"]:
-    """Return motions near the path: one Newton step a sample, each making good what the one before left."""
+    task: MotionTask,
+    start: Float[np.ndarray, "count dof"],
+    rng: np.random.Generator,
+    pace: Float[np.ndarray, "count steps"],
+) -> tuple[Float[np.ndarray, "found time dof"], int]:
+    """Return motions near the path, and the sample that the last of them came to.
+
+    One Newton step a sample, each making good what the one before left, and ``pace`` [rad, m] along the self-motion.
+    """
     inverses = _inverse_weights(len(start), task.arm.dof, rng)
+    along = rng.normal(size=start.shape)
     q = np.empty((len(start), len(task.times), task.arm.dof))
     q[:, 0] = start
     alive = np.ones(len(start), dtype=bool)
@@ -118,11 +156,20 @@ def _roll_outs(
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
             move = (spread @ eliminate(jacobian @ spread, error.T)[0][..., None])[..., 0]
+        if pace.any():
+            along[alive] = _freed(steepest(slopes), along[alive])
+            move += pace[alive, i - 1, None] * along[alive]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= JUMP
         if not alive.any():
-            raise unreachable(task, rng, i)
-    return q[alive]
+            return q[:0], i
+    return q[alive], len(task.times) - 1
+
+
+def _freed(rows: np.ndarray, along: Float[np.ndarray, "count dof"]) -> Float[np.ndarray, "count dof"]:
+    """Return unit directions of self-motion nearest to given ones; ``rows`` (count, dof, rows) move the tool."""
+    left = along - np.einsum("pdk,pek,pe->pd", rows, rows, along)
+    return left / np.maximum(np.linalg.norm(left, axis=1, keepdims=True), 1e-12)
 
 
 def unreachable(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
@@ -178,12 +225,6 @@ def _without_drift(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -
     drift = q[:, -1:] - q[:, :1]
     drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
     return q - (task.times / task.times[-1])[None, :, None] * drift
-
-
-def _row_spaces(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> np.ndarray:
-    """Return orthonormal bases (motions, time, dof, rows) of what moves the tool."""
-    slopes = task_errors(task.arm, task.tasks, q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1)))[1]
-    return steepest(slopes).reshape(*q.shape, task.rows)
 
 
 def _onto_path(

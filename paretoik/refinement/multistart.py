@@ -6,16 +6,18 @@ by cost and joint limits (3.1.3), optimised on coarse samples and refined by cub
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed, Infeasible
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.redundancy.branches import labels
-from paretoik.redundancy.self_motion import candidates, drifted
+from paretoik.redundancy.grid_oracle import grid_oracle
+from paretoik.redundancy.grid_terms import terms_of
+from paretoik.redundancy.self_motion import candidates, pushed, swept
 from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.polish import REASONS, Polished, joined, polish, within_limits
 from paretoik.refinement.program import MotionProgram, motion_program
@@ -29,7 +31,10 @@ SAME = 1e-6  # relative: what is better by less is no better
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
 RARE = 2  # starts that reached an optimum: when no more did, others may not have been reached at all
+SPACING = 0.15  # rad or m between the nodes of that grid
 ROUNDS = 6  # of half as many starts again, at most, until no optimum is rare
+HOPPING = 4  # optima that are pushed off
+PATIENCE, HOPS = 2, 12  # rounds in vain after which that ends, and in all
 SHAKEN = 3  # optima, and times at most, that are pushed off again where they are many
 COLD = (
     Rules(barrier=0.1, radius=0.4),
@@ -73,11 +78,12 @@ def planned(
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
-    Half of the starts are the most promising of many roll-outs, half move more than roll-outs do. As long as some
-    optimum was reached from one or two starts only, there are likely others that none has reached yet (Good 1953: the
-    share of starts that are alone at an optimum estimates how likely the next one finds another). Then more of the
-    latter kind are added; where that does not end, the best optima are pushed off again. ``given`` motions on the path
-    are starts too. ``observe`` is called after each level with its number of samples, of starts and of optima.
+    Starts are those of ``coarse_starts``. With one degree of redundancy, as long as some optimum was reached from one
+    or two only, there are likely others that none has reached yet (Good 1953: the share of starts that are alone at an
+    optimum estimates how likely the next one finds another). Then more are added: the best ways through a coarse grid
+    of postures where that is quick, and motions that travel along the self-motion. With more degrees of redundancy the
+    best are pushed off at random, as long as better ones come of it. ``given`` motions on the path are starts too.
+    ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
     motion; Infeasible with the least-violating motion where none keeps the limits; EvaluationFailed where limits hold
@@ -85,28 +91,81 @@ def planned(
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     level, rng, wanted = _coarsest(task), np.random.default_rng(seed), starts * max(task.redundancy, 1)
-    rolled = candidates(level, POOL * wanted, rng)
-
-    def moving_more(most: int) -> Float[np.ndarray, "found samples dof"]:
-        return drifted(level, rng.permutation(rolled)[: 2 * most], rng)[:most]
-
-    away = moving_more(wanted // 2)
-    few = wanted - len(away)
-    q = np.concatenate([_promising(level, rolled[: POOL * few], few), away])
+    q = _starts(level, wanted, rng)
     q = q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
     programs = ladder(task, sizes(task, q))
-    again = programs[-1].smooth and task.redundancy == 1  # of flat valleys, and many, every start finds another point
-    more = (moving_more(-(-wanted // 2)) for _ in range(ROUNDS if again else 0))
-    found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True, more=more)
-    if programs[-1].smooth and found.converged.any() and next(more, None) is None:
+    further = _Further(level, q, -(-starts // 2), rng) if programs[-1].smooth else None
+    found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True, further=further)
+    if further is not None and found.converged.any() and further.at_its_end:
         found = _shaken(programs[-1], found)
     return Plan(optima=_optima(task, found), levels=levels)
 
 
 def coarse_starts(task: MotionTask, *, starts: int, seed: int) -> Float[np.ndarray, "starts samples dof"]:
-    """Return the most promising of many roll-outs over the coarsest level, so many for every degree of redundancy."""
-    level, wanted = _coarsest(task), starts * max(task.redundancy, 1)
-    return _promising(level, candidates(level, POOL * wanted, np.random.default_rng(seed)), wanted)
+    """Return what is started from over the coarsest level, so many for every degree of redundancy.
+
+    Half are the most promising of many roll-outs, half travel along the self-motion, which roll-outs hardly do.
+    """
+    return _starts(_coarsest(task), starts * max(task.redundancy, 1), np.random.default_rng(seed))
+
+
+def _starts(level: MotionTask, wanted: int, rng: np.random.Generator) -> Float[np.ndarray, "starts samples dof"]:
+    rolled = candidates(level, POOL * wanted, rng)
+    away = swept(level, wanted, rng)[: wanted // 2]
+    few = wanted - len(away)
+    return np.concatenate([_promising(level, rolled[: POOL * few], few), away])
+
+
+class _Further:
+    """Which starts to add, batch by batch, to those of the coarsest level, seeing what these have led to.
+
+    With one degree of redundancy, as long as some optimum is rare: ways through the grid first, then by chance. With
+    more, where valleys are many and flat and every start finds another point: from the best ones, pushed at random, as
+    long as the best gets better (basin hopping, Wales & Doye 1997).
+    """
+
+    def __init__(self, level: MotionTask, q: np.ndarray, wanted: int, rng: np.random.Generator) -> None:
+        self.level, self.wanted, self.rng = level, wanted, rng
+        self.rounds, self.best, self.in_vain = 0, np.inf, 0
+        self.ways = _ways(level, q) if level.redundancy == 1 else q[:0]
+
+    @property
+    def at_its_end(self) -> bool:
+        """Whether no more are to be had."""
+        return self.level.redundancy > 1 or self.rounds >= ROUNDS
+
+    def __call__(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
+        """Return further starts, none where it is enough."""
+        if not found.converged.any():
+            return found.q[:0]
+        if self.level.redundancy > 1:
+            return self._hops(found)
+        if not _rarely_reached(self.level, found) or self.rounds >= ROUNDS:
+            return found.q[:0]
+        if len(self.ways):
+            ways, self.ways = self.ways, self.ways[:0]
+            return ways
+        self.rounds += 1
+        return swept(self.level, 2 * self.wanted, self.rng)[: self.wanted]
+
+    def _hops(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
+        best = float(found.totals[found.converged, 0].min())
+        self.in_vain = 0 if _better(best, self.best) else self.in_vain + 1
+        self.best, self.rounds = min(best, self.best), self.rounds + 1
+        if self.in_vain >= PATIENCE or self.rounds > HOPS:
+            return found.q[:0]
+        near = found.q[_distinct(self.level, found, found.totals[:, 0], most=HOPPING)]
+        return pushed(self.level, np.repeat(near, -(-self.wanted // len(near)), axis=0), self.rng)
+
+
+def _ways(level: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, "ways samples dof"]:
+    """Return the best ways of every class through a coarse grid; none where accelerations count: that takes long."""
+    try:
+        if terms_of(level, None, q[:1]).second:
+            return q[:0]
+        return grid_oracle(level, resolution=SPACING, classes=KEPT, bounded=False).q
+    except (InvalidInput, Infeasible):
+        return q[:0]  # there is no grid of such a task, or no way through one as coarse as this
 
 
 def sizes(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
@@ -129,14 +188,15 @@ def descended(
     observe: Callable[[int, int, int], object] | None = None,
     *,
     ease: bool = False,
-    more: Iterable[Float[np.ndarray, "starts samples dof"]] = (),
+    further: Callable[[Polished], Float[np.ndarray, "starts samples dof"]] | None = None,
 ) -> tuple[Polished, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of Σ factors · objectives below caps, and samples and optima of each level.
 
-    ``programs`` are those of a ``ladder``, ``q`` starts of the first. ``more`` starts are used in turn while some
-    optimum is rare. Where limits are violated at the end, ``ease`` has a look at whether they can hold at all.
+    ``programs`` are those of a ``ladder``, ``q`` starts of the first; ``further`` returns more of them, seeing what
+    these led to, until it returns none. Where limits are violated at the end, ``ease`` has a look at whether they can
+    hold at all.
     """
-    levels, left = list[tuple[int, int]](), iter(more)
+    levels = list[tuple[int, int]]()
     rest = len(programs[0].totals) - len(factors)
     weights, below = np.pad(factors, (0, rest)), np.pad(caps, (0, rest), constant_values=np.inf)
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
@@ -144,7 +204,7 @@ def descended(
         kinds = [_passing(rules) if finer else rules for rules in (COLD if first else (WARM,))]
         led = partial(_led, program, kinds, weights, below)
         found = led(q)
-        while first and _rarely_reached(task, found) and (others := next(left, None)) is not None:
+        while first and further is not None and len(others := further(found)):
             q = np.concatenate([q, others])
             found = joined((found, led(q[len(found) :])))
         if ease and (first or not finer) and not found.converged.any() and found.violation.max() > HOLDS:
@@ -173,11 +233,13 @@ def _passing(rules: Rules) -> Rules:
 
 def _rarely_reached(task: MotionTask, found: Polished) -> bool:
     """Return whether some optimum was reached from ``RARE`` starts or fewer."""
-    if not found.converged.any():
-        return False
     optima = found.q[_distinct(task, found, found.totals[:, 0], most=len(found))]
     every = found.q[found.converged]
     return any(int((distance(task, each, every) <= APART).sum()) <= RARE for each in optima)
+
+
+def _better(value: float, before: float) -> bool:
+    return bool(before == np.inf or value < before - SAME * abs(before))
 
 
 def _shaken(program: MotionProgram, found: Polished) -> Polished:
@@ -192,7 +254,7 @@ def _shaken(program: MotionProgram, found: Polished) -> Polished:
         before = found.totals[0, 0]
         both = joined((found, *(polish(program, found.q[:SHAKEN], weights, rules=rule) for rule in COLD)))
         found = both[_distinct(program.task, both, both.totals[:, 0], most=len(both))]
-        if not found.totals[0, 0] < before * (1 - SAME):
+        if not _better(found.totals[0, 0], before):
             break
     return found
 

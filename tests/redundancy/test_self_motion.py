@@ -9,7 +9,7 @@ import pytest
 
 from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, marcos_nr, poses, tringali_3r
 from paretoik.errors import Infeasible, OutOfReach
-from paretoik.redundancy.self_motion import JUMP, candidates, charts, drifted, postures
+from paretoik.redundancy.self_motion import JUMP, candidates, charts, postures, pushed, swept
 from paretoik.task.motion_task import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
@@ -106,10 +106,10 @@ def test_candidates_begin_at_the_given_start_to_the_bit():
 
 
 @every_task
-def test_drifted_motions_stay_on_the_path_and_leave_those_they_come_from(make):
+def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
     task = make()
     q = candidates(task, 200, chance())
-    away = drifted(task, q, chance(1))
+    away = pushed(task, q, chance(1))
     assert len(away) > 5
     assert task.motion(away).tracking_error.max() < 1e-9
     assert np.abs(np.diff(away, axis=1)).max() <= JUMP
@@ -117,12 +117,27 @@ def test_drifted_motions_stay_on_the_path_and_leave_those_they_come_from(make):
     assert np.median(apart) > 0.1
 
 
-def test_drifted_motions_keep_a_given_start_and_close_cycles_to_the_bit():
+@every_task
+def test_swept_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
+    task = make()
+    rolled, far = candidates(task, 200, chance()), swept(task, 200, chance(1))
+    assert len(far) > 5
+    assert task.motion(far).tracking_error.max() < 1e-9
+    assert np.abs(np.diff(far, axis=1)).max() <= JUMP
+    way = [np.linalg.norm(np.diff(q, axis=1), axis=2).sum(axis=1) for q in (rolled, far)]
+    assert np.median(way[1]) > 1.5 * np.median(way[0])
+
+
+@pytest.mark.parametrize("of", [pushed, swept])
+def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(of):
+    def moved(task):
+        return swept(task, 100, chance(1)) if of is swept else pushed(task, candidates(task, 100, chance()), chance(1))
+
     start = postures(paper(), 40, chance())[0]
-    away = drifted(paper(start=start), candidates(paper(start=start), 100, chance()), chance(1))
+    away = moved(paper(start=start))
     np.testing.assert_array_equal(away[:, 0], np.tile(start, (len(away), 1)))
     assert np.ptp(away[:, -1], axis=0).max() > 0.05
-    closed = drifted(round_trip(), candidates(round_trip(), 100, chance()), chance(1))
+    closed = moved(round_trip())
     np.testing.assert_array_equal(closed[:, 0], closed[:, -1])
 
 

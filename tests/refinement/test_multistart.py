@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.redundancy.grid_oracle import grid_oracle
 from paretoik.refinement.multistart import distance, level_samples
-from problems import tringali_2020
+from problems import tringali_2020, tringali_2021
 
 
 def test_levels_halve_down_to_the_coarsest():
@@ -31,6 +32,14 @@ def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima
     tried.clear()
     pk.plan(tringali_2020.simulation_5(), observe=lambda samples, starts, _: tried.append((samples, starts)))
     assert tried[0] == (26, 48)  # two optima, each from many
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_no_way_through_the_grid_beats_the_plan_from_a_given_start(number):
+    problem = tringali_2021.problem(number, samples=51)
+    found, grid = pk.plan(problem), grid_oracle(problem.task, resolution=0.05, bounded=False)
+    assert found.best.objective < grid.best
+    assert np.isnan(grid.lower_bound)
 
 
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
