@@ -23,6 +23,7 @@ from paretoik.redundancy.resolving.traces import ResolvedMotion
 from paretoik.redundancy.self_motion_curves import wrapped
 from paretoik.refinement.multistart import planned
 from paretoik.robot.arm import Arm
+from paretoik.search.seeding import check_size
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
@@ -69,12 +70,16 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         arm: Arm,
         path: Path | Task | Sequence[Path | Task],
         *,
-        start: Sequence[float] | np.ndarray,
+        start: object,
         objective: Objective = kinetic_energy,
         optimum: Motion | None = None,
         starts: int = 48,
         seed: int = 0,
     ) -> None:
+        check_size("starts", starts, 1)
+        check_size("seed", seed, 0)
+        if isinstance(start, str):
+            raise InvalidInput(f"start: {arm.dof} joint positions wanted, got {start!r}")
         self.path, self.objective = path, objective
         self.task: MotionTask = motion_task(
             arm,
@@ -89,6 +94,8 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         horizon(self.task, objective, 1, 1.0)  # refuses what cannot be looked ahead with
         rhythms(PredictiveKineticEnergy(prediction_step=float(self.task.times[1])), self.task.times, ())
         self.optimum = planned(self.task, starts=starts, seed=seed).best.motion if optimum is None else optimum
+        if not isinstance(self.optimum, Motion):
+            raise InvalidInput(f"optimum: a Motion wanted, got {self.optimum!r}")
         if self.optimum.q.shape != (len(self.task.times), arm.dof):
             raise InvalidInput(
                 f"optimum: one motion of shape ({len(self.task.times)}, {arm.dof}) wanted, got {self.optimum.q.shape}"
@@ -120,7 +127,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return the method of genes (points, n_var), its numbers (points,) in whole samples."""
         dt, most = float(self.task.times[1]), WINDOW * (len(self.task.times) - 1)
         ahead = genes[:, 0].astype(int)
-        stride = np.maximum(np.round(genes[:, 1] * most / ahead), 1)
+        stride = np.maximum(np.floor(genes[:, 1] * most / ahead), 1)
         interval = np.maximum(np.round(genes[:, 2] * stride * ahead), 1)
         return PredictiveKineticEnergy(
             objective=self.objective,

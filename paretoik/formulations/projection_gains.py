@@ -20,11 +20,14 @@ from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
 from paretoik.redundancy.resolving.lanes import ranges
 from paretoik.redundancy.resolving.methods import Criterion, GradientProjection, Variant, WeightedGradientProjection
+from paretoik.redundancy.resolving.programs import step_program
 from paretoik.redundancy.resolving.resolution import resolve
 from paretoik.redundancy.resolving.traces import ResolvedMotion
 from paretoik.redundancy.self_motion import postures, unreachable
 from paretoik.redundancy.self_motion_curves import wrapped
 from paretoik.robot.arm import Arm
+from paretoik.robot.pose import finite_array
+from paretoik.search.seeding import check_size
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, joint_limit_nearness, joint_travel
 from paretoik.task.obstacles import Obstacle
@@ -109,8 +112,9 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
             if np.ndim(one.gain):
                 raise InvalidInput(f"criterion {one.objective.name}: one gain wanted, got {one.gain}")
         WeightedGradientProjection(variant=variant)  # refuses another
+        check_size("seed", seed, 0)
         self.family, self.variant, self.criteria = family, variant, given
-        self.path, self.seed = path, seed
+        self.path = path
         self.task: MotionTask = motion_task(
             arm,
             path,
@@ -118,13 +122,13 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
             obstacles=obstacles,
             link_radius=link_radius,
         )
-        self.starts = _ordered(self.task, seed) if starts is None else np.array(starts, dtype=float)
-        shaped = self.starts.ndim == 2 and self.starts.shape[1] == arm.dof and self.starts.size
-        if not shaped or not np.isfinite(self.starts).all():
-            raise InvalidInput(f"starts: finite postures (starts, {arm.dof}) wanted, got shape {self.starts.shape}")
-        if several != int(several) or not 1 <= several <= len(self.starts):
-            raise InvalidInput(f"several: 1 to {len(self.starts)} starts wanted, got {several}")
-        self.several = int(several)
+        step_program(self.task, [one.objective for one in given])  # refuses criteria that cannot be projected
+        self.starts = _ordered(self.task, seed) if starts is None else finite_array("starts", starts).astype(float)
+        if self.starts.ndim != 2 or self.starts.shape[1] != arm.dof or not self.starts.size:
+            raise InvalidInput(f"starts: postures (starts, {arm.dof}) wanted, got shape {self.starts.shape}")
+        if not isinstance(several, int) or not 1 <= several <= len(self.starts):
+            raise InvalidInput(f"several: 1 to {len(self.starts)} starts wanted, got {several!r}")
+        self.several = several
         self.most = 1.0 / float(np.diff(self.task.times).max())
         count = len(given)
         low, high = [0.0, LEAST_FEEDBACK, DAMPING[0]], [1.0, 1.0, DAMPING[1]]

@@ -29,7 +29,10 @@ from paretoik.task.task import Task
 
 @dataclass(frozen=True, eq=False)
 class TracedMotion:
-    """What a function of motions sees where derivatives are taken: the face of ``Motion``, made of expressions."""
+    """What a function of motions sees where derivatives are taken: the face of ``Motion``, made of expressions.
+
+    ``duration`` [s] is that of the motion, or of what stands for it.
+    """
 
     task: MotionTask
     trace: Trace
@@ -37,6 +40,7 @@ class TracedMotion:
     dq: Traced
     ddq: Traced
     jerk: Traced
+    duration: float
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # what Python asks to see what an object can do
@@ -168,16 +172,22 @@ class TracedMotion:
         return flat.reshape(*flat.shape[:-1], *shape)
 
 
-def traced_sample(task: MotionTask) -> TracedMotion:
-    """Return one sample of a motion of a task, for functions that look at every sample by itself."""
+def traced_sample(task: MotionTask, *, duration: float | None = None) -> TracedMotion:
+    """Return one sample of a motion of a task, for functions that look at every sample by itself.
+
+    ``duration`` [s] is what means over time are taken over; by default the task's own.
+    """
     trace = Trace(len(task.times))
-    return TracedMotion(task, trace, *(trace.inputs(task.arm.dof) for _ in range(4)))
+    lasting = float(np.ptp(task.times)) if duration is None else duration
+    q, dq, ddq, jerk = (trace.inputs(task.arm.dof) for _ in range(4))
+    return TracedMotion(task, trace, q, dq, ddq, jerk, lasting)
 
 
 def traced_whole(task: MotionTask) -> TracedMotion:
     """Return a whole motion of a task with every sample in sight, for functions that look from one at another."""
     trace = Trace(None)
-    return TracedMotion(task, trace, *(trace.inputs(len(task.times), task.arm.dof) for _ in range(4)))
+    q, dq, ddq, jerk = (trace.inputs(len(task.times), task.arm.dof) for _ in range(4))
+    return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
 
 
 def whole(motion: TracedMotion, what: str, function: Callable[[Any], Any], form: str) -> list[Expression | float]:

@@ -86,6 +86,11 @@ class Motion:
     def __iter__(self) -> Iterator[Motion]:
         return (self[i] for i in range(len(self)))
 
+    @property
+    def duration(self) -> Float[np.ndarray, "*#batch"]:
+        """Time (*batch,) from the first to the last sample [s]."""
+        return np.asarray(self.time[..., -1] - self.time[..., 0])
+
     @cached_property
     def dq(self) -> JointPaths:
         """Joint velocities (*batch, time, dof) [rad/s, m/s]."""

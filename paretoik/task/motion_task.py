@@ -12,6 +12,7 @@ from jaxtyping import Float
 from paretoik.arrays import JointPaths, Times
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
+from paretoik.robot.pose import finite_array
 from paretoik.task.differences import Differences, quadrature
 from paretoik.task.limits import Bounds, Constraint, Limits, excess
 from paretoik.task.motion import Motion
@@ -198,6 +199,12 @@ def motion_task(
     _check_decorated("constraint", constraints, Constraint)
     if not objectives:
         raise InvalidInput("objectives: wants at least one, got none")
+    if limits is not None and not isinstance(limits, Limits):
+        raise InvalidInput(f"limits: Limits(...) wanted, got {limits!r}")
+    if not isinstance(obstacles, Sequence) or not all(isinstance(one, Obstacle) for one in obstacles):
+        raise InvalidInput(f"obstacles: a list of obstacles wanted, got {obstacles!r}")
+    if not finite_array("link_radius", link_radius, ()) >= 0:
+        raise InvalidInput(f"link_radius: 0 m or more wanted, got {link_radius}")
     path = settled[0].path
     if cyclic and not all(task.path.closed for task in settled):
         raise InvalidInput("cyclic=True wants a closed path, but the path does not end where it starts")

@@ -229,7 +229,7 @@ LIBRARY: tuple[Objective, ...] = (
 
 
 def _duration(motion: Moving) -> np.ndarray:
-    return (motion.time[..., -1] - motion.time[..., 0])[..., None]
+    return np.asarray(motion.duration)[..., None]
 
 
 def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> Found:

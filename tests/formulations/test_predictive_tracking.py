@@ -46,7 +46,14 @@ def test_genes_stand_for_whole_samples_within_the_window(asked):
     for values in (methods.prediction_step, methods.update_interval):
         np.testing.assert_allclose(values / 0.05, np.round(values / 0.05), atol=1e-9)
     assert set(methods.horizon) == {1, 2, 3, 4, 5, 6}
-    assert (methods.horizon * methods.prediction_step <= 2.5 + 1e-9 + 0.05 * methods.horizon).all()
+    assert (methods.horizon * methods.prediction_step <= 2.5 + 1e-9).all()
+
+
+def test_an_individual_is_worth_the_same_whoever_is_evaluated_with_it(asked):
+    genes = np.random.default_rng(3).uniform(asked.xl, asked.xu, (40, 4))
+    together = asked.evaluate(genes, return_values_of=["F"])
+    alone = np.concatenate([asked.evaluate(one[None], return_values_of=["F"]) for one in genes])
+    np.testing.assert_array_equal(together, alone)
 
 
 def test_no_motion_beats_the_optimum_and_a_front_trades_work_for_energy(asked):
@@ -71,3 +78,11 @@ def test_what_cannot_be_used_is_refused_by_name(asked):
     assert np.isfinite(few.evaluate(few.xu[None])[0]).all()
     with pytest.raises(InvalidInput, match=r"start is .* off the path"):
         pk.PredictiveTracking(tringali_3r(), PATH, start=START + 0.1)
+    for changed, said in (
+        ({"start": "free"}, "start: 3 joint positions wanted, got 'free'"),
+        ({"optimum": 5}, "optimum: a Motion wanted, got 5"),
+        ({"starts": 0}, "starts: an integer of at least 1 wanted, got 0"),
+        ({"seed": "x"}, "seed: an integer of at least 0 wanted, got 'x'"),
+    ):
+        with pytest.raises(InvalidInput, match=re.escape(said)):
+            pk.PredictiveTracking(tringali_3r(), PATH, **{"start": START, "starts": 2, **changed})

@@ -104,10 +104,16 @@ def test_spatial_arms_without_criteria():
         ({"several": 0}, "several: 1 to "),
         ({"several": 2.5}, "several: 1 to "),
         ({"variant": "ours"}, "variant must be one of paper, consistent, got 'ours'"),
-        ({"starts": np.full((4, 3), np.nan)}, "starts: finite postures (starts, 3) wanted"),
+        ({"starts": np.full((4, 3), np.nan)}, "starts: must be finite, got nan at index (0, 0)"),
         ({"criteria": [pk.Criterion(objective=pk.manipulability, gain=np.ones(2))]}, "manipulability: one gain wanted"),
-        ({"starts": np.zeros((2, 2))}, "starts: finite postures (starts, 3) wanted, got shape (2, 2)"),
+        ({"starts": np.zeros((2, 2))}, "starts: postures (starts, 3) wanted, got shape (2, 2)"),
         ({"criteria": [pk.joint_drift]}, "criteria: wants objectives of form integral or peak"),
+        ({"criteria": [pk.jerk]}, "criterion jerk: wants a function of positions, velocities or both"),
+        ({"criteria": 5}, "criteria: wants objectives of form integral or peak, got 5"),
+        ({"starts": "x"}, "starts: must hold real numbers"),
+        ({"several": None}, "several: 1 to "),
+        ({"seed": -1}, "seed: an integer of at least 0 wanted, got -1"),
+        ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(changed, said):

@@ -14,7 +14,7 @@ from paretoik.calculus.running import run_first
 from paretoik.redundancy.resolving.matrices import decomposed, least_eigenvalue, substituted
 from paretoik.redundancy.resolving.traces import DAMPED, DONE, HELD, LONGEST, SHORTENED
 
-NONE, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighed
+ALIKE, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighed
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
 BEYOND = 1e12  # weight of a joint at its limit or past it
 
@@ -44,7 +44,7 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
         np.empty((rows, rows)),
         np.empty((rows + 4, rows)),
     )
-    D, E, z, wanted = np.ones(n), np.ones(n), np.empty(n), np.empty(rows)
+    D, E, z, pushes, wanted = np.ones(n), np.ones(n), np.empty(n), np.zeros(n), np.empty(rows)
     for k in range(time):
         for j in range(n):
             for lane in range(count):
@@ -72,7 +72,9 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
                     weights[here, k, j] = 1.0 / E[j] if E[j] > 0 else BEYOND
                     D[j] = E[j]
                 elif weighing == CLAMPING:
-                    E[j] = clamping(depth(place, lower[at, j], upper[at, j], settings[here, BUFFER] * ranges[at, j]))
+                    into = depth(place, lower[at, j], upper[at, j], settings[here, BUFFER] * ranges[at, j])
+                    E[j] = clamping(into)
+                    pushes[j] = -(1.0 - E[j]) * into * settings[here, REPULSION] if ranges[at, j] > 0.0 else 0.0
                     weights[here, k, j] = E[j]
                     D[j] = E[j] * E[j]
             for i in range(rows):
@@ -89,7 +91,8 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             if not decomposed(A, factor):
                 status[here, k] = HELD
                 for j in range(n):
-                    q[here, k + 1, j] = q[here, k, j]
+                    repulsion[here, k, j] = velocities[here, k, j] = pushes[j]
+                    q[here, k + 1, j] = q[here, k, j] + dt * pushes[j]
                 continue
             substituted(factor, wanted)
             for j in range(n):
@@ -99,9 +102,7 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
                 velocities[here, k, j] = D[j] * total
             if weighing == CLAMPING:
                 for j in range(n):
-                    width = settings[here, BUFFER] * ranges[at, j]
-                    into = depth(q[here, k, j], lower[at, j], upper[at, j], width)
-                    z[j] = -(1.0 - E[j]) * into * settings[here, REPULSION]
+                    z[j] = pushes[j]
                 _projected(J, D, E, factor, printed, z, wanted, repulsion[here, k])
                 for j in range(n):
                     velocities[here, k, j] += repulsion[here, k, j]
@@ -111,34 +112,78 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
                 share = gains[here, c, 0]
                 if normalised:
                     share *= coefficient(sign * (signs[c, 1] - found[base, lane] / scale), sign, settings[here, BAND])
+                for j in range(n + 1):
+                    if not abs(found[base + j, lane]) < np.inf:
+                        share = np.nan
                 coefficients[here, k, c] = share
+                if not abs(share) < np.inf:
+                    continue
                 for j in range(n):
                     priority = np.exp(-gains[here, c, 1] / criteria * E[j]) if normalised else 1.0
-                    z[j] = -sign * share * priority * found[base + 1 + j, lane]
+                    fixed = weighing == CLAMPING and not ranges[at, j] > 0.0
+                    z[j] = 0.0 if fixed else -sign * share * priority * found[base + 1 + j, lane]
                 _projected(J, D, E, factor, printed, z, wanted, projected[here, k, c])
                 for j in range(n):
                     velocities[here, k, j] += projected[here, k, c, j]
             farthest = 0.0
             for j in range(n):
                 farthest = np.maximum(farthest, abs(dt * velocities[here, k, j]))  # NaN stays
-            if not farthest < np.inf:
-                _scaled(here, k, 0.0, velocities, repulsion, projected)
-                status[here, k] = HELD
-            elif farthest > LONGEST:
-                _scaled(here, k, LONGEST / farthest, velocities, repulsion, projected)
-                status[here, k] = SHORTENED
+            _bounded(here, k, farthest, velocities, repulsion, projected, status)
             for j in range(n):
                 q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
 
 
 @compiled
-def _scaled(lane, k, share, velocities, repulsion, projected):
-    """Take a share of a step; 0 where there is none."""
+def stepped(k, dt, slopes, wanted, free, q, velocities, repulsion, projected, status):
+    """Take a step of every lane with what the task wants and, of ``free`` (lanes, dof), what it leaves.
+
+    ``slopes`` (lanes, rows · dof) are the entries of the Jacobian, ``wanted`` (lanes, rows) the task's velocities.
+    Source: Tringali & Cocuzza 2021, Eq. 2.
+    """
+    n, rows = free.shape[1], wanted.shape[1]
+    A, factor, left, right = np.empty((rows, rows)), np.empty((rows, rows)), np.empty(rows), np.empty(rows)
+    for lane in range(free.shape[0]):
+        J = slopes[lane]
+        for i in range(rows):
+            left[i] = right[i] = wanted[lane, i]
+            for j in range(n):
+                left[i] -= J[i * n + j] * free[lane, j]
+            for m in range(i + 1):
+                total = 0.0
+                for j in range(n):
+                    total += J[i * n + j] * J[m * n + j]
+                A[i, m] = A[m, i] = total
+        status[lane, k] = DONE
+        farthest = np.inf
+        if decomposed(A, factor):
+            substituted(factor, left)
+            substituted(factor, right)
+            farthest = 0.0
+            for j in range(n):
+                both, own = free[lane, j], 0.0
+                for i in range(rows):
+                    both += J[i * n + j] * left[i]
+                    own += J[i * n + j] * right[i]
+                velocities[lane, k, j], projected[lane, k, 0, j] = both, both - own
+                farthest = np.maximum(farthest, abs(dt * both))  # NaN stays
+        _bounded(lane, k, farthest, velocities, repulsion, projected, status)
+        for j in range(n):
+            q[lane, k + 1, j] = q[lane, k, j] + dt * velocities[lane, k, j]
+
+
+@compiled
+def _bounded(lane, k, farthest, velocities, repulsion, projected, status):
+    """Shorten a step that is too long; take none where there is none."""
+    if farthest < np.inf and farthest <= LONGEST:
+        return
+    held = not farthest < np.inf
+    status[lane, k] = HELD if held else SHORTENED
+    share = 0.0 if held else LONGEST / farthest
     for j in range(velocities.shape[2]):
-        velocities[lane, k, j] = share * velocities[lane, k, j] if share > 0.0 else 0.0
-        repulsion[lane, k, j] = share * repulsion[lane, k, j] if share > 0.0 else 0.0
+        velocities[lane, k, j] = 0.0 if held else share * velocities[lane, k, j]
+        repulsion[lane, k, j] = 0.0 if held else share * repulsion[lane, k, j]
         for c in range(projected.shape[2]):
-            projected[lane, k, c, j] = share * projected[lane, k, c, j] if share > 0.0 else 0.0
+            projected[lane, k, c, j] = 0.0 if held else share * projected[lane, k, c, j]
 
 
 @compiled

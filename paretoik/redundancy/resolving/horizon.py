@@ -74,7 +74,7 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
     """Write down the program of an objective over samples ahead; the last counts ``terminal`` times more.
 
     Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
-    accelerations.
+    accelerations, or hangs on none of them.
     """
     n, what = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
@@ -92,7 +92,7 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
         dq = (q - before) * (1.0 / interval)
         ddq = (dq - rate) * (1.0 / interval)
         before, rate = q, dq
-        motion = TracedMotion(task, trace, q, dq, ddq, jerk)
+        motion = TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
         value = local(motion, what, objective.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
@@ -108,6 +108,8 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
     strangers = {entry(tape, one) for one in jerk.entries} & set(used(tape, [total]))
     if strangers or trace.data:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")
+    if not {entry(tape, one) for q in samples for one in q.entries} & set(used(tape, [total])):
+        raise InvalidInput(f"{what}: is the same whatever {task.arm.name} does; has it no masses?")
     weighed = Expression(tape, total)
     for one, equation in zip(lagrangian, equations, strict=True):
         weighed = weighed + one * Expression(tape, equation)

@@ -54,6 +54,8 @@ def lanes(
         raise InvalidInput(
             f"{name}: starts of shape {start.shape[:-1]} and numbers of {', '.join(shapes)} do not fit each other"
         ) from None
+    if 0 in batch:
+        raise InvalidInput(f"{name}: numbers wanted, got an empty array")
 
     def flat(values: np.ndarray, *axes: int) -> np.ndarray:
         return np.broadcast_to(values, (*batch, *axes)).reshape(int(np.prod(batch)), *axes)

@@ -1,12 +1,12 @@
 """The methods that resolve velocities, and what they improve on the side.
 
 All make a step of the form q̇ = D Jᵀ(J D Jᵀ + ρ²I)⁻¹ v + N z, v what the tool must do, D a diagonal, N a projector. They
-differ in D, in ρ and in z. Every number may be an array (*batch,): one motion each.
+differ in D, in ρ and in z. A method's numbers and the gains of criteria may be arrays (*batch,): one motion each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -133,6 +133,8 @@ class GradientProjection(DampedLeastSquares):
     def settled(self) -> tuple[Criterion, ...]:
         """The criteria, all of them with gains; raises InvalidInput for what is none."""
         given = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
+        if not isinstance(given, Iterable):
+            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {given!r}")
         return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in given)
 
     def __post_init__(self) -> None:
@@ -198,6 +200,7 @@ class PredictiveKineticEnergy(Method):
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check_ranges(self)
+        finite_array("PredictiveKineticEnergy: horizon", self.horizon)
         ahead = np.asarray(self.horizon)
         if ahead.dtype.kind not in "iu" or not (ahead >= 1).all():
             raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")

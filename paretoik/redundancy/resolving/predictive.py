@@ -11,8 +11,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Protocol, runtime_checkable
+from functools import cache, lru_cache
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,23 +21,13 @@ from paretoik.errors import InvalidInput
 from paretoik.redundancy.resolving.horizon import Found, horizon
 from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
 from paretoik.redundancy.resolving.programs import step_program
-from paretoik.redundancy.resolving.traces import (
-    DONE,
-    HELD,
-    LONGEST,
-    SHORTENED,
-    STATUS,
-    ResolvedMotion,
-    Traces,
-    resolved,
-)
+from paretoik.redundancy.resolving.traces import ResolvedMotion, Traces, resolved
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.task.retraction import retract, task_errors
 
 DEGREE = 4
-SINGULAR = 1e-13  # of the largest eigenvalue of J Jᵀ
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,6 +122,8 @@ def predicted(
         raise InvalidInput(
             f"PredictiveKineticEnergy: starts of shape {start.shape[:-1]} and its numbers do not fit each other"
         ) from None
+    if 0 in batch:
+        raise InvalidInput("PredictiveKineticEnergy: numbers wanted, got an empty array")
     n, times, count = task.arm.dof, task.times, int(np.prod(batch))
     own, dt = rhythms(method, times, batch), float(times[1] - times[0])
     if method.feedback * dt > 1 + 1e-12:
@@ -156,34 +148,10 @@ def predicted(
         pace = (before - (found["velocities"][:, k - 2] if k > 1 else 0.0)) / dt if k else np.zeros((count, n))
         lost = np.abs(error).max(axis=0) > tolerance
         aims = [one.aimed(k, q[i, k], before[i], pace[i], lost=bool(lost[i])) for i, one in enumerate(looks)]
-        _stepped(slopes.T.reshape(count, task.rows, n), wanted, (np.stack(aims) - q[:, k]) / dt, k, dt, q, found)
+        free = (np.stack(aims) - q[:, k]) / dt
+        parts = (found[name] for name in ("velocities", "repulsion", "projected", "status"))
+        _compiled().stepped(k, dt, np.ascontiguousarray(slopes.T), wanted, free, q, *parts)
     return _told(task, batch, q, found, looks)
-
-
-def _stepped(
-    jacobian: np.ndarray,
-    wanted: np.ndarray,
-    free: np.ndarray,
-    k: int,
-    dt: float,
-    q: np.ndarray,
-    found: dict[str, np.ndarray],
-) -> None:
-    """Take a step with what the task wants and, of ``free``, what it leaves: Eq. 2."""
-    square = jacobian @ jacobian.swapaxes(1, 2)
-    sizes = np.linalg.eigvalsh(square)
-    good = sizes[:, 0] > SINGULAR * sizes[:, -1]
-    square[~good] = np.eye(square.shape[1])
-    onto = np.linalg.solve(square, (wanted - (jacobian @ free[..., None])[..., 0])[..., None])
-    both = free + (jacobian.swapaxes(1, 2) @ onto)[..., 0]
-    task_part = (jacobian.swapaxes(1, 2) @ np.linalg.solve(square, wanted[..., None]))[..., 0]
-    farthest = np.abs(both).max(axis=1) * dt
-    good &= np.isfinite(farthest)
-    share = np.where(good, np.minimum(LONGEST / np.maximum(farthest, LONGEST), 1.0), 0.0)[:, None]
-    found["velocities"][:, k] = np.where(good[:, None], share * both, 0.0)
-    found["projected"][:, k, 0] = np.where(good[:, None], share * (both - task_part), 0.0)
-    found["status"][:, k] = np.select([~good, share[:, 0] < 1], [HELD, SHORTENED], DONE)
-    q[:, k + 1] = q[:, k] + dt * found["velocities"][:, k]
 
 
 class Lookout:
@@ -304,6 +272,11 @@ def _told(
             extra["updates"][i, u], extra["predictions"][i, u, : len(update[1])] = update[0], update[1]
             for name, value in zip(("values", "converged", "iterations", "seconds"), update[2:], strict=True):
                 extra[name][i, u] = value
-    shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in {**found, **extra}.items()}
-    traces = PredictiveTraces(**{**shaped, "status": STATUS[shaped["status"]]})
-    return ResolvedMotion.of(task, q.reshape(*batch, *q.shape[1:]), traces)
+    return ResolvedMotion.of(task, batch, q, {**found, **extra}, PredictiveTraces)
+
+
+@cache
+def _compiled() -> Any:
+    from paretoik.redundancy.resolving import following  # here: numba takes its time
+
+    return following

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from paretoik.robot.kinematics import chain
 from paretoik.task.derivatives import local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
-from paretoik.task.path import Path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +38,7 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
 
     Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
     """
-    motion = traced_sample(_of_unit_time(task))
+    motion = traced_sample(task, duration=1.0)  # means over time are then what they are of one sample
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.travels(task.times) for each in task.tasks], axis=1)
     targets, going = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
@@ -67,10 +66,3 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
         written=program(tape, places),
         table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.data.values())], axis=1),
     )
-
-
-def _of_unit_time(task: MotionTask) -> MotionTask:
-    """Return the task in a second: means over time are then what they are of one sample."""
-    given = [each.path for each in task.tasks]
-    paths = [Path(one.times / one.duration, one.positions, one.quaternions, one.curve) for one in given]
-    return replace(task, tasks=tuple(replace(each, path=path) for each, path in zip(task.tasks, paths, strict=True)))

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.redundancy.resolving.lanes import lanes, ranges
 from paretoik.redundancy.resolving.methods import (
     Criterion,
@@ -24,7 +24,7 @@ from paretoik.redundancy.resolving.methods import (
 )
 from paretoik.redundancy.resolving.predictive import predicted
 from paretoik.redundancy.resolving.programs import step_program
-from paretoik.redundancy.resolving.traces import STATUS, ResolvedMotion, Traces, resolved
+from paretoik.redundancy.resolving.traces import ResolvedMotion, resolved
 from paretoik.redundancy.self_motion import postures
 from paretoik.redundancy.self_motion import unreachable as out_of_reach
 from paretoik.redundancy.variational import variational
@@ -82,12 +82,13 @@ def resolve(
     seed
         Of the postures that the default start is chosen from.
 
-    ``unreachable`` and ``tolerance`` mean nothing to ``Nedungadi``, whose motions are on the path or refused.
+    ``unreachable`` and ``tolerance`` mean nothing to ``Nedungadi``, whose motions are on the path or refused; a start
+    less than 1e-6 off the path is led onto it.
 
     The task's velocity over a step is that of its target, with a pose the angular velocity of the target's frame, plus
-    feedback. A step is held where the Jacobian is singular and nothing is damped, and shortened where a joint were to
-    go more than 1 rad or m in it. Where a path leaves what can be reached, the arm follows as it can and returns with
-    it; damping keeps it calm meanwhile.
+    feedback. A step is held where the Jacobian, its joints weighed, is singular and nothing is damped, and shortened
+    where a joint were to go more than 1 rad or m in it. Where a path leaves what can be reached, the arm follows as it
+    can and returns with it; it takes more damping than the default, or less feedback, to keep it calm meanwhile.
 
     Raises
     ------
@@ -95,6 +96,8 @@ def resolve(
         Naming what cannot be used; OutOfReach where there is no start.
     Infeasible
         Where the path is lost and ``unreachable="refuse"``, with sample, error and the Jacobian's condition number.
+    EvaluationFailed
+        Where a criterion gives no number and ``unreachable="refuse"``.
 
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.3678, 0.0], duration=1.0, samples=101)
@@ -108,6 +111,8 @@ def resolve(
         raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
     if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
+    if not isinstance(seed, int) or seed < 0:
+        raise InvalidInput(f"seed: a whole number of 0 or more wanted, got {seed!r}")
     criteria = method.settled if isinstance(method, GradientProjection) else ()
     task = motion_task(
         arm,
@@ -125,6 +130,7 @@ def resolve(
     else:
         motion = _followed(task, method, criteria, q)
     if unreachable == "refuse":
+        _check_criteria(task, motion, criteria)
         _check_followed(task, motion, tolerance)
     return motion
 
@@ -146,9 +152,9 @@ def _starts(task: MotionTask, given: object, seed: int) -> np.ndarray:
         q = np.array(given, dtype=float)
     except (TypeError, ValueError):
         raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got {given!r}") from None
-    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size or not np.isfinite(q).all():
-        raise InvalidInput(f"start: finite joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
-    return q
+    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
+        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
+    return finite_array("start", q)
 
 
 def _followed(
@@ -168,15 +174,13 @@ def _followed(
 
     def follow(first: int, last: int) -> None:
         given = program.table, steps, bounds, modes, asked.settings, asked.gains, signs, found
-        _engine()(first, last, program.written.parts, *given)
+        _engine().followed(first, last, program.written.parts, *given)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(follow, cuts[:-1], cuts[1:]))
-    shaped = {name: values.reshape(*asked.batch, *values.shape[1:]) for name, values in traces.items()}
-    made = Traces(**{**shaped, "status": STATUS[shaped["status"]]})
-    return ResolvedMotion.of(task, q.reshape(*asked.batch, size + 1, n), made)
+    return ResolvedMotion.of(task, asked.batch, q, traces)
 
 
 def _stationary(task: MotionTask, method: Nedungadi, start: np.ndarray) -> ResolvedMotion:
@@ -192,15 +196,26 @@ def _stationary(task: MotionTask, method: Nedungadi, start: np.ndarray) -> Resol
     traces["velocities"][:] = dq
     onto = np.linalg.pinv(jacobian) @ (jacobian @ dq[..., None])
     traces["projected"][:, :, 0] = dq - onto[..., 0]
-    shaped = {name: values.reshape(*start.shape[:-1], *values.shape[1:]) for name, values in traces.items()}
-    return ResolvedMotion.of(task, found.motion.q, Traces(**{**shaped, "status": STATUS[shaped["status"]]}))
+    return ResolvedMotion.of(task, start.shape[:-1], q, traces)
 
 
 def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:
     """Return how joints are weighed, whether the projector is the paper's, and whether criteria are normalised."""
+    known = _engine()
     if isinstance(method, WeightedGradientProjection):
-        return 2, method.variant == "paper", True
-    return int(isinstance(method, WeightedLeastNorm)), False, False
+        return known.CLAMPING, method.variant == "paper", True
+    return known.LEAST_NORM if isinstance(method, WeightedLeastNorm) else known.ALIKE, False, False
+
+
+def _check_criteria(task: MotionTask, motion: ResolvedMotion, criteria: Sequence[Criterion]) -> None:
+    """Raise EvaluationFailed where a criterion gave no number, with the first sample where it did not."""
+    missing = np.isnan(motion.traces.coefficients).reshape(-1, len(task.times) - 1, max(len(criteria), 1)).any(axis=0)
+    if criteria and missing.any():
+        sample, which = np.argwhere(missing)[0]
+        raise EvaluationFailed(
+            f"criterion {criteria[which].objective.name}: wants a finite value and gradient, got none at sample "
+            f'{sample} ({task.times[sample]:.3g} s); unreachable="track" leaves it out there'
+        )
 
 
 def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) -> None:
@@ -235,6 +250,6 @@ def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
 
 @cache
 def _engine() -> Any:
-    from paretoik.redundancy.resolving.following import followed  # here: numba takes its time
+    from paretoik.redundancy.resolving import following  # here: numba takes its time
 
-    return followed
+    return following

@@ -22,10 +22,11 @@ class Traces:
 
     ``errors`` [m, rad] are what the task still wanted at every sample, ``velocities`` [rad/s, m/s] what was commanded,
     ``damping`` ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient
-    projection, else 1. ``coefficients`` are those of the criteria, ``repulsion`` and ``projected`` the velocities that
-    were added to the task's: by what pushes joints off their limits, and by each criterion. ``status`` says of each
-    step whether it was "done", "damped", "shortened" to at most 1 rad or m of every joint, all of it by one share, or
-    "held": not taken, for the posture is singular.
+    projection, else 1. ``coefficients`` are those of the criteria, NaN where one gave no number and was left out,
+    ``repulsion`` and ``projected`` the velocities that were added to the task's: by what pushes joints off their
+    limits, and by each criterion. ``status`` says of each step whether it was "done", "damped", "shortened" to at most
+    1 rad or m of every joint, all of it by one share, or "held": joints do nothing for the task, and are pushed off
+    their limits alone, for with the weights that they have no velocity of theirs is what the task wants.
     """
 
     errors: Float[np.ndarray, "*batch time rows"]
@@ -53,10 +54,21 @@ class ResolvedMotion(Motion):
         return replace(picked, traces=self.traces[index])
 
     @classmethod
-    def of(cls, task: MotionTask, q: np.ndarray, traces: Traces) -> ResolvedMotion:
-        """Return joint positions (*batch, time, dof) as motions of a task."""
-        motion = task.motion(q)
-        return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=traces)
+    def of(
+        cls,
+        task: MotionTask,
+        batch: tuple[int, ...],
+        q: np.ndarray,
+        traces: dict[str, np.ndarray],
+        kind: type[Traces] = Traces,
+    ) -> ResolvedMotion:
+        """Return joint positions (motions, time, dof) and traces as ``resolved`` gives room for, as a batch."""
+        q, shaped = (
+            q.reshape(*batch, *q.shape[1:]),
+            {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()},
+        )
+        motion, made = task.motion(q), kind(**{**shaped, "status": STATUS[shaped["status"]]})
+        return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=made)
 
 
 def resolved(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:

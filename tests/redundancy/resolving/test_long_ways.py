@@ -58,7 +58,7 @@ def test_a_step_too_long_is_refused_by_its_length():
 
 
 def test_who_comes_back_too_late_to_look_ahead_still_follows():
-    path = pk.waypoints([[0.4678, 0.0], [0.45, 0.05], [0.6, 0.0], [0.46, 0.0]], duration=1.0, samples=201)
+    path = pk.waypoints([[0.4678, 0.0], [0.45, 0.05], [0.8, 0.0], [0.46, 0.0]], duration=1.0, samples=201)
     motion = pk.resolve(tringali_3r(), path, METHODS[-1], start=START, unreachable="track")
     assert np.flatnonzero(motion.tracking_error > 0.01).max() > 160  # the last sample from which all ahead is path
     assert motion.traces.updates.max() < 160

@@ -203,9 +203,17 @@ def test_nedungadis_motion_is_the_variational_one():
         pk.resolve(tringali_3r(), line(FIRST, [0.4895, 0.0], duration=1.0, samples=51), pk.Nedungadi(), start=START)
 
 
+def test_an_arm_without_masses_has_no_kinetic_energy_to_look_ahead_for():
+    arm = pk.marcos_nr(4)
+    path = line([1.5, 0.5], [1.2, 0.6], duration=1.0, samples=41)
+    with pytest.raises(InvalidInput, match=r"objective kinetic_energy: is the same whatever .* does; has it no masses"):
+        pk.resolve(arm, path, pk.PredictiveKineticEnergy())
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [
+        (lambda: {"horizon": [[1], [1, 2]]}, "horizon: must be an array of numbers, got rows of different lengths"),
         (lambda: {"horizon": 0}, "PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got 0"),
         (lambda: {"prediction_step": -1.0}, "prediction_step of more than 0 s wanted, got -1.0"),
         (lambda: {"prediction_step": 0.033}, "prediction_step of whole samples of 0.02 s wanted, got 0.033 s"),

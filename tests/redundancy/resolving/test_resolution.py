@@ -10,7 +10,7 @@ import pytest
 
 import paretoik as pk
 from paretoik import Criterion, Limits, Pose, line, tringali_3r, wan_7r
-from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach
 from paretoik.robot import kinematics
 from tests.redundancy.resolving.plainly import Plainly, coefficient, damping, repulsions, weights_of_clamping
 
@@ -316,6 +316,56 @@ def test_a_criterion_means_the_same_whatever_the_duration(objective):
     np.testing.assert_allclose(quick.traces.coefficients[0], slow.traces.coefficients[0], atol=1e-12)
 
 
+def test_a_criterion_sees_the_time_of_its_path():
+    @pk.objective(unit="", form="integral")
+    def following(motion):
+        return (motion.q[..., 0] - motion.time) ** 2
+
+    path = line([0.468, 0.0], [0.40, 0.0], duration=2.0, samples=41)
+    motion = pk.resolve(tringali_3r(), path, pk.GradientProjection(criteria=following), start=START, tolerance=0.1)
+    for k in (0, 12, 30):
+        free = -2 * (motion.q[k, 0] - motion.time[k]) * np.array([1.0, 0.0, 0.0])
+        jacobian = kinematics.jacobian(tringali_3r(), motion.q[k])[:2]
+        wanted = free - np.linalg.pinv(jacobian) @ jacobian @ free
+        np.testing.assert_allclose(motion.traces.projected[k, 0], wanted, atol=1e-10)
+
+
+def test_a_criterion_without_a_value_is_named_or_left_out():
+    @pk.objective(unit="", form="integral")
+    def rooted(motion):
+        return np.sqrt(motion.q[..., 2] + 0.7)
+
+    for method in (pk.GradientProjection(criteria=rooted), pk.WeightedGradientProjection(criteria=[rooted])):
+        with pytest.raises(
+            EvaluationFailed, match=r"criterion rooted: wants a finite value .* none at sample 0 \(0 s\)"
+        ):
+            pk.resolve(tringali_3r(), DOWN, method, start=START)
+        motion = pk.resolve(tringali_3r(), DOWN, method, start=START, unreachable="track")
+        missing = np.isnan(motion.traces.coefficients[:, 0])
+        assert missing[0]
+        assert (motion.traces.projected[missing] == 0).all()
+        assert motion.tracking_error.max() < 1e-2
+
+
+@pytest.mark.parametrize("variant", ["paper", "consistent"])
+def test_a_joint_held_at_one_place_stays_there(variant):
+    limits = Limits(position=([-3.0, -3.0, START[2]], [3.0, 3.0, START[2]]))
+    method = pk.WeightedGradientProjection(variant=variant, criteria=[middle])
+    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
+    assert (motion.q[:, 2] == START[2]).all()
+    assert np.abs(motion.traces.projected).max() >= 0
+
+
+def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
+    limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 0.3, 3.0]))
+    method = pk.WeightedGradientProjection(damping=0.0)
+    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
+    assert motion.traces.status[0] == "held"
+    assert motion.traces.repulsion[0, 1] < 0 < motion.traces.repulsion[0, 2]
+    assert (motion.traces.status[-20:] == "done").all()
+    assert motion.tracking_error[-1] < 1e-3
+
+
 def test_criteria_may_be_one_objective_or_come_from_a_generator():
     given = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
     motions = [pk.resolve(tringali_3r(), DOWN, pk.GradientProjection(criteria=each), start=START) for each in given]
@@ -357,9 +407,15 @@ def test_more_redundancy_and_several_tasks():
         ({"method": "pinv"}, "resolve: wants a method, such as PseudoInverse(), got 'pinv'"),
         ({"unreachable": "ignore"}, "unreachable must be one of refuse, track, got 'ignore'"),
         ({"tolerance": 0.0}, "tolerance: a positive distance in m or rad wanted, got 0.0"),
-        ({"start": [0.0, np.nan, 0.0]}, "start: finite joint positions (..., 3) wanted, got shape (3,)"),
-        ({"start": [0.0, 1.0]}, "start: finite joint positions (..., 3) wanted, got shape (2,)"),
-        ({"start": np.zeros((0, 3))}, "start: finite joint positions (..., 3) wanted, got shape (0, 3)"),
+        ({"start": [0.0, np.nan, 0.0]}, "start: must be finite, got nan at index 1"),
+        ({"start": [0.0, 1.0]}, "start: joint positions (..., 3) wanted, got shape (2,)"),
+        ({"start": np.zeros((0, 3))}, "start: joint positions (..., 3) wanted, got shape (0, 3)"),
+        ({"seed": "x"}, "seed: a whole number of 0 or more wanted, got 'x'"),
+        ({"limits": 5}, "limits: Limits(...) wanted, got 5"),
+        ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
+        ({"link_radius": -1.0}, "link_radius: 0 m or more wanted, got -1.0"),
+        ({"method": pk.PseudoInverse(feedback=np.zeros(0))}, "PseudoInverse: numbers wanted, got an empty array"),
+        ({"method": pk.PredictiveKineticEnergy(terminal=np.zeros(0))}, "PredictiveKineticEnergy: numbers wanted, got an empty"),
         ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
         ({"start": "home"}, "start: joint positions (..., 3) wanted, got 'home'"),
         ({"method": pk.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
@@ -396,6 +452,7 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
             lambda: pk.GradientProjection(criteria=["speed"]),
             "criteria: wants objectives of form integral or peak, got 's",
         ),
+        (lambda: pk.GradientProjection(criteria=5), "criteria: wants objectives of form integral or peak, got 5"),
         (lambda: pk.GradientProjection(criteria=[middle, middle]), "criteria: names must differ, got middle, middle"),
         (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: a positive scale wanted, got 0.0"),
         (lambda: Criterion(objective=middle, reference=np.inf), "criterion middle, reference: must be finite, got inf"),
