@@ -31,7 +31,7 @@ SAME = 1e-6  # relative: what is better by less is no better
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
 RARE = 2  # starts that reached an optimum: when no more did, others may not have been reached at all
-SPACING = 0.15  # rad or m between the nodes of that grid
+GRIDDED, SPACING = 2, 0.15  # the round in which a grid is laid, which takes longer; rad or m between its nodes
 ROUNDS = 6  # of half as many starts again, at most, until no optimum is rare
 HOPPING = 4  # optima that are pushed off
 PATIENCE, HOPS = 2, 12  # rounds in vain after which that ends, and in all
@@ -125,9 +125,8 @@ class _Further:
     """
 
     def __init__(self, level: MotionTask, q: np.ndarray, wanted: int, rng: np.random.Generator) -> None:
-        self.level, self.wanted, self.rng = level, wanted, rng
+        self.level, self.q, self.wanted, self.rng = level, q, wanted, rng
         self.rounds, self.best, self.in_vain = 0, np.inf, 0
-        self.ways = _ways(level, q) if level.redundancy == 1 else q[:0]
 
     @property
     def at_its_end(self) -> bool:
@@ -142,10 +141,9 @@ class _Further:
             return self._hops(found)
         if not _rarely_reached(self.level, found) or self.rounds >= ROUNDS:
             return found.q[:0]
-        if len(self.ways):
-            ways, self.ways = self.ways, self.ways[:0]
-            return ways
         self.rounds += 1
+        if self.rounds == GRIDDED and len(ways := _ways(self.level, self.q)):
+            return ways
         return swept(self.level, 2 * self.wanted, self.rng)[: self.wanted]
 
     def _hops(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
