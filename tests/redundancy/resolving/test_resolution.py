@@ -415,7 +415,10 @@ def test_more_redundancy_and_several_tasks():
         ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
         ({"link_radius": -1.0}, "link_radius: 0 m or more wanted, got -1.0"),
         ({"method": pk.PseudoInverse(feedback=np.zeros(0))}, "PseudoInverse: numbers wanted, got an empty array"),
-        ({"method": pk.PredictiveKineticEnergy(terminal=np.zeros(0))}, "PredictiveKineticEnergy: numbers wanted, got an empty"),
+        (
+            {"method": pk.PredictiveKineticEnergy(terminal=np.zeros(0))},
+            "PredictiveKineticEnergy: numbers wanted, got an empty",
+        ),
         ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
         ({"start": "home"}, "start: joint positions (..., 3) wanted, got 'home'"),
         ({"method": pk.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
