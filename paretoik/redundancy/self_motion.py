@@ -93,7 +93,7 @@ def swept(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.nd
     """
     steps = len(task.times) - 1
     share, shape = (np.arange(steps) + 0.5) / steps, (count, 1)
-    way = rng.uniform(0.0, FARTHEST, shape)
+    way = FARTHEST * rng.uniform(0.0, 1.0, shape) ** 2
     if task.cyclic:
         pace = way * np.pi / (2 * steps) * np.cos(2 * np.pi * (share - rng.uniform(0.0, 1.0, shape)))
     else:

@@ -80,9 +80,9 @@ def planned(
 
     Starts are those of ``coarse_starts``. With one degree of redundancy, as long as some optimum was reached from one
     or two only, there are likely others that none has reached yet (Good 1953: the share of starts that are alone at an
-    optimum estimates how likely the next one finds another). Then more are added: the best ways through a coarse grid
-    of postures where that is quick, and motions that travel along the self-motion. With more degrees of redundancy the
-    best are pushed off at random, as long as better ones come of it. ``given`` motions on the path are starts too.
+    optimum estimates how likely the next one finds another). Then more are added, the best ways through a coarse grid
+    of postures among them where that is quick. With more degrees of redundancy they are, and the best are pushed off at
+    random, as long as better ones come of it. ``given`` motions on the path are starts too.
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
@@ -119,9 +119,9 @@ def _starts(level: MotionTask, wanted: int, rng: np.random.Generator) -> Float[n
 class _Further:
     """Which starts to add, batch by batch, to those of the coarsest level, seeing what these have led to.
 
-    With one degree of redundancy, as long as some optimum is rare: ways through the grid first, then by chance. With
-    more, where valleys are many and flat and every start finds another point: from the best ones, pushed at random, as
-    long as the best gets better (basin hopping, Wales & Doye 1997).
+    With one degree of redundancy, as long as some optimum is rare: starts pushed at random, others that travel, and
+    once ways through a grid. With more, where valleys are many and flat and every start finds another point: others
+    that travel and the best ones pushed at random, as long as the best gets better (basin hopping, Wales & Doye 1997).
     """
 
     def __init__(self, level: MotionTask, q: np.ndarray, wanted: int, rng: np.random.Generator) -> None:
@@ -144,6 +144,8 @@ class _Further:
         self.rounds += 1
         if self.rounds == GRIDDED and len(ways := _ways(self.level, self.q)):
             return ways
+        if self.rounds % 2:
+            return pushed(self.level, self.rng.permutation(self.q)[: 2 * self.wanted], self.rng)[: self.wanted]
         return swept(self.level, 2 * self.wanted, self.rng)[: self.wanted]
 
     def _hops(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
@@ -153,7 +155,8 @@ class _Further:
         if self.in_vain >= PATIENCE or self.rounds > HOPS:
             return found.q[:0]
         near = found.q[_distinct(self.level, found, found.totals[:, 0], most=HOPPING)]
-        return pushed(self.level, np.repeat(near, -(-self.wanted // len(near)), axis=0), self.rng)
+        hops = pushed(self.level, np.repeat(near, -(-self.wanted // len(near)), axis=0), self.rng)
+        return np.concatenate([hops, swept(self.level, self.wanted, self.rng)])
 
 
 def _ways(level: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, "ways samples dof"]:

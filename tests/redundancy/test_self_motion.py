@@ -125,7 +125,7 @@ def test_swept_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
     assert task.motion(far).tracking_error.max() < 1e-9
     assert np.abs(np.diff(far, axis=1)).max() <= JUMP
     way = [np.linalg.norm(np.diff(q, axis=1), axis=2).sum(axis=1) for q in (rolled, far)]
-    assert np.median(way[1]) > 1.5 * np.median(way[0])
+    assert np.quantile(way[1], 0.8) > 1.5 * np.quantile(way[0], 0.8)
 
 
 @pytest.mark.parametrize("of", [pushed, swept])
