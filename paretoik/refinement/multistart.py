@@ -7,8 +7,9 @@ by cost and joint limits (3.1.3), optimised on coarse samples and refined by cub
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,6 +24,7 @@ from paretoik.refinement.polish import REASONS, Polished, joined, polish, within
 from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import objective
 
 COARSEST = 26  # samples: with half as many, the best torque optimum does not exist
 APART = 0.01  # rad (RMS): optima nearer than this are one
@@ -31,7 +33,8 @@ SAME = 1e-6  # relative: what is better by less is no better
 KEPT = 8  # optima carried on to a finer level
 POOL = 4  # roll-outs a start, of which the most promising are taken
 RARE = 2  # starts that reached an optimum: when no more did, others may not have been reached at all
-GRIDDED, SPACING = 2, 0.15  # the round in which a grid is laid, which takes longer; rad or m between its nodes
+MANY = 6  # optima: among so many there are likely others
+SPACING = 0.15  # rad or m between the nodes of a grid, which takes as long as many starts
 ROUNDS = 6  # of half as many starts again, at most, until no optimum is rare
 HOPPING = 4  # optima that are pushed off
 PATIENCE, HOPS = 2, 12  # rounds in vain after which that ends, and in all
@@ -43,6 +46,11 @@ COLD = (
 EASING = Rules(radius=0.1, iterations=40)
 HOLDING = Rules(barrier=1e-4, penalty=100.0, radius=0.02)  # limits are not left again for a better objective
 WARM = Rules(barrier=1e-4, radius=0.02)  # coarser levels go no further than where finer ones begin
+
+
+@objective(unit="rad²/s", form="integral")
+def _haste(motion: Any) -> Any:
+    return np.sum(motion.dq**2, axis=-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,14 +127,15 @@ def _starts(level: MotionTask, wanted: int, rng: np.random.Generator) -> Float[n
 class _Further:
     """Which starts to add, batch by batch, to those of the coarsest level, seeing what these have led to.
 
-    With one degree of redundancy, as long as some optimum is rare: starts pushed at random, others that travel, and
-    once ways through a grid. With more, where valleys are many and flat and every start finds another point: others
-    that travel and the best ones pushed at random, as long as the best gets better (basin hopping, Wales & Doye 1997).
+    With one degree of redundancy, as long as some optimum is rare: starts pushed at random and others that travel;
+    once, where optima stay rare or are many, or nothing keeps the limits, ways through a grid. With more, where valleys
+    are many and flat and every start finds another point: others that travel and the best ones pushed at random, as
+    long as the best gets better (basin hopping, Wales & Doye 1997).
     """
 
     def __init__(self, level: MotionTask, q: np.ndarray, wanted: int, rng: np.random.Generator) -> None:
         self.level, self.q, self.wanted, self.rng = level, q, wanted, rng
-        self.rounds, self.best, self.in_vain = 0, np.inf, 0
+        self.rounds, self.gridded, self.best, self.in_vain = 0, False, np.inf, 0
 
     @property
     def at_its_end(self) -> bool:
@@ -135,20 +144,28 @@ class _Further:
 
     def __call__(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
         """Return further starts, none where it is enough."""
-        if not found.converged.any():
-            return found.q[:0]
         if self.level.redundancy > 1:
             return self._hops(found)
-        if not _rarely_reached(self.level, found) or self.rounds >= ROUNDS:
+        if not found.converged.any():
+            return found.q[:0] if self.gridded else self._laid()
+        known = len(_distinct(self.level, found, found.totals[:, 0], most=len(found)))
+        rare = self.rounds < ROUNDS and _rarely_reached(self.level, found)
+        if not self.gridded and (known >= MANY or (rare and self.rounds > 0)) and len(ways := self._laid()):
+            return ways
+        if not rare:
             return found.q[:0]
         self.rounds += 1
-        if self.rounds == GRIDDED and len(ways := _ways(self.level, self.q)):
-            return ways
         if self.rounds % 2:
             return pushed(self.level, self.rng.permutation(self.q)[: 2 * self.wanted], self.rng)[: self.wanted]
         return swept(self.level, 2 * self.wanted, self.rng)[: self.wanted]
 
+    def _laid(self) -> Float[np.ndarray, "ways samples dof"]:
+        self.gridded = True
+        return _ways(self.level, self.q)
+
     def _hops(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
+        if not found.converged.any():
+            return found.q[:0]
         best = float(found.totals[found.converged, 0].min())
         self.in_vain = 0 if _better(best, self.best) else self.in_vain + 1
         self.best, self.rounds = min(best, self.best), self.rounds + 1
@@ -160,8 +177,13 @@ class _Further:
 
 
 def _ways(level: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, "ways samples dof"]:
-    """Return the best ways of every class through a coarse grid; none where accelerations count: that takes long."""
+    """Return the best ways of every class through a coarse grid; none where limits ask for accelerations or torques.
+
+    Where the objective does, what moves least is taken for the best: anything else would take long.
+    """
     try:
+        if terms_of(level, None, q[:1]).second:
+            level = replace(level, objectives=(_haste,))
         if terms_of(level, None, q[:1]).second:
             return q[:0]
         return grid_oracle(level, resolution=SPACING, classes=KEPT, bounded=False).q
@@ -216,8 +238,26 @@ def descended(
         if observe is not None:
             observe(len(task.times), len(q), len(found))
         if finer:
-            q = task.motion(found.q).at(finer.task.times)
+            q = _finer(task, found.q, finer.task)
     return found, tuple(levels)
+
+
+def _finer(
+    task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
+) -> Float[np.ndarray, "kept time dof"]:
+    """Return motions at the samples of a finer level, but for those that leave the path between their own.
+
+    Raises Infeasible where all do.
+    """
+    kept = []
+    for motion in task.motion(q):
+        try:
+            kept.append(motion.at(finer.times))
+        except Infeasible as error:
+            last = error
+    if not kept:
+        raise last
+    return np.stack(kept)
 
 
 def _led(
