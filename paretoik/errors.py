@@ -16,6 +16,7 @@ Every message is one line: the name of the thing, what was wanted, what was foun
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral
 
 
 class ParetoikError(Exception):
@@ -74,3 +75,9 @@ class EvaluationFailed(ParetoikError):  # noqa: N818
     """Every evaluation failed; the message names the first cause."""
 
     exit_code = 4
+
+
+def check_size(name: str, size: object, least: int) -> None:
+    """Raise InvalidInput unless ``size`` is an integer of at least ``least``."""
+    if isinstance(size, bool) or not isinstance(size, Integral) or size < least:
+        raise InvalidInput(f"{name}: an integer of at least {least} wanted, got {size!r}")

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.front.front import Front
 from paretoik.refinement.epsilon import epsilon_points
 from paretoik.refinement.multistart import Plan, planned
 from paretoik.refining import certified, task_of
-from paretoik.search.seeding import check_size
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -33,8 +32,9 @@ def plan(
         A ``Tracking`` with one integral objective.
     starts, seed
         Number of starts for every degree of redundancy, and the seed of their chance: the same seed gives the same
-        plan. With one degree, and functions without kinks, peaks or whole-motion parts, up to four times as many are
-        tried while some optimum was reached from one or two only.
+        plan. With functions without kinks, peaks or whole-motion parts more are tried: with one degree up to three
+        times as many while some optimum was reached from one or two only, and ways through a grid of postures where
+        optima stay rare or are many; with more degrees starts near the best, while better ones come of it.
     initial
         Motions of the problem, on its path, to start from as well.
     observe

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.arrays import Genes, Objectives
-from paretoik.errors import Infeasible, InvalidInput, ParetoikError
+from paretoik.errors import Infeasible, InvalidInput, ParetoikError, check_size
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import CERTIFICATES, PICTURE, RECORDING, claimed, write_run
 from paretoik.following import Observer as Observer
@@ -31,7 +31,6 @@ from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
 from paretoik.search.progress import Progress
-from paretoik.search.seeding import check_size
 from paretoik.task.motion import Motion
 
 POPULATION, GENERATIONS = 200, 500  # where none are given

@@ -14,7 +14,7 @@ import numpy as np
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.redundancy.resolving.horizon import horizon
 from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
 from paretoik.redundancy.resolving.predictive import PredictiveTraces, rhythms
@@ -23,7 +23,6 @@ from paretoik.redundancy.resolving.traces import ResolvedMotion
 from paretoik.redundancy.self_motion_curves import wrapped
 from paretoik.refinement.multistart import planned
 from paretoik.robot.arm import Arm
-from paretoik.search.seeding import check_size
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
@@ -70,7 +69,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         arm: Arm,
         path: Path | Task | Sequence[Path | Task],
         *,
-        start: object,
+        start: Sequence[float] | np.ndarray,
         objective: Objective = kinetic_energy,
         optimum: Motion | None = None,
         starts: int = 48,
@@ -78,7 +77,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     ) -> None:
         check_size("starts", starts, 1)
         check_size("seed", seed, 0)
-        if isinstance(start, str):
+        if np.shape(start) != (arm.dof,):
             raise InvalidInput(f"start: {arm.dof} joint positions wanted, got {start!r}")
         self.path, self.objective = path, objective
         self.task: MotionTask = motion_task(

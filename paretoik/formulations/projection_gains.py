@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.redundancy.resolving.lanes import ranges
 from paretoik.redundancy.resolving.methods import Criterion, GradientProjection, Variant, WeightedGradientProjection
 from paretoik.redundancy.resolving.programs import step_program
@@ -27,7 +27,6 @@ from paretoik.redundancy.self_motion import postures, unreachable
 from paretoik.redundancy.self_motion_curves import wrapped
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.search.seeding import check_size
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, joint_limit_nearness, joint_travel
 from paretoik.task.obstacles import Obstacle
@@ -123,12 +122,13 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
             link_radius=link_radius,
         )
         step_program(self.task, [one.objective for one in given])  # refuses criteria that cannot be projected
-        self.starts = _ordered(self.task, seed) if starts is None else finite_array("starts", starts).astype(float)
+        self.starts = _ordered(self.task, seed) if starts is None else finite_array("starts", starts)
         if self.starts.ndim != 2 or self.starts.shape[1] != arm.dof or not self.starts.size:
             raise InvalidInput(f"starts: postures (starts, {arm.dof}) wanted, got shape {self.starts.shape}")
-        if not isinstance(several, int) or not 1 <= several <= len(self.starts):
+        check_size("several", several, 1)
+        if several > len(self.starts):
             raise InvalidInput(f"several: 1 to {len(self.starts)} starts wanted, got {several!r}")
-        self.several = several
+        self.several = int(several)
         self.most = 1.0 / float(np.diff(self.task.times).max())
         count = len(given)
         low, high = [0.0, LEAST_FEEDBACK, DAMPING[0]], [1.0, 1.0, DAMPING[1]]

@@ -24,11 +24,12 @@ from paretoik.redundancy.grid_bound import BEYOND, lower_bound
 from paretoik.redundancy.grid_terms import Terms, priced, terms_of
 from paretoik.redundancy.layers import Layers, best_way, ways_through
 from paretoik.redundancy.posture_grid import PostureGrid, layered, posture_grid, transitions, windows_of
-from paretoik.redundancy.self_motion_curves import carried_postures, node_spacing, traced_curves
+from paretoik.redundancy.self_motion_curves import carried_postures, node_spacing, nodes_of, traced_curves
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 PACE = 2.5  # times the pace that the path itself asks for: what joints without velocity limit may do
+QUICK = 30_000  # nodes that take no longer than a moment
 COARSEST = 26  # samples, where accelerations count
 APART = 0.15  # rad or m: ways through the grid nearer than this to a better one are not told apart from it
 
@@ -68,7 +69,7 @@ def grid_oracle(
     resolution: float | None = None,
     classes: int = 8,
     seed: int = 0,
-    bounded: bool = True,
+    quick: bool = False,
 ) -> GridOracle:
     """Return the best ways through a grid of all postures, one of each class, for one degree of redundancy.
 
@@ -85,15 +86,16 @@ def grid_oracle(
         The most motions returned, of every class first: how joints are bent, and how often they turn.
     seed
         Of the first postures; the curves through them hardly depend on it.
-    bounded
-        Whether the bound is wanted, which takes half of the time.
+    quick
+        Whether to do without the bound, and to refuse what takes longer than a moment.
 
     Joints without velocity limit may go at a few times the pace that the path asks for.
 
     Raises
     ------
     InvalidInput
-        Naming redundancy where it is not one, and whatever else is not supported; OutOfReach where the path is.
+        Naming redundancy where it is not one, and whatever else is not supported; OutOfReach where the path is. With
+        ``quick`` also where accelerations count, or there are very many postures.
     Infeasible
         Where there is no way through the grid.
     """
@@ -101,12 +103,16 @@ def grid_oracle(
     rng = np.random.default_rng(seed)
     seeds, pace = carried_postures(task, rng)
     terms = terms_of(task, weights, np.stack([q[0] for q in seeds])[None])
+    if quick and terms.second:
+        raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
     level = task.subsampled(_coarse(len(task.times))) if terms.second else task
     kept = np.searchsorted(task.times, level.times)
     windows = windows_of(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
     curves = traced_curves(level, [seeds[i] for i in kept])
     spacing = resolution or node_spacing(curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
+    if quick and nodes_of(task, curves, spacing) > QUICK:
+        raise InvalidInput(f"grid_oracle: quick=True wants at most {QUICK} nodes, {spacing:g} rad apart there are more")
     while True:
         grid = _kept(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pairs if terms.second else _singles)(level, grid, terms)
@@ -123,7 +129,7 @@ def grid_oracle(
     if not terms.second and not np.isclose(told["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
     least = np.nan
-    if bounded and not terms.second:
+    if not quick and not terms.second:
         every = posture_grid(level, curves, spacing, windows, unrolled, beyond=BEYOND * spacing)
         least = lower_bound(level, every, terms, spacing)
     return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least)

@@ -100,6 +100,14 @@ def node_spacing(curves: list[list[Curve]], windows: np.ndarray, *, second: bool
     return float(max(windows[1:].max() / shares, length / most))
 
 
+def nodes_of(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
+    """Return about how many nodes curves have, so far apart, at all the turns that joints' limits hold."""
+    lower, upper = lifted_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
+    turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
+    length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
+    return float(length / spacing * np.prod(np.maximum(turns, 1.0)))
+
+
 def wrapped(apart: np.ndarray, periodic: np.ndarray) -> np.ndarray:
     """Return joint distances with whole turns of periodic joints taken off."""
     return np.where(periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)

@@ -7,12 +7,13 @@ dominated points; Haimes et al. 1971.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.multistart import APART, coarse_starts, descended, distance, ladder, planned
 from paretoik.refinement.polish import Polished, polish
@@ -245,8 +246,9 @@ def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished
             caps[main] = np.inf
             factors = np.full(count, WEIGHT)
             factors[main] = 1.0
-            got, _ = descended(programs, cold, factors, caps)
-            found.append(got[got.converged][:POOL])
+            with suppress(Infeasible):  # where all that is found leaves the path, this ε adds nothing
+                got, _ = descended(programs, cold, factors, caps)
+                found.append(got[got.converged][:POOL])
     return found
 
 

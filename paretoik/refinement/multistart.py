@@ -7,6 +7,7 @@ by cost and joint limits (3.1.3), optimised on coarse samples and refined by cub
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,10 +15,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.redundancy.branches import labels
 from paretoik.redundancy.grid_oracle import grid_oracle
-from paretoik.redundancy.grid_terms import terms_of
 from paretoik.redundancy.self_motion import candidates, pushed, swept
 from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.polish import REASONS, Polished, joined, polish, within_limits
@@ -35,7 +35,7 @@ POOL = 4  # roll-outs a start, of which the most promising are taken
 RARE = 2  # starts that reached an optimum: when no more did, others may not have been reached at all
 MANY = 6  # optima: among so many there are likely others
 SPACING = 0.15  # rad or m between the nodes of a grid, which takes as long as many starts
-ROUNDS = 6  # of half as many starts again, at most, until no optimum is rare
+ROUNDS = 4  # of half as many starts again, at most, until no optimum is rare
 HOPPING = 4  # optima that are pushed off
 PATIENCE, HOPS = 2, 12  # rounds in vain after which that ends, and in all
 SHAKEN = 3  # optima, and times at most, that are pushed off again where they are many
@@ -49,7 +49,7 @@ WARM = Rules(barrier=1e-4, radius=0.02)  # coarser levels go no further than whe
 
 
 @objective(unit="rad²/s", form="integral")
-def _haste(motion: Any) -> Any:
+def _least_motion(motion: Any) -> Any:
     return np.sum(motion.dq**2, axis=-1)
 
 
@@ -89,8 +89,8 @@ def planned(
     Starts are those of ``coarse_starts``. With one degree of redundancy, as long as some optimum was reached from one
     or two only, there are likely others that none has reached yet (Good 1953: the share of starts that are alone at an
     optimum estimates how likely the next one finds another). Then more are added, the best ways through a coarse grid
-    of postures among them where that is quick. With more degrees of redundancy they are, and the best are pushed off at
-    random, as long as better ones come of it. ``given`` motions on the path are starts too.
+    of postures among them where optima stay rare or are many. With more degrees of redundancy more are added, and the
+    best pushed off at random, as long as better ones come of it. ``given`` motions on the path are starts too.
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
@@ -128,7 +128,7 @@ class _Further:
     """Which starts to add, batch by batch, to those of the coarsest level, seeing what these have led to.
 
     With one degree of redundancy, as long as some optimum is rare: starts pushed at random and others that travel;
-    once, where optima stay rare or are many, or nothing keeps the limits, ways through a grid. With more, where valleys
+    once, where optima stay rare or are many, or nothing converged, ways through a grid. With more, where valleys
     are many and flat and every start finds another point: others that travel and the best ones pushed at random, as
     long as the best gets better (basin hopping, Wales & Doye 1997).
     """
@@ -148,13 +148,19 @@ class _Further:
             return self._hops(found)
         if not found.converged.any():
             return found.q[:0] if self.gridded else self._laid()
-        known = len(_distinct(self.level, found, found.totals[:, 0], most=len(found)))
-        rare = self.rounds < ROUNDS and _rarely_reached(self.level, found)
-        if not self.gridded and (known >= MANY or (rare and self.rounds > 0)) and len(ways := self._laid()):
+        every = found.q[found.converged]
+        optima = found.q[_distinct(self.level, found, found.totals[:, 0], most=len(found))]
+        reached = [int((distance(self.level, each, every) <= APART).sum()) for each in optima]
+        rare = self.rounds < ROUNDS and min(reached) <= RARE
+        if not self.gridded and (len(optima) >= MANY or (rare and self.rounds > 0)) and len(ways := self._laid()):
             return ways
-        if not rare:
-            return found.q[:0]
-        self.rounds += 1
+        others = found.q[:0]
+        while rare and not len(others) and self.rounds < ROUNDS:
+            self.rounds += 1
+            others = self._others()
+        return others
+
+    def _others(self) -> Float[np.ndarray, "starts samples dof"]:
         if self.rounds % 2:
             return pushed(self.level, self.rng.permutation(self.q)[: 2 * self.wanted], self.rng)[: self.wanted]
         return swept(self.level, 2 * self.wanted, self.rng)[: self.wanted]
@@ -177,18 +183,14 @@ class _Further:
 
 
 def _ways(level: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, "ways samples dof"]:
-    """Return the best ways of every class through a coarse grid; none where limits ask for accelerations or torques.
+    """Return the best ways of every class through a coarse grid; none where that would take long.
 
-    Where the objective does, what moves least is taken for the best: anything else would take long.
+    Where the objective asks for accelerations, as torques do, what moves least is taken for the best instead.
     """
-    try:
-        if terms_of(level, None, q[:1]).second:
-            level = replace(level, objectives=(_haste,))
-        if terms_of(level, None, q[:1]).second:
-            return q[:0]
-        return grid_oracle(level, resolution=SPACING, classes=KEPT, bounded=False).q
-    except (InvalidInput, Infeasible):
-        return q[:0]  # there is no grid of such a task, or no way through one as coarse as this
+    for objectives in (level.objectives, (_least_motion,)):
+        with suppress(Exception):  # no grid of such a task, no way through it, or functions that fail where it probes
+            return grid_oracle(replace(level, objectives=objectives), resolution=SPACING, classes=KEPT, quick=True).q
+    return q[:0]
 
 
 def sizes(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
@@ -256,7 +258,10 @@ def _finer(
         except Infeasible as error:
             last = error
     if not kept:
-        raise last
+        raise Infeasible(
+            f"no motion found on {len(task.times)} samples follows the path between them: {last}; sample it finer",
+            motion=task.motion(q[0]),
+        )
     return np.stack(kept)
 
 
@@ -270,13 +275,6 @@ def _led(
 def _passing(rules: Rules) -> Rules:
     """Return the rules for a level that a finer one follows: it ends where that one begins."""
     return rules._replace(last_barrier=WARM.barrier, tolerance=WARM.barrier)
-
-
-def _rarely_reached(task: MotionTask, found: Polished) -> bool:
-    """Return whether some optimum was reached from ``RARE`` starts or fewer."""
-    optima = found.q[_distinct(task, found, found.totals[:, 0], most=len(found))]
-    every = found.q[found.converged]
-    return any(int((distance(task, each, every) <= APART).sum()) <= RARE for each in optima)
 
 
 def _better(value: float, before: float) -> bool:

@@ -10,8 +10,8 @@ from moocore import is_nondominated
 from numpy.typing import ArrayLike
 
 from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
+from paretoik.errors import check_size
 from paretoik.search.constraints import TOLERANCE, Floats, Integers, violations
-from paretoik.search.seeding import check_size
 
 CAPACITY = 20_000  # points above which a grid thins the archive
 SAME = 1e-9  # of each objective's range: nearer points are one

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from pymoo.core.termination import NoTermination
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.search.archive import Archive, Failures
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, column_tolerance, violations
 from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, check_size, checked_genes
+from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, checked_genes
 
 if TYPE_CHECKING:
     from paretoik.front import Front

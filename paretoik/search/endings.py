@@ -15,10 +15,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from paretoik.arrays import Values
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.front.indicators import hypervolume
 from paretoik.search.progress import Progress, normalised_hypervolume, spans
-from paretoik.search.seeding import check_size
 
 
 @runtime_checkable

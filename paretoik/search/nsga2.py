@@ -13,11 +13,11 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 from pymoo.util.display.multi import MultiObjectiveOutput
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
 from paretoik.search.mating import BranchwiseMating
 from paretoik.search.maximin import MaxiMin, column
-from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, check_size, seeded_population
+from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, seeded_population
 
 
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types

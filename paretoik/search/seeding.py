@@ -7,17 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.search.constraints import Floats
 
 SMALLEST_POPULATION = 4
 ROUNDING = 1e-12  # of a gene's range: what lies outside by no more was meant to lie inside
-
-
-def check_size(name: str, size: object, least: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer of at least ``least``."""
-    if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < least:
-        raise InvalidInput(f"{name}: an integer of at least {least} wanted, got {size!r}")
 
 
 def check_problem(problem: Any) -> None:

@@ -74,7 +74,7 @@ def table_5(trajectory: Trajectory) -> list[Row]:
                 f"beside PMKE {100 * (energy / energies['PMKE'] - 1):+.1f} %, the paper {100 * (theirs - 1):+.1f} %"
             )
         nearest = min(trajectory.optima, key=lambda other: abs(other - printed))
-        if name == "global" and nearest > energy:
+        if name == "global" and nearest > trajectory.optima[0]:
             notes.append(
                 f"of our {len(trajectory.optima)} optima one of {nearest:.4g} is nearest to the paper's, "
                 f"{100 * (nearest / printed - 1):+.2f} %: not the best"

@@ -138,6 +138,7 @@ def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(o
     np.testing.assert_array_equal(away[:, 0], np.tile(start, (len(away), 1)))
     assert np.ptp(away[:, -1], axis=0).max() > 0.05
     closed = moved(round_trip())
+    assert len(closed) > 5
     np.testing.assert_array_equal(closed[:, 0], closed[:, -1])
 
 

@@ -3,7 +3,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.errors import Infeasible
 from paretoik.redundancy.grid_oracle import grid_oracle
+from paretoik.refinement import multistart
 from paretoik.refinement.multistart import distance, level_samples
 from problems import tringali_2020, tringali_2021
 
@@ -37,9 +39,54 @@ def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_no_way_through_the_grid_beats_the_plan_from_a_given_start(number):
     problem = tringali_2021.problem(number, samples=51)
-    found, grid = pk.plan(problem), grid_oracle(problem.task, resolution=0.05, bounded=False)
+    found, grid = pk.plan(problem), grid_oracle(problem.task, resolution=0.05, quick=True)
     assert found.best.objective < grid.best
     assert np.isnan(grid.lower_bound)
+
+
+def some_arm(seed, *, limited=False):
+    """Return a planar arm of random links, and postures to go between."""
+    rng = np.random.default_rng(1000 + seed)
+    lengths, masses = rng.uniform(0.15, 0.5, 3), rng.uniform(0.3, 2.0, 3)
+    limits = np.deg2rad(rng.uniform(100, 170, 3)) if limited else None
+    reach, turn = lengths.sum() * rng.uniform(0.25, 0.9, (2, 2)), rng.uniform(-np.pi, np.pi, 2)
+    ends = [reach[0, i] * np.array([np.cos(turn[i]), np.sin(turn[i])]) for i in range(2)]
+    return pk.Arm.planar(lengths=lengths, masses=masses, position_limits=limits), ends
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("limited", [False, True])
+def test_no_way_through_the_grid_beats_the_plan_of_a_random_arm(seed, limited):
+    arm, ends = some_arm(seed, limited=limited)
+    problem = pk.Tracking(arm, pk.line(*ends, duration=1.0, samples=51), objectives=[pk.kinetic_energy])
+    try:
+        grid = grid_oracle(problem.task, resolution=0.06, quick=True).best
+    except Infeasible:
+        return
+    assert pk.plan(problem).best.objective < grid
+
+
+def test_hops_find_better_valleys_where_redundancy_is_more_than_one(monkeypatch):
+    arm = pk.Arm.planar(lengths=[0.4, 0.3, 0.3, 0.2], masses=[1.0] * 4)
+    path = pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=51)
+    problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
+    hopped = [pk.plan(problem, seed=seed, starts=6).best.objective for seed in range(6)]
+    monkeypatch.setattr(multistart, "PATIENCE", 0)
+    still = [pk.plan(problem, seed=seed, starts=6).best.objective for seed in range(6)]
+    assert all(one <= other * (1 + 1e-6) for one, other in zip(hopped, still, strict=True))
+    assert any(one < 0.99 * other for one, other in zip(hopped, still, strict=True))
+
+
+def test_a_motion_that_leaves_the_path_between_coarse_samples_is_left_out():
+    problem = tringali_2020.simulation_1()
+    coarse, finer = problem.task.subsampled(26), problem.task
+    good = pk.plan(problem).best.motion.q[::4]
+    whirling = good.copy()
+    whirling[1::2, 0] += 2 * np.pi  # the same postures, but a whole turn between each and the next
+    kept = multistart._finer(coarse, np.stack([whirling, good]), finer)
+    assert kept.shape == (1, 101, 3)
+    with pytest.raises(Infeasible, match="no motion found on 26 samples follows the path between them"):
+        multistart._finer(coarse, whirling[None], finer)
 
 
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])

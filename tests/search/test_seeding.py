@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from pymoo.core.problem import Problem
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.search import MaxiMinNSGA2, Search, seeded_population
-from paretoik.search.seeding import check_size
 
 
 class Structured(Problem):

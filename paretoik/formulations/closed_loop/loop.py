@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.closed_loop.objectives import StepObjective, joint_displacement, of_step, position_error
 from paretoik.formulations.closed_loop.posture import first_posture
 from paretoik.formulations.closed_loop.programs import StepPrograms, step_programs
@@ -29,7 +29,7 @@ from paretoik.formulations.closed_loop.step import HISTORY, Instant, reaches
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
-from paretoik.search.seeding import SMALLEST_POPULATION, check_size
+from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import motion_task
 from paretoik.task.objectives import Objective, joint_drift

@@ -89,10 +89,14 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             damping[here, k] = np.sqrt(squared)
             status[here, k] = DAMPED if squared > 0 else DONE
             if not decomposed(A, factor):
-                status[here, k] = HELD
+                farthest = 0.0
                 for j in range(n):
                     repulsion[here, k, j] = velocities[here, k, j] = pushes[j]
-                    q[here, k + 1, j] = q[here, k, j] + dt * pushes[j]
+                    farthest = max(farthest, abs(dt * pushes[j]))
+                _shortened(here, k, farthest, velocities, repulsion, projected, status)
+                status[here, k] = HELD
+                for j in range(n):
+                    q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
                 continue
             substituted(factor, wanted)
             for j in range(n):
@@ -128,7 +132,7 @@ def followed(first, last, parts, table, steps, limits, modes, settings, gains, s
             farthest = 0.0
             for j in range(n):
                 farthest = np.maximum(farthest, abs(dt * velocities[here, k, j]))  # NaN stays
-            _bounded(here, k, farthest, velocities, repulsion, projected, status)
+            _shortened(here, k, farthest, velocities, repulsion, projected, status)
             for j in range(n):
                 q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
 
@@ -166,13 +170,13 @@ def stepped(k, dt, slopes, wanted, free, q, velocities, repulsion, projected, st
                     own += J[i * n + j] * right[i]
                 velocities[lane, k, j], projected[lane, k, 0, j] = both, both - own
                 farthest = np.maximum(farthest, abs(dt * both))  # NaN stays
-        _bounded(lane, k, farthest, velocities, repulsion, projected, status)
+        _shortened(lane, k, farthest, velocities, repulsion, projected, status)
         for j in range(n):
             q[lane, k + 1, j] = q[lane, k, j] + dt * velocities[lane, k, j]
 
 
 @compiled
-def _bounded(lane, k, farthest, velocities, repulsion, projected, status):
+def _shortened(lane, k, farthest, velocities, repulsion, projected, status):
     """Shorten a step that is too long; take none where there is none."""
     if farthest < np.inf and farthest <= LONGEST:
         return

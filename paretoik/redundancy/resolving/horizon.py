@@ -105,15 +105,14 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
             slopes += [entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
             begun += each.numbers
         lagrangian += list(multiplier.entries)
-    strangers = {entry(tape, one) for one in jerk.entries} & set(used(tape, [total]))
-    if strangers or trace.data:
+    read, variables = set(used(tape, [total])), [entry(tape, one) for q in samples for one in q.entries]
+    if read & {entry(tape, one) for one in jerk.entries} or trace.data:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")
-    if not {entry(tape, one) for q in samples for one in q.entries} & set(used(tape, [total])):
+    if not read & set(variables):
         raise InvalidInput(f"{what}: is the same whatever {task.arm.name} does; has it no masses?")
     weighed = Expression(tape, total)
     for one, equation in zip(lagrangian, equations, strict=True):
         weighed = weighed + one * Expression(tape, equation)
-    variables = [entry(tape, one) for q in samples for one in q.entries]
     second = hessian(tape, entry(tape, weighed), variables)
     places = np.array(list(second)).reshape(-1, 2).T
     return Horizon(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -78,3 +80,11 @@ def ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndar
     between = limits[..., 1] - limits[..., 0]
     one = np.isfinite(limits).any(axis=-1) & np.isinf(between)
     return np.where(one, np.where(arm.periodic, 2 * np.pi, 1.0), between)
+
+
+@cache
+def engine() -> Any:
+    """Return what runs lanes, compiled once, then cached."""
+    from paretoik.redundancy.resolving import following  # here: numba takes its time
+
+    return following

@@ -29,6 +29,7 @@ class Criterion:
     where the criterion is bad to 0 where it is good, told by H, its value over ``scale``: normalised to
     exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
     best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
+    A mean over time, as ``manipulability`` is, counts as its value at the sample: ``motion.duration`` is 1 s there.
 
     Raises InvalidInput for other objectives and for numbers out of range.
     """

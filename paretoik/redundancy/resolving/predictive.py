@@ -11,14 +11,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from typing import Any, Protocol, runtime_checkable
+from functools import lru_cache
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.errors import InvalidInput
 from paretoik.redundancy.resolving.horizon import Found, horizon
+from paretoik.redundancy.resolving.lanes import engine
 from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
 from paretoik.redundancy.resolving.programs import step_program
 from paretoik.redundancy.resolving.traces import ResolvedMotion, Traces, resolved
@@ -150,7 +151,7 @@ def predicted(
         aims = [one.aimed(k, q[i, k], before[i], pace[i], lost=bool(lost[i])) for i, one in enumerate(looks)]
         free = (np.stack(aims) - q[:, k]) / dt
         parts = (found[name] for name in ("velocities", "repulsion", "projected", "status"))
-        _compiled().stepped(k, dt, np.ascontiguousarray(slopes.T), wanted, free, q, *parts)
+        engine().stepped(k, dt, np.ascontiguousarray(slopes.T), wanted, free, q, *parts)
     return _told(task, batch, q, found, looks)
 
 
@@ -273,10 +274,3 @@ def _told(
             for name, value in zip(("values", "converged", "iterations", "seconds"), update[2:], strict=True):
                 extra[name][i, u] = value
     return ResolvedMotion.of(task, batch, q, {**found, **extra}, PredictiveTraces)
-
-
-@cache
-def _compiled() -> Any:
-    from paretoik.redundancy.resolving import following  # here: numba takes its time
-
-    return following

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
-from paretoik.redundancy.resolving.lanes import lanes, ranges
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
+from paretoik.redundancy.resolving.lanes import engine, lanes, ranges
 from paretoik.redundancy.resolving.methods import (
     Criterion,
     GradientProjection,
@@ -39,7 +38,10 @@ from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
 
 TOLERANCE = 0.01  # m or rad: a motion farther off its path has not followed it
-BROKEN = {"held": "no step could be taken", "shortened": "a joint were to go more than 1 rad or m in the step"}
+BROKEN = {
+    "held": "no velocities do what the task wants",
+    "shortened": "a joint were to go more than 1 rad or m in the step",
+}
 TRIED = 64  # postures, of which a motion starts in the one farthest from singular
 Unreachable = Literal["refuse", "track"]
 
@@ -86,9 +88,10 @@ def resolve(
     less than 1e-6 off the path is led onto it.
 
     The task's velocity over a step is that of its target, with a pose the angular velocity of the target's frame, plus
-    feedback. A step is held where the Jacobian, its joints weighed, is singular and nothing is damped, and shortened
-    where a joint were to go more than 1 rad or m in it. Where a path leaves what can be reached, the arm follows as it
-    can and returns with it; it takes more damping than the default, or less feedback, to keep it calm meanwhile.
+    feedback. The task is given up for a step ("held") where the Jacobian, its joints weighed, is singular and nothing
+    is damped, and a step is shortened where a joint were to go more than 1 rad or m in it. Where a path leaves what can
+    be reached, the arm follows as it can and returns with it; it takes more damping than the default, or less feedback,
+    to keep it calm meanwhile.
 
     Raises
     ------
@@ -111,8 +114,7 @@ def resolve(
         raise InvalidInput(f"unreachable must be one of {', '.join(get_args(Unreachable))}, got {unreachable!r}")
     if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
-    if not isinstance(seed, int) or seed < 0:
-        raise InvalidInput(f"seed: a whole number of 0 or more wanted, got {seed!r}")
+    check_size("seed", seed, 0)
     criteria = method.settled if isinstance(method, GradientProjection) else ()
     task = motion_task(
         arm,
@@ -174,7 +176,7 @@ def _followed(
 
     def follow(first: int, last: int) -> None:
         given = program.table, steps, bounds, modes, asked.settings, asked.gains, signs, found
-        _engine().followed(first, last, program.written.parts, *given)
+        engine().followed(first, last, program.written.parts, *given)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()
@@ -201,7 +203,7 @@ def _stationary(task: MotionTask, method: Nedungadi, start: np.ndarray) -> Resol
 
 def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:
     """Return how joints are weighed, whether the projector is the paper's, and whether criteria are normalised."""
-    known = _engine()
+    known = engine()
     if isinstance(method, WeightedGradientProjection):
         return known.CLAMPING, method.variant == "paper", True
     return known.LEAST_NORM if isinstance(method, WeightedLeastNorm) else known.ALIKE, False, False
@@ -246,10 +248,3 @@ def _check_followed(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
         f"resolve: {which}{what} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
         f'number is {np.linalg.cond(slopes):.3g}; unreachable="track" goes on as well as can be'
     )
-
-
-@cache
-def _engine() -> Any:
-    from paretoik.redundancy.resolving import following  # here: numba takes its time
-
-    return following

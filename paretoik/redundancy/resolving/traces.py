@@ -63,11 +63,9 @@ class ResolvedMotion(Motion):
         kind: type[Traces] = Traces,
     ) -> ResolvedMotion:
         """Return joint positions (motions, time, dof) and traces as ``resolved`` gives room for, as a batch."""
-        q, shaped = (
-            q.reshape(*batch, *q.shape[1:]),
-            {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()},
-        )
-        motion, made = task.motion(q), kind(**{**shaped, "status": STATUS[shaped["status"]]})
+        shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()}
+        motion = task.motion(q.reshape(*batch, *q.shape[1:]))
+        made = kind(**{**shaped, "status": STATUS[shaped["status"]]})
         return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=made)
 
 
