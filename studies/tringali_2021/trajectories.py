@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 
 import paretoik as pk
+from paretoik.redundancy.grid_oracle import grid_oracle
 from paretoik.robot.dynamics import inertia_matrix
 from problems import tringali_2021
 from problems.tringali_2021 import START
@@ -17,6 +18,7 @@ from studies.reporting import REPORTED, Row
 
 MASSES = ("fitted", "printed")
 NUMBERS = (1, 2, 3, 4)
+NEAR = 0.02  # of an energy: the paper's optimum and ours are the same
 FAST = 2.0  # rad/s: a motion this slow that has a faster joint has met a singularity
 METHODS = ("PMKE", "LSV", "global")
 
@@ -74,7 +76,7 @@ def table_5(trajectory: Trajectory) -> list[Row]:
                 f"beside PMKE {100 * (energy / energies['PMKE'] - 1):+.1f} %, the paper {100 * (theirs - 1):+.1f} %"
             )
         nearest = min(trajectory.optima, key=lambda other: abs(other - printed))
-        if name == "global" and nearest > trajectory.optima[0]:
+        if name == "global" and nearest > trajectory.optima[0] and abs(nearest / printed - 1) < NEAR:
             notes.append(
                 f"of our {len(trajectory.optima)} optima one of {nearest:.4g} is nearest to the paper's, "
                 f"{100 * (nearest / printed - 1):+.2f} %: not the best"
@@ -94,6 +96,21 @@ def table_5(trajectory: Trajectory) -> list[Row]:
             )
         )
     return rows
+
+
+def bounded(number: int, masses: str, *, samples: int = 201) -> Row:
+    """Return what no motion at all can be better than, by the grid oracle, beside the best that is planned."""
+    problem = tringali_2021.problem(number, arm_of(masses), samples)
+    found, best = grid_oracle(problem.task), pk.plan(problem).best.objective
+    return Row(
+        table=f"Table 5, {masses} masses",
+        row=f"trajectory {number}",
+        column="bound from below",
+        unit="J s",
+        ours=found.lower_bound,
+        paper=paper()["Table 5", f"trajectory {number}", "global"],
+        note=f"{samples} samples; the best planned, {best:.4g}, is within {1 - found.lower_bound / best:.1%} of it",
+    )
 
 
 def told(trajectory: Trajectory) -> list[Row]:
