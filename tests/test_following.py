@@ -178,11 +178,15 @@ def test_position_and_velocity_limits_hold_at_every_step():
 
 
 def test_warm_starts_begin_with_the_population_before():
-    cold, warm = short(generations=2), short(generations=2)
-    warm.warm_start = True
-    first, second = cold.run(), warm.run()
-    np.testing.assert_array_equal(first.q[1], second.q[1])
-    assert second.F[1:, 1].mean() < first.F[1:, 1].mean()
+    moved = []
+    for seed in range(16):  # of one seed alone, chance decides
+        cold, warm = short(generations=2, seed=seed), short(generations=2, seed=seed)
+        warm.warm_start = True
+        first, second = cold.run(), warm.run()
+        np.testing.assert_array_equal(first.q[1], second.q[1])
+        moved.append((first.F[1:, 1].mean(), second.F[1:, 1].mean()))
+    cold_median, warm_median = np.median(moved, axis=0)
+    assert warm_median < 0.7 * cold_median
 
 
 def command(*words, **environment):
