@@ -145,7 +145,7 @@ def _roll_outs(
     One Newton step a sample, each making good what the one before left, and ``pace`` [rad, m] along the self-motion.
     """
     inverses = _inverse_weights(len(start), task.arm.dof, rng)
-    along = rng.normal(size=start.shape) if pace.any() else np.zeros(start.shape)
+    along = rng.normal(size=start.shape)
     q = np.empty((len(start), len(task.times), task.arm.dof))
     q[:, 0] = start
     alive = np.ones(len(start), dtype=bool)
