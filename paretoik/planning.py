@@ -32,7 +32,7 @@ def plan(
         A ``Tracking`` with one integral objective.
     starts, seed
         Number of starts for every degree of redundancy, and the seed of their chance: the same seed gives the same
-        plan. With functions without kinks, peaks or whole-motion parts more are tried: with one degree up to three
+        plan. With functions without kinks, peaks or whole-motion parts more are tried: with one degree about three
         times as many while some optimum was reached from one or two only, and ways through a grid of postures where
         optima stay rare or are many; with more degrees starts near the best, while better ones come of it.
     initial

@@ -89,8 +89,15 @@ def order(task: MotionTask, term: Series, q: np.ndarray) -> int:
     """Return the highest derivative that a function of motions looks at, by what becomes of it without them."""
     for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
         with np.errstate(all="ignore"):
-            if not np.isnan(term(instants(task, q, *rates))).any():
-                return order
+            try:
+                values = term(instants(task, q, *rates))
+            except InvalidInput:
+                raise
+            except Exception as error:
+                said = f"{type(error).__name__}: {error}"
+                raise InvalidInput(f"grid_oracle: functions that bear NaN in rates wanted, got {said}") from error
+        if not np.isnan(values).any():
+            return order
     raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")
 
 

@@ -69,11 +69,11 @@ class PostureGrid:
 
 
 def windows_of(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
-    """Return how far each joint may go to each sample, at most ``pace`` [rad, m]."""
+    """Return how far each joint may go to each sample, at most ``pace`` [rad, m]; next to nothing where it may not."""
     limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
     steps = np.diff(task.times)[:, None]
     steps = np.concatenate([steps[:1], steps])
-    return np.minimum(limits * steps * (1 + HOLDS), pace)
+    return np.maximum(np.minimum(limits * steps * (1 + HOLDS), pace), HOLDS)
 
 
 def posture_grid(

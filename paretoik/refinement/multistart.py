@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed, Infeasible
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.redundancy.branches import labels
 from paretoik.redundancy.grid_oracle import grid_oracle
 from paretoik.redundancy.self_motion import candidates, pushed, swept
@@ -188,7 +188,7 @@ def _ways(level: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Floa
     Where the objective asks for accelerations, as torques do, what moves least is taken for the best instead.
     """
     for objectives in (level.objectives, (_least_motion,)):
-        with suppress(Exception):  # no grid of such a task, no way through it, or functions that fail where it probes
+        with suppress(InvalidInput, Infeasible):  # there is no grid of such a task, or no way through one so coarse
             return grid_oracle(replace(level, objectives=objectives), resolution=SPACING, classes=KEPT, quick=True).q
     return q[:0]
 

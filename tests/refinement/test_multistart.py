@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import Infeasible
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.redundancy.grid_oracle import grid_oracle
+from paretoik.redundancy.posture_grid import windows_of
 from paretoik.refinement import multistart
 from paretoik.refinement.multistart import distance, level_samples
 from problems import tringali_2020, tringali_2021
@@ -64,6 +65,29 @@ def test_no_way_through_the_grid_beats_the_plan_of_a_random_arm(seed, limited):
     except Infeasible:
         return
     assert pk.plan(problem).best.objective < grid
+
+
+def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_grid():
+    @pk.objective(unit="J", form="integral")
+    def strict(motion):
+        if isinstance(motion.dq, np.ndarray) and np.isnan(motion.dq).any():
+            raise ValueError("nan given")
+        return motion.kinetic_energy
+
+    given = tringali_2021.problem(4, samples=51)
+    problem = pk.Tracking(given.task.arm, given.task.tasks, objectives=[strict], start=tringali_2021.START)
+    with pytest.raises(InvalidInput, match="functions that bear NaN in rates wanted, got ValueError: nan given"):
+        grid_oracle(problem.task, quick=True)
+    assert pk.plan(problem).best.objective < 1.001 * pk.plan(given).best.objective
+
+
+def test_a_grid_lets_a_joint_rest_that_may_not_move():
+    limits = pk.Limits(velocity=[0.0, 9.0, 9.0])
+    given = tringali_2021.problem(1, samples=26).task
+    task = pk.Tracking(given.arm, given.tasks, objectives=[pk.kinetic_energy], limits=limits, start=given.start).task
+    assert np.isfinite(windows_of(task, 0.1)).all()
+    assert (windows_of(task, 0.1) > 0).all()
+    assert windows_of(task, 0.1)[:, 0].max() < 1e-6
 
 
 def test_hops_find_better_valleys_where_redundancy_is_more_than_one(monkeypatch):
