@@ -18,6 +18,8 @@ from .front.front import Front as Front
 from .front.preferences import Weights as Weights
 from .planning import epsilon_front as epsilon_front
 from .planning import plan as plan
+from .redundancy.directional import PerformancePolygon as PerformancePolygon
+from .redundancy.directional import directional_maxima as directional_maxima
 from .redundancy.resolving.methods import Criterion as Criterion
 from .redundancy.resolving.methods import DampedLeastSquares as DampedLeastSquares
 from .redundancy.resolving.methods import GradientProjection as GradientProjection
@@ -31,7 +33,13 @@ from .redundancy.resolving.resolution import resolve as resolve
 from .redundancy.resolving.traces import ResolvedMotion as ResolvedMotion
 from .refinement.multistart import Plan as Plan
 from .refining import refine as refine
+from .robot.actuation import DistributedActuation as DistributedActuation
+from .robot.actuation import JointActuation as JointActuation
+from .robot.actuation import MotorCurve as MotorCurve
 from .robot.arm import Arm as Arm
+from .robot.library import kim_3r as kim_3r
+from .robot.library import kim_joint_motors as kim_joint_motors
+from .robot.library import kim_sliders as kim_sliders
 from .robot.library import marcos_nr as marcos_nr
 from .robot.library import tringali_3r as tringali_3r
 from .robot.library import wan_7r as wan_7r

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.robot.actuation import DistributedActuation, JointActuation, MotorCurve
 from paretoik.robot.arm import Arm
 
 TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}
@@ -66,4 +68,46 @@ def wan_7r() -> Arm:
         position_limits=(lower, upper),
         velocity_limits=np.deg2rad([55.0, 55.0, 55.0, 55.0, 65.0, 65.0, 65.0]),
         name="Wan 7R",
+    )
+
+
+def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
+    """Return the planar arm with three revolute joints of Kim, Choi & Jang 2021, Table 2, under gravity (0, −9.81).
+
+    The paper prints no masses: 0.5 kg a link, in its middle, is an assumption, and so is that joints have no limits.
+
+    >>> kim_3r().dof
+    3
+    """
+    lengths = np.array([0.114, 0.114, 0.129])
+    return Arm.planar(lengths=lengths, masses=masses, centers=lengths / 2, inertias=[0.0] * 3, name="Kim 3R").mounted(
+        gravity=[0.0, -9.81, 0.0]
+    )
+
+
+def kim_joint_motors() -> JointActuation:
+    """Return the motors at the joints (JAM-3R) of Kim, Choi & Jang 2021, Table 3.
+
+    >>> kim_joint_motors().motors.stall
+    array([12.3,  3.5,  3.5])
+    """
+    return JointActuation(motors=MotorCurve(stall=[12.3, 3.5, 3.5], fastest=np.deg2rad([3.3, 13.2, 13.2])))
+
+
+def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1, 1] = 1) -> DistributedActuation:
+    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2; the first joint's upper speed is 1.8 mm/s.
+
+    ``base_angle`` [rad] is where the link before the first joint points, ``bend`` the way in which all joints bend. The
+    paper has neither: by default most directions at its nine positions are faster than with motors at the joints, as it
+    says they are. Back sliders may be where front sliders may.
+
+    >>> kim_sliders().front_bounds[0].tolist()
+    [0.037, 0.077]
+    """
+    return DistributedActuation(
+        front=MotorCurve(stall=[195.9, 55.8, 55.8], fastest=[1.8e-3, 7.1e-3, 7.1e-3]),
+        rod=0.080,
+        front_bounds=(0.037, 0.077),
+        zero=[base_angle, 0.0, 0.0],
+        bend=bend,
     )

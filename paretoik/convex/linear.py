@@ -1,0 +1,66 @@
+"""The linear program of a directional maximum: how far sums of columns, each within its range, reach along a direction.
+
+max v over low ≤ x ≤ high with columns · x = v · direction. ``furthest_model`` is the same in cvxpy's words. Solved by
+SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, where interior points stop short of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from paretoik.errors import EvaluationFailed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Furthest:
+    """How far the columns reach, and the multiples that do."""
+
+    value: float
+    multiples: Float[np.ndarray, " columns"]
+
+
+def furthest(
+    columns: Float[np.ndarray, "task columns"],
+    low: Float[np.ndarray, " columns"],
+    high: Float[np.ndarray, " columns"],
+    direction: Float[np.ndarray, " task"],
+) -> Furthest:
+    """Return the furthest point along a direction.
+
+    Raises EvaluationFailed where there is none, or no end to it.
+    """
+    scale = np.maximum(np.abs(low), np.abs(high))
+    scale = np.where(scale > 0, scale, 1.0)
+    steps = columns * scale
+    size = float(np.abs(steps).max(initial=0.0)) or 1.0
+    found = linprog(
+        np.append(np.zeros(len(low)), -1.0),
+        A_eq=np.column_stack([steps / size, -direction]),
+        b_eq=np.zeros(len(direction)),
+        bounds=[*zip(low / scale, high / scale, strict=True), (0.0, None)],
+        method="highs-ds",
+    )
+    if found.status != 0:
+        raise EvaluationFailed(f"furthest: HiGHS wanted to end with an optimum, got {found.message}")
+    return Furthest(value=float(found.x[-1]) * size, multiples=found.x[:-1] * scale)
+
+
+def furthest_model(
+    columns: Float[np.ndarray, "task columns"],
+    low: Float[np.ndarray, " columns"],
+    high: Float[np.ndarray, " columns"],
+    direction: Float[np.ndarray, " task"],
+) -> Furthest:
+    """Return what ``furthest`` does, by cvxpy and Clarabel."""
+    import cvxpy  # here: it takes two seconds, and only tests and readers want it
+
+    x, v = cvxpy.Variable(len(low)), cvxpy.Variable(nonneg=True)
+    problem = cvxpy.Problem(cvxpy.Maximize(v), [columns @ x == v * direction, x >= low, x <= high])
+    problem.solve(solver=cvxpy.CLARABEL)
+    if x.value is None:
+        raise EvaluationFailed(f"furthest: a solution wanted, got {problem.status}")
+    return Furthest(value=float(v.value), multiples=np.array(x.value))
