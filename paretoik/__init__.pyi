@@ -10,6 +10,8 @@ from .formulations.closed_loop.objectives import joint_displacement as joint_dis
 from .formulations.closed_loop.objectives import position_error as position_error
 from .formulations.closed_loop.objectives import rotation_error as rotation_error
 from .formulations.closed_loop.objectives import step_objective as step_objective
+from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
+from .formulations.point_to_point import PointToPoint as PointToPoint
 from .formulations.predictive_tracking import PredictiveTracking as PredictiveTracking
 from .formulations.projection_gains import ProjectionGains as ProjectionGains
 from .formulations.tracking import Tracking as Tracking
@@ -20,6 +22,8 @@ from .planning import epsilon_front as epsilon_front
 from .planning import plan as plan
 from .redundancy.directional import PerformancePolygon as PerformancePolygon
 from .redundancy.directional import directional_maxima as directional_maxima
+from .redundancy.fastest_path import fastest_path as fastest_path
+from .redundancy.fastest_path import path_time as path_time
 from .redundancy.resolving.methods import Criterion as Criterion
 from .redundancy.resolving.methods import DampedLeastSquares as DampedLeastSquares
 from .redundancy.resolving.methods import GradientProjection as GradientProjection
@@ -31,6 +35,9 @@ from .redundancy.resolving.methods import WeightedGradientProjection as Weighted
 from .redundancy.resolving.methods import WeightedLeastNorm as WeightedLeastNorm
 from .redundancy.resolving.resolution import resolve as resolve
 from .redundancy.resolving.traces import ResolvedMotion as ResolvedMotion
+from .redundancy.speed_fits import fit_axes as fit_axes
+from .redundancy.speed_fits import fit_ellipsoids as fit_ellipsoids
+from .redundancy.time_optimal import time_optimal_control as time_optimal_control
 from .refinement.multistart import Plan as Plan
 from .refining import refine as refine
 from .robot.actuation import DistributedActuation as DistributedActuation

@@ -11,11 +11,13 @@ from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.redundancy.branches import labels
+from paretoik.refinement import smooth_front
 from paretoik.refinement.certificates import certify
 from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.epsilon import YIELD, front_rows, polished_points
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
+from paretoik.refinement.smooth_front import SmoothProblem
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
 from paretoik.task.motion_task import MotionTask
@@ -30,7 +32,8 @@ def refine(front: Front, problem: Any = None) -> Front:
     """Return the front with every motion polished to a local optimum no worse in any objective, and certified.
 
     ``problem`` is the one that the front solves: by default the one it came from. Points keep their ids; those that
-    another one has come to dominate are left out. Polished motions are no longer what genes can say: ``genes`` is None.
+    another one has come to dominate are left out. Polished motions are no longer what genes can say: ``genes`` is None,
+    but for ``DirectionalMaxima`` and ``PointToPoint``, whose genes say all.
 
     A motion that could not be polished stays as it was, and its certificate says so.
 
@@ -40,17 +43,58 @@ def refine(front: Front, problem: Any = None) -> Front:
         Where the problem is not at hand, or an objective or limit has no derivative.
     """
     problem = front.problem if problem is None else problem
+    if isinstance(problem, SmoothProblem):
+        return _smooth_refined(front, problem)
     if problem is None or front.motions is None:
         raise InvalidInput("refine: a front with its motions and its problem wanted; refine(front, problem) names it")
     task = task_of("refine", problem)
     if tuple(o.name for o in task.objectives) != tuple(front.names):
         raise InvalidInput(f"refine: a problem with objectives {', '.join(front.names)} wanted, got another")
-    spread = np.ptp(front.minimised, axis=0)
-    ranges = np.where(spread > 0, spread, np.maximum(np.abs(front.minimised).max(axis=0), 1.0))
+    ranges = spans(front)
     found = polished_points(task, np.asarray(front.motions.q), ranges)
     q = np.where(found.converged[:, None, None], found.q, front.motions.q)
     settings = dict(front.provenance) | {"refined": {"points": len(front), "converged": int(found.converged.sum())}}
     return certified(problem, task, q, front.ids, ranges, settings)
+
+
+def _smooth_refined(front: Front, problem: Any) -> Front:
+    """Return the front of a smooth program's points, each no worse than it was."""
+    if front.genes is None or tuple(problem.names) != tuple(front.names):
+        raise InvalidInput(f"refine: a front of {', '.join(problem.names)} with its genes wanted, got another")
+    ranges = spans(front)
+    sketch = problem.sketch()
+    signs = np.where(problem.maximised, -1.0, 1.0)
+    z, good = smooth_front.polished(sketch, problem.unknowns(np.asarray(front.genes)), ranges)
+    genes = problem.genes_of(z)
+    found: dict[str, Any] = {}
+    problem._evaluate(genes, found)
+    between = np.maximum(found["G"].max(axis=1), 0.0)
+    kept = front_rows(found["F"] / ranges)
+    certificates = smooth_front.certified(sketch, z[kept], ranges, signs, between[kept])
+    return Front(
+        ids=front.ids[kept],
+        objectives=found["F"][kept] * signs,
+        names=problem.names,
+        units=problem.units,
+        maximised=problem.maximised,
+        genes=genes[kept],
+        motions=problem.decode(genes[kept]) if hasattr(problem, "decode") else None,
+        violation=certificates.violation,
+        certificates=certificates,
+        provenance={
+            **front.provenance,
+            "fingerprint": fingerprint(problem),
+            "refined": {"points": len(front), "converged": int(good.sum())},
+        },
+        problem=problem,
+    )
+
+
+def spans(front: Front) -> np.ndarray:
+    """Return the ranges that objectives are divided by: those of the front, or what they are at most."""
+    spread = np.ptp(front.minimised, axis=0)
+    found: np.ndarray = np.where(spread > 0, spread, np.maximum(np.abs(front.minimised).max(axis=0), 1.0))
+    return found
 
 
 def certified(

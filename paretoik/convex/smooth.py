@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -30,7 +30,23 @@ SHORTEST = 1e-11
 SETTLED = 1e-13  # promised gain that is none
 KEPT = 1e-9  # violation that counts as none
 FLAT = 1e-8  # of the largest: a second derivative at least this is what the model has
+ASTRAY = 1e-2  # violation that no step should lead to
+STIFF, COUNTS = 10.0, 1e-6  # of the largest second derivative, across limits whose multiplier is so much of the largest
 BACK = 6  # steps back to the equalities with one Jacobian
+
+
+@runtime_checkable
+class Rows(Protocol):
+    """Rows that must be 0 and rows that must not be negative, with derivatives, of unknowns of the order of 1."""
+
+    def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return both kinds of rows."""
+
+    def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
+        """Return the first derivatives of all rows, equalities first."""
+
+    def curvature(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
+        """Return the second derivatives of weights · rows, (unknowns, unknowns)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +124,14 @@ def _places(table: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Caps:
+    """Linear functions of the unknowns that may not exceed what they are given: rows · z ≤ most."""
+
+    rows: Float[np.ndarray, "caps unknowns"]
+    most: Float[np.ndarray, " caps"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
     """Where a search ended: the unknowns, the worst violation of any row, and whether no model promised more."""
 
@@ -138,37 +162,37 @@ class Local:
         return Constraints(unknowns=self.basis.shape[1], gaps=room, slopes=sparse.csr_array(self.slopes @ self.basis))
 
 
-def local(program: Smooth, z: Float[np.ndarray, " unknowns"]) -> Local:
-    """Return the program to first order."""
-    (equal, room), table = program.rows(z), program.jacobian(z)
+def local(program: Rows, z: Float[np.ndarray, " unknowns"], caps: Caps | None = None) -> Local:
+    """Return the program to first order; caps come after its own inequalities."""
+    (equal, room), table = _rows(program, z, caps), program.jacobian(z)
     rows = len(equal)
-    slopes = table[rows:]
-    turned, upper = np.linalg.qr(table[:rows].T, mode="complete")
-    return Local(
-        z=z,
-        equal=equal,
-        room=room,
-        slopes=slopes,
-        basis=turned[:, rows:],
-        back=np.linalg.lstsq(upper[:rows], turned[:, :rows].T, rcond=None)[0].T,
-    )
+    slopes = table[rows:] if caps is None else np.concatenate([table[rows:], -caps.rows])
+    held = table[:rows].any(axis=0)  # all others are free, and stay what they are
+    turned, upper = np.linalg.qr(table[:rows, held].T, mode="complete")
+    basis, back = np.zeros((len(z), len(z) - rows)), np.zeros((len(z), rows))
+    free = np.count_nonzero(held) - rows
+    basis[held, :free] = turned[:, rows:]
+    basis[~held, free:] = np.eye(int(np.count_nonzero(~held)))
+    back[held] = np.linalg.lstsq(upper[:rows], turned[:, :rows].T, rcond=None)[0].T
+    return Local(z=z, equal=equal, room=room, slopes=slopes, basis=basis, back=back)
 
 
 def minimised(
-    program: Smooth,
+    program: Rows,
     cost: Float[np.ndarray, " unknowns"],
     z: Float[np.ndarray, " unknowns"],
     *,
+    caps: Caps | None = None,
     radius: float = 0.1,
-    iterations: int = 100,
+    iterations: int = 200,
 ) -> Minimum:
-    """Return a local minimum of cost · z, from a place that is near the equalities."""
-    at, price, taken, longest = local(program, z), PRICE * float(np.linalg.norm(cost)), None, radius
+    """Return a local minimum of cost · z below caps, from a place that is near the equalities."""
+    at, price, taken, longest = local(program, z, caps), PRICE * float(np.linalg.norm(cost)), None, radius
     converged, done = False, 0
     while done < iterations:
         done += 1
         gradient = at.basis.T @ cost
-        bent = _bent(program, at, cost, taken)
+        bent = _bent(program, at, caps, cost, taken)
         trial, accepted = None, False
         while radius > SHORTEST:
             model = _asked(gradient, bent, at.constraints(at.room), radius, price)
@@ -182,12 +206,12 @@ def minimised(
             moved = float(np.abs(model.step).max(initial=0.0))
             if promised <= SETTLED * (1.0 + abs(before)):
                 break
-            trial, gained = _tried(program, at, cost, price, model, before)
+            trial, gained = _tried(program, at, caps, cost, price, model, before)
             if gained < GOOD * promised:
-                room = program.rows(trial)[1] - at.slopes @ at.basis @ model.step
+                room = _rows(program, trial, caps)[1] - at.slopes @ at.basis @ model.step
                 again = _asked(gradient, bent, at.constraints(room), radius, price)
                 if again is not None:
-                    other, more = _tried(program, at, cost, price, again, before)
+                    other, more = _tried(program, at, caps, cost, price, again, before)
                     if more > gained:
                         trial, gained = other, more
             accepted = gained >= ACCEPTED * promised
@@ -199,7 +223,9 @@ def minimised(
             assert trial is not None
             if gained >= GOOD * promised and moved > 0.9 * radius:
                 radius = min(2.0 * radius, 4.0 * longest)
-            at = local(program, trial)
+            at = local(program, trial, caps)
+            if at.violation > ASTRAY:  # the price is too low to come back by
+                price *= 10.0
             continue
         if at.violation > KEPT and price < DEAREST * float(np.linalg.norm(cost)):
             price, radius = 10.0 * price, longest
@@ -210,7 +236,7 @@ def minimised(
 
 
 def _tried(
-    program: Smooth, at: Local, cost: np.ndarray, price: float, model: Step, before: float
+    program: Rows, at: Local, caps: Caps | None, cost: np.ndarray, price: float, model: Step, before: float
 ) -> tuple[np.ndarray, float]:
     """Return where a step leads, back on the equalities, and what is gained."""
     z = at.z + at.basis @ model.step
@@ -219,22 +245,32 @@ def _tried(
         if not np.isfinite(equal).all() or float(np.abs(equal).max(initial=0.0)) < SETTLED:
             break
         z = z - at.back @ equal
-    worth = float(cost @ z) + price * _violation(*program.rows(z)) if np.isfinite(z).all() else np.inf
+    worth = float(cost @ z) + price * _violation(*_rows(program, z, caps)) if np.isfinite(z).all() else np.inf
     return z, before - worth if np.isfinite(worth) else -np.inf
+
+
+def _rows(program: Rows, z: np.ndarray, caps: Caps | None) -> tuple[np.ndarray, np.ndarray]:
+    equal, room = program.rows(z)
+    return equal, room if caps is None else np.append(room, caps.most - caps.rows @ z)
 
 
 def _violation(equal: np.ndarray, room: np.ndarray) -> float:
     return max(0.0, float(np.abs(equal).max(initial=0.0)), -float(room.min(initial=0.0)))
 
 
-def _bent(program: Smooth, at: Local, cost: np.ndarray, taken: Step | None) -> np.ndarray:
+def _bent(program: Rows, at: Local, caps: Caps | None, cost: np.ndarray, taken: Step | None) -> np.ndarray:
     """Return the second derivatives of the Lagrangian along the equalities, made positive."""
     limits = np.zeros(len(at.room)) if taken is None else taken.limits
+    capped = 0 if caps is None else len(caps.most)
     pulls = -at.back.T @ (cost - at.slopes.T @ limits)
-    table = at.basis.T @ program.curvature(at.z, np.concatenate([pulls, -limits])) @ at.basis
+    table = at.basis.T @ program.curvature(at.z, np.concatenate([pulls, -limits[: len(limits) - capped]])) @ at.basis
+    held = at.slopes[limits > 0.0] @ at.basis
+    held = held / np.maximum(np.linalg.norm(held, axis=1, keepdims=True), 1e-300)
+    size = max(float(np.abs(np.linalg.eigvalsh(table)).max(initial=0.0)), 1e-8)
+    strong = limits[limits > 0.0] > COUNTS * limits.max(initial=0.0)
+    table = table + STIFF * size * held[strong].T @ held[strong]
     values, vectors = np.linalg.eigh(table)
-    least = FLAT * max(float(np.abs(values).max(initial=0.0)), 1e-8)
-    bent: np.ndarray = (vectors * np.maximum(np.abs(values), least)) @ vectors.T
+    bent: np.ndarray = (vectors * np.maximum(values, FLAT * size)) @ vectors.T
     return bent
 
 

@@ -24,7 +24,7 @@ from paretoik.redundancy.resolving.programs import step_program
 from paretoik.redundancy.resolving.resolution import resolve
 from paretoik.redundancy.resolving.traces import ResolvedMotion
 from paretoik.redundancy.self_motion import postures, unreachable
-from paretoik.redundancy.self_motion_curves import wrapped
+from paretoik.redundancy.self_motion_curves import chained, wrapped
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
 from paretoik.task.motion_task import MotionTask, motion_task
@@ -226,9 +226,4 @@ def _ordered(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
     found = wrapped(found, task.arm.periodic)
     lower, upper = task.arm.position_limits.T
     inside = ((found >= lower) & (found <= upper)).all(axis=1)
-    left = list(found[inside] if inside.any() else found)
-    ordered = [left.pop(0)]
-    while left:
-        apart = np.linalg.norm(wrapped(np.array(left) - ordered[-1], task.arm.periodic), axis=1)
-        ordered.append(left.pop(int(np.argmin(apart))))
-    return np.array(ordered)
+    return chained(found[inside] if inside.any() else found, task.arm.periodic)

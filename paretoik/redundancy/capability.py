@@ -130,7 +130,7 @@ def _written(asked: Capability) -> Smooth:
         columns = [pair[0][:task] for pair in kinematics.columns(arm, links, frame, place)]
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
-        ratios, room = _geared(asked, q, list(at["front"]))
+        ratios, room = geared(arm, asked.actuation, q, list(at["front"]))
         for k, direction in enumerate(directions):
             value = at["values"][k]
             if asked.quantity == "force":
@@ -154,23 +154,35 @@ def _written(asked: Capability) -> Smooth:
     return smooth(asked.unknowns, task * (1 + asked.count) + 1, rows)
 
 
-def _geared(asked: Capability, q: list[Any], front: list[Any]) -> tuple[list[tuple[Any, ...]], list[Any]]:
+def geared(arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]) -> tuple[list[tuple[Any, ...]], list[Any]]:
     """Return each joint's speed per speed of its motors, and what room is left to positions and sliders."""
-    lower, upper = asked.arm.position_limits.T
+    lower, upper = arm.position_limits.T
     room = [q[j] - lower[j] for j in np.flatnonzero(np.isfinite(lower))]
     room += [upper[j] - q[j] for j in np.flatnonzero(np.isfinite(upper))]
-    known = asked.actuation
-    if not isinstance(known, DistributedActuation):
+    if not isinstance(actuation, DistributedActuation):
         return [(1.0,)] * len(q), room
     ratios = list[tuple[Any, ...]]()
-    for j, (rod, sign, least) in enumerate(zip(known.rod, known.bend, known.least_angle, strict=True)):
-        angle = sign * (q[j] - known.zero[j])
-        back, a, b = gears.py_func(np.sin(angle), np.cos(angle), front[j], rod)
-        ratios.append((sign * a, sign * b))
-        for place, (low, high) in ((front[j], known.front_bounds[j]), (back, known.back_bounds[j])):
+    for j, (back, a, b) in enumerate(_gears(actuation, q, front)):
+        rod, angle = actuation.rod[j], actuation.bend[j] * (q[j] - actuation.zero[j])
+        ratios.append((actuation.bend[j] * a, actuation.bend[j] * b))
+        for place, (low, high) in ((front[j], actuation.front_bounds[j]), (back, actuation.back_bounds[j])):
             room += [(place - low) / rod, (high - place) / rod]
+        least = actuation.least_angle[j]
         room += [angle - least, np.pi - least - angle]
     return ratios, room
+
+
+def backs(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[Any]:
+    """Return the back sliders [m]."""
+    return [back for back, _, _ in _gears(actuation, q, front)]
+
+
+def _gears(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[tuple[Any, Any, Any]]:
+    angles = [sign * (x - zero) for sign, x, zero in zip(actuation.bend, q, actuation.zero, strict=True)]
+    return [
+        gears.py_func(np.sin(angle), np.cos(angle), s, rod)
+        for angle, s, rod in zip(angles, front, actuation.rod, strict=True)
+    ]
 
 
 def _bearing(

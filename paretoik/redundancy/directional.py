@@ -74,10 +74,11 @@ def directional_maxima(
     """Return the most that the arm can do along each direction while its tool is at a position.
 
     Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
-    tool can exert at rest, in postures that can be held without them. In a posture both are exact: a closed form, the facet of a zonotope (a linear program finds
-    the same). Of the postures, planar arms with three joints are looked at on every branch, all around, to grid
-    resolution and then exactly: 360 places on each curve. Other arms start from ``samples`` postures and climb by
-    sequential quadratic programming over posture, sliders and speeds at once: the best of what was found.
+    tool can exert at rest, in postures that can be held without them. In a posture both are exact: a closed form, the
+    facet of a zonotope (a linear program finds the same). Of the postures, planar arms with three joints are looked at
+    on every branch, all around, to grid resolution and then exactly: 360 places on each curve. Other arms start from
+    ``samples`` postures and climb by sequential quadratic programming over posture, sliders and speeds at once: the
+    best of what was found.
 
     Parameters
     ----------

@@ -108,6 +108,16 @@ def nodes_of(task: MotionTask, curves: list[list[Curve]], spacing: float) -> flo
     return float(length / spacing * np.prod(np.maximum(turns, 1.0)))
 
 
+def chained(q: Float[np.ndarray, "postures dof"], periodic: np.ndarray) -> Float[np.ndarray, "postures dof"]:
+    """Return postures in an order in which each comes after its nearest neighbour among those before it."""
+    left = list(q)
+    ordered = [left.pop(0)]
+    while left:
+        apart = np.linalg.norm(wrapped(np.array(left) - ordered[-1], periodic), axis=1)
+        ordered.append(left.pop(int(np.argmin(apart))))
+    return np.array(ordered)
+
+
 def wrapped(apart: np.ndarray, periodic: np.ndarray) -> np.ndarray:
     """Return joint distances with whole turns of periodic joints taken off."""
     return np.where(periodic, apart - 2 * np.pi * np.round(apart / (2 * np.pi)), apart)

@@ -70,19 +70,20 @@ class MotorCurve:
         bearable = np.abs(share) <= 1.0
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
-    def room(self, effort: Any, speed: Any) -> Any:
-        """Return smooth numbers (*batch, dof, rows), four or six a motor: none is negative where both go together.
+    def room(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
+        """Return smooth numbers (*batch, dof, rows), four or six a motor, none negative where effort and travel fit.
 
-        They are made of complex numbers, or of expressions, too, so that their derivatives can be had exactly.
+        Travel [rad, m] in the duration [s], a speed where that is 1. All may be complex numbers or expressions, so that
+        derivatives can be had exactly.
         """
-        t, u = effort / self.stall, speed / self.fastest
+        d, t, u = duration, effort / self.stall, travel / self.fastest
         rows: tuple[Any, ...]
         if self.shape == "diamond":
-            rows = (1 - t - u, 1 - t + u, 1 + t - u, 1 + t + u)
+            rows = (d * (1 - t) - u, d * (1 - t) + u, d * (1 + t) - u, d * (1 + t) + u)
         elif self.shape == "strip":
-            rows = (1 - t - u, 1 + t + u, 1 - u, 1 + u, 1 - t, 1 + t)
+            rows = (d * (1 - t) - u, d * (1 + t) + u, d - u, d + u, 1 - t, 1 + t)
         else:
-            rows = (1 - t, 1 + t, 1 - u, 1 + u)
+            rows = (d - u, d + u, 1 - t, 1 + t)
         return np.stack(rows, axis=-1)
 
 
@@ -236,6 +237,21 @@ def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds
     """
     high, low = (_best(actuation, q, turned, compiled.SPEED) for turned in (torque, -torque))
     return JointSpeeds(low=-low[..., 0], high=high[..., 0], front_low=low[..., 1], front_high=high[..., 1])
+
+
+def speeds_with(actuation: Actuation, q: Joints, torque: Joints, front: Joints) -> tuple[Joints, Joints]:
+    """Return the lowest and highest joint speeds with front sliders where they are, all (*batch, dof).
+
+    NaN where a motor cannot bear the torque. Without sliders ``front`` is not looked at.
+    """
+    if isinstance(actuation, JointActuation):
+        return actuation.motors.speeds(torque)
+    ratios = actuation.gears(q, front)[1:]
+    ends = [
+        np.sort([ratio * speed for speed in curve.speeds(ratio * torque)], axis=0)
+        for ratio, curve in zip(ratios, (actuation.front, actuation.back), strict=True)
+    ]
+    return ends[0][0] + ends[1][0], ends[0][1] + ends[1][1]
 
 
 def holding(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:

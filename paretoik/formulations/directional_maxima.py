@@ -1,0 +1,334 @@
+"""Directions against each other, as a pymoo problem: a posture that is fast one way is slow another way.
+
+An individual is a posture at the position, the sliders, and how joints share the work in every direction. All are held
+against the motors' curves at once.
+
+Source: Kim, Choi & Jang 2021, Eq. 1, which maximises one direction at a time, each with a posture of its own; that one
+posture serves several, and that power is weighed against speed, is new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from pymoo.core.problem import Problem
+
+from paretoik.arrays import Genes, Joints
+from paretoik.errors import check_size
+from paretoik.redundancy.best_postures import held_still, loads, several_postures, values_at
+from paretoik.redundancy.capability import Capability
+from paretoik.redundancy.directional import unit_directions
+from paretoik.redundancy.self_motion_curves import chained, wrapped
+from paretoik.redundancy.zonotopes import fastest, turning
+from paretoik.refinement.smooth_front import Sketch
+from paretoik.robot import kinematics
+from paretoik.robot.actuation import (
+    Actuation,
+    DistributedActuation,
+    check_actuation,
+    joint_speeds,
+    overloaded,
+    speeds_with,
+)
+from paretoik.robot.arm import Arm
+from paretoik.robot.pose import finite_array
+from paretoik.task.retraction import ACCEPTED, retract, task_errors
+
+APART = 0.1  # rad or m: postures nearer than this are one base
+BESIDE = 0.5  # rad or m: how far from its base a posture may be, along each direction of self-motion
+MIXED = 0.5  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
+ROUNDING = 1e-9  # of ranges
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stance:
+    """What genes say: postures ``q`` (points, dof), front sliders [m] (0 without), and tool speeds in each direction.
+
+    ``speeds`` (points, directions) [m/s] with joint velocities ``dq`` (points, directions, dof), the ``power`` that
+    each takes [W], and by how much each kind of limit is violated, ``excess`` (points, limits), as shares of its range.
+    """
+
+    q: Float[np.ndarray, "points dof"]
+    front: Float[np.ndarray, "points dof"]
+    speeds: Float[np.ndarray, "points directions"]
+    dq: Float[np.ndarray, "points directions dof"]
+    power: Float[np.ndarray, "points directions"]
+    excess: Float[np.ndarray, "points limits"]
+
+
+class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """Find postures (and sliders) that are fast along several directions at once: a vectorised pymoo problem.
+
+    Objectives: ``speed_1``, ``speed_2``, ..., how fast the tool can go along each direction from one posture with its
+    sliders where they are [m/s], maximised; with ``power``, ``joint_power``, the most power that joints give or take
+    meanwhile, the sum over them without signs [W]. ``pk.refine`` polishes them by the convex subproblem and exact
+    gradients over posture, sliders and speeds.
+
+    Parameters
+    ----------
+    arm, actuation, position
+        As ``directional_maxima`` takes them.
+    directions
+        Vectors (directions, task), or how many evenly around or over the sphere; at least one.
+    power
+        Whether power is an objective.
+    samples, seed
+        Postures that bases are taken from, and the seed of their chance; part of the problem.
+
+    Genes: place among the bases, self-motion about it, a share of each front slider's way, for each direction the pace
+    as a share of the fastest, and how much joints move along the self-motion meanwhile.
+
+    Raises
+    ------
+    InvalidInput, Infeasible
+        As ``directional_maxima`` does.
+    """
+
+    constraint_names = ("position", "joint limits", "motors", "sliders", "shares of joints")
+
+    def __init__(
+        self,
+        arm: Arm,
+        actuation: Actuation,
+        position: object,
+        directions: object,
+        *,
+        power: bool = True,
+        samples: int = 400,
+        seed: int = 0,
+    ) -> None:
+        check_actuation(actuation, arm)
+        check_size("samples", samples, 1)
+        check_size("seed", seed, 0)
+        self.arm, self.actuation, self.power = arm, actuation, bool(power)
+        task = 2 if arm.is_planar else 3
+        self.position = finite_array("position", position, (task,))  # type: ignore[arg-type]  # it refuses what is none
+        self.directions = unit_directions(directions, task)
+        count = len(self.directions)
+        self.names: Sequence[str] = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
+        self.units: Sequence[str] = (*("m/s",) * count, *(("W",) if power else ()))
+        self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
+        self.still = held_still(arm, self.position)
+        self.bases = self._bases(several_postures(arm, self.position, samples, np.random.default_rng(seed)))
+        free = self.still.redundancy
+        slides = arm.dof * isinstance(actuation, DistributedActuation)
+        low = np.concatenate([[0.0], np.full(free, -BESIDE), np.zeros(slides + count), np.full(count * free, -MIXED)])
+        high = np.concatenate([[1.0], np.full(free, BESIDE), np.ones(slides + count), np.full(count * free, MIXED)])
+        super().__init__(
+            n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
+        )
+
+    @cached_property
+    def frames(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directions across the self-motion at every base (bases, dof, rows), and along it (bases, dof, redundancy)."""
+        return self._frames(self.bases)
+
+    def candidates(self, count: int, rng: np.random.Generator) -> Genes:
+        """Return genes of bases as fast as they can go, sliders anywhere."""
+        rows = np.zeros((count, self.n_var))
+        part = self._parts(rows)  # views
+        part["place"][:, 0] = (rng.integers(len(self.bases), size=count) + 0.5) / len(self.bases)
+        part["front"][:] = rng.uniform(size=part["front"].shape)
+        part["pace"][:] = 1.0
+        return rows
+
+    def stance(self, genes: Genes) -> Stance:
+        """Return the postures, sliders and speeds of genes (points, n_var)."""
+        part = self._parts(genes)
+        which = np.minimum((part["place"][:, 0] * len(self.bases)).astype(int), len(self.bases) - 1)
+        across, along = (each[which] for each in self.frames)
+        begun = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
+        led = retract(self.arm, self.still.tasks, begun, np.repeat(self.still.targets[:1], len(genes), axis=0), across)
+        front = np.zeros_like(led.q)
+        if isinstance(self.actuation, DistributedActuation):
+            low, high = self.actuation.front_bounds.T
+            front = low + part["front"] * (high - low)
+        mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
+        return self._moving(led.q, front, part["pace"], mixed, led.error > ACCEPTED)
+
+    def sketch(self) -> Sketch:
+        """Return the smooth program of posture, sliders and speeds."""
+        asked = self._asked
+        costs = np.zeros((self.n_obj, asked.unknowns))
+        count = len(self.directions)
+        costs[np.arange(count), np.arange(asked.unknowns)[asked.begins["values"]]] = -self.size
+        if self.power:
+            costs[count, asked.begins["power"]] = 1.0
+        return Sketch(program=asked.program(self.position, self.directions, self.size), costs=costs)
+
+    @cached_property
+    def size(self) -> float:
+        """The highest speed of the bases along any direction [m/s]."""
+        found = values_at(self.arm, self.actuation, self.directions, "velocity", self.bases)
+        return float(np.nanmax(found))
+
+    def unknowns(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
+        """Return the unknowns of the smooth program at genes."""
+        at, asked = self.stance(genes), self._asked
+        z = np.zeros((len(genes), asked.unknowns))
+        z[:, asked.begins["q"]] = at.q
+        torque = loads(self.arm, at.q)
+        motors = at.dq[:, :, None]
+        if isinstance(self.actuation, DistributedActuation):
+            z[:, asked.begins["front"]] = at.front
+            motors = self._shared(at, torque)
+        z[:, asked.begins["motors"]] = motors.reshape(len(genes), -1)
+        z[:, asked.begins["values"]] = at.speeds
+        if self.power:
+            work = np.abs(torque[:, None] * at.dq)
+            z[:, asked.begins["work"]] = work.reshape(len(genes), -1)
+            z[:, asked.begins["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
+        return z / asked.scale(self.size)
+
+    def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Genes:
+        """Return the genes of unknowns."""
+        parts = [self._asked.parts(one, self.size) for one in z]
+        q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
+        apart = wrapped(q[:, None] - self.bases, self.arm.periodic)
+        which = np.linalg.norm(apart, axis=2).argmin(axis=1)
+        beside = np.einsum("pjr,pj->pr", self.frames[1][which], apart[np.arange(len(q)), which])
+        genes, front = [((which + 0.5) / len(self.bases))[:, None], beside], np.zeros_like(q)
+        motors = np.array([part["motors"] for part in parts])
+        dq = motors[:, :, 0]
+        if isinstance(self.actuation, DistributedActuation):
+            front = np.array([part["front"] for part in parts])
+            low, high = self.actuation.front_bounds.T
+            genes.append(np.clip((front - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0))
+            ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
+            dq = (ratios[:, None] * motors).sum(axis=2)
+        most, span, free = self._fastest(q, front)
+        pace = np.clip(speeds / np.where(most.speeds > 0, most.speeds, 1.0), 0.0, 1.0)
+        left = (dq - pace[..., None] * most.dq) / span[:, None, None]
+        return np.concatenate([*genes, pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)], axis=1)
+
+    def fingerprint_parts(self) -> list[object]:
+        """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
+        arm = self.arm
+        bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
+        known = [self.actuation.table, self.position, self.directions, self.bases, self.names, arm.position_limits]
+        return [*known, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
+
+    def explain(self, genes: Genes) -> list[str]:
+        """Return for each individual which limit is violated most, in words; "" where none is."""
+        excess = self.stance(genes).excess
+        worst = excess.argmax(axis=1)
+        return [
+            f"{self.constraint_names[k]} violated by {row[k]:.3g} of the range" if row[k] > 0 else ""
+            for row, k in zip(excess, worst, strict=True)
+        ]
+
+    @cached_property
+    def _asked(self) -> Capability:
+        return Capability(
+            arm=self.arm,
+            actuation=self.actuation,
+            quantity="velocity",
+            count=len(self.directions),
+            power=self.power,
+        )
+
+    def _parts(self, genes: Genes) -> dict[str, np.ndarray]:
+        """Return the genes by name."""
+        free, count = self.still.redundancy, len(self.directions)
+        slides = self.arm.dof * isinstance(self.actuation, DistributedActuation)
+        sizes = {"place": 1, "beside": free, "front": slides, "pace": count, "mixed": count * free}
+        ends = np.cumsum([0, *sizes.values()])
+        return {name: genes[:, a:b] for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
+
+    def _bases(self, found: np.ndarray) -> np.ndarray:
+        """Return postures that can be held, not too near each other, each beside its neighbours."""
+        torque = loads(self.arm, found)
+        can = ~np.isnan(joint_speeds(self.actuation, found, torque).high).any(axis=1)
+        if not can.any():
+            raise overloaded(self.actuation, self.arm, found[0], torque[0])
+        kept = list[np.ndarray]()
+        for one in found[can]:
+            if not kept or np.abs(wrapped(np.array(kept) - one, self.arm.periodic)).max(axis=1).min() > APART:
+                kept.append(one)
+        return chained(np.array(kept), self.arm.periodic)
+
+    def _frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""
+        targets = np.repeat(self.still.targets[:1], len(q), axis=0)
+        slopes = np.moveaxis(task_errors(self.arm, self.still.tasks, q, targets)[1], -1, 0)
+        turned = np.linalg.qr(np.swapaxes(slopes, -1, -2), mode="complete")[0]
+        rows = slopes.shape[1]
+        return turned[..., :rows], turned[..., rows:]
+
+    def _fastest(self, q: np.ndarray, front: np.ndarray) -> tuple[Stance, np.ndarray, np.ndarray]:
+        """Return the fastest motions, the mean range of joint speeds (points,), and the self-motion's directions."""
+        torque = loads(self.arm, q)
+        low, high = speeds_with(self.actuation, q, torque, front)
+        able = ~np.isnan(high).any(axis=1)
+        low, high = (np.where(able[:, None], each, 0.0) for each in (low, high))
+        columns = kinematics.jacobian(self.arm, q)[:, : len(self.position)]
+        speeds = fastest(columns, low, high, self.directions)
+        count = len(self.directions)
+        every = [np.repeat(each, count, axis=0) for each in (columns, low, high)]
+        vertices = (speeds[..., None] * self.directions).reshape(-1, len(self.position))
+        dq = turning(every[0], every[1], every[2], vertices).reshape(len(q), count, -1)
+        power = np.abs(torque[:, None] * dq).sum(axis=-1)
+        excess = np.where(able, 0.0, 1.0)[:, None]
+        span = np.maximum((high - low).mean(axis=1), 1e-12)
+        return (
+            Stance(q=q, front=front, speeds=speeds, dq=dq, power=power, excess=excess),
+            span,
+            self._frames(q)[1],
+        )
+
+    def _moving(self, q: Joints, front: Joints, pace: np.ndarray, mixed: np.ndarray, lost: np.ndarray) -> Stance:
+        """Return what joints do at a pace, moving along the self-motion besides, and which limits that violates."""
+        most, span, free = self._fastest(q, front)
+        dq = pace[..., None] * most.dq + span[:, None, None] * np.einsum("pjr,pkr->pkj", free, mixed)
+        torque = loads(self.arm, q)
+        low, high = speeds_with(self.actuation, q, torque, front)
+        beyond = np.maximum(dq - high[:, None], low[:, None] - dq) / span[:, None, None]
+        lower, upper = self.arm.position_limits.T
+        past = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
+        excess = [lost.astype(float), past, most.excess[:, 0], self._slid_past(q, front)]
+        excess.append(np.where(most.excess[:, 0] > 0, 0.0, beyond.max(axis=(1, 2)) - ROUNDING))
+        return Stance(
+            q=q,
+            front=front,
+            speeds=pace * most.speeds,
+            dq=dq,
+            power=np.abs(torque[:, None] * dq).sum(axis=-1),
+            excess=np.stack(excess, axis=1),
+        )
+
+    def _slid_past(self, q: np.ndarray, front: np.ndarray) -> np.ndarray:
+        """Return by how much back sliders and rods' angles are past their bounds, as a share of the rod or in rad."""
+        known = self.actuation
+        if not isinstance(known, DistributedActuation):
+            return np.zeros(len(q))
+        back, angle = known.gears(q, front)[0], known.angles(q)
+        low, high = known.back_bounds.T
+        past = np.maximum(back - high, low - back) / known.rod
+        turned = np.maximum(known.least_angle - angle, angle - np.pi + known.least_angle)
+        found: np.ndarray = np.maximum(past, turned).max(axis=1) - ROUNDING
+        return found
+
+    def _shared(self, at: Stance, torque: np.ndarray) -> np.ndarray:
+        """Return slider speeds (points, directions, 2, dof) that turn the joints: each in proportion to its most."""
+        assert isinstance(self.actuation, DistributedActuation)
+        ratios = np.stack(self.actuation.gears(at.q, at.front)[1:], axis=1)
+        efforts = ratios * torque[:, None]
+        ends = [curve.speeds(efforts[:, m]) for m, curve in enumerate((self.actuation.front, self.actuation.back))]
+        low, high = (np.stack([end[side] for end in ends], axis=1) for side in (0, 1))
+        ahead = at.dq[:, :, None] > 0
+        most = np.where((ratios > 0)[:, None] == ahead, high[:, None], low[:, None])
+        reach = (ratios[:, None] * most).sum(axis=2)
+        share = np.divide(at.dq, reach, out=np.zeros_like(at.dq), where=reach != 0)
+        found: np.ndarray = share[:, :, None] * most
+        return found
+
+    def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
+        at = self.stance(X)
+        bad = ~np.isfinite(at.power).all(axis=1)
+        values = [-at.speeds, at.power.max(axis=1, keepdims=True)] if self.power else [-at.speeds]
+        out["F"] = np.where(bad[:, None], 0.0, np.concatenate(values, axis=1))
+        out["G"] = np.where(np.isnan(at.excess), 1.0, at.excess)

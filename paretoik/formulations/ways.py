@@ -1,0 +1,194 @@
+"""Ways to begin with from point to point: straight ahead, in different postures, as splines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import BSpline
+
+from paretoik.errors import InvalidInput
+from paretoik.redundancy.best_postures import loads
+from paretoik.redundancy.self_motion import candidates, swept
+from paretoik.redundancy.timing import timed
+from paretoik.robot.actuation import Actuation, DistributedActuation, joint_speeds, overloaded
+from paretoik.robot.arm import Arm
+from paretoik.task.motion_task import motion_task
+from paretoik.task.objectives import joint_travel
+from paretoik.task.path import line
+from paretoik.task.retraction import task_errors
+
+ROLL_OUTS = 256
+DEGREE = 3
+PLACES = 5  # of sliders that stay where they are
+APART = 0.2  # rad or m: ways whose coefficients are nearer than this are one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ways:
+    """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
+
+    ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
+    by which either end is led back to its place, ``pace`` [s] is the quickest way's mean interval.
+    """
+
+    arm: Arm
+    actuation: Actuation
+    q: Float[np.ndarray, "bases coefficients dof"]
+    shares: Float[np.ndarray, "bases coefficients dof"]
+    spline: Float[np.ndarray, "time coefficients"]
+    across: Float[np.ndarray, "bases 2 dof rows"]
+    pace: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients of all joints."""
+        return int(np.prod(self.q.shape[1:]))
+
+    def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
+        """Return the spline at samples so many times finer."""
+        return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
+
+    def past(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how much joints, and sliders, are past their bounds at samples (points, time, dof) at most.
+
+        In rad (m), and as shares of the rod.
+        """
+        lower, upper = self.arm.position_limits.T
+        joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
+        known = self.actuation
+        if not isinstance(known, DistributedActuation):
+            return joints, np.full(len(q), -1.0)
+        back, angle = known.gears(q, front)[0], known.angles(q)
+        found = list[np.ndarray]()
+        for place, (low, high) in ((front, known.front_bounds.T), (back, known.back_bounds.T)):
+            found += [(place - high) / known.rod, (low - place) / known.rod]
+        found += [known.least_angle - angle, angle - np.pi + known.least_angle]
+        return joints, np.max(found, axis=(0, 2, 3))
+
+
+def spline(samples: int, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
+    """Return a clamped cubic B-spline at evenly spaced samples: its ends are its first and last coefficient."""
+    inner = np.linspace(0.0, 1.0, coefficients - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    table: np.ndarray = BSpline.design_matrix(np.linspace(0.0, 1.0, samples), knots, DEGREE).toarray()
+    return table
+
+
+def within_rods(arm: Arm, actuation: Actuation) -> Arm:
+    """Return the arm with joint limits no wider than what rods and sliders can reach."""
+    if not isinstance(actuation, DistributedActuation):
+        return arm
+    front, back = actuation.front_bounds[:, 1], actuation.back_bounds[:, 1]
+    most = np.arccos(np.clip((actuation.rod**2 - front**2 - back**2) / (2 * front * back), -1.0, 1.0))
+    ends = np.sort(actuation.zero + actuation.bend * np.stack([actuation.least_angle, most]), axis=0)
+    lower, upper = np.maximum(ends[0], arm.position_limits[:, 0]), np.minimum(ends[1], arm.position_limits[:, 1])
+    if (lower > upper).any():
+        j = int(np.argmax(lower > upper))
+        raise InvalidInput(
+            f"{arm.joint_names[j]}: limits that overlap with what its rod reaches wanted, "
+            f"{np.rad2deg(ends[:, j]).round(1).tolist()}°, got {np.rad2deg(arm.position_limits[j]).round(1).tolist()}°"
+        )
+    return replace(arm, position_limits=np.stack([lower, upper], axis=1))
+
+
+def ways(
+    arm: Arm,
+    actuation: Actuation,
+    start: Float[np.ndarray, " task"],
+    target: Float[np.ndarray, " task"],
+    *,
+    samples: int,
+    coefficients: int,
+    bases: int,
+    seed: int,
+) -> Ways:
+    """Return at most so many ways straight from start to target that motors can hold, quick ones first.
+
+    Raises OutOfReach and Infeasible, the latter naming a joint, where there are none.
+    """
+    kept, rng, table = within_rods(arm, actuation), np.random.default_rng(seed), spline(samples, coefficients)
+    path = line(start, target, duration=1.0, samples=samples, timing="uniform")
+    task = motion_task(kept, path, objectives=[joint_travel])
+    fitted = _fitted(table, np.concatenate([candidates(task, ROLL_OUTS, rng), swept(task, ROLL_OUTS, rng)]))
+    shares = _shares(actuation, arm, table, fitted)
+    fitted = np.repeat(fitted, len(shares) // len(fitted), axis=0)
+    q, front = table @ fitted, np.zeros((len(fitted), samples, arm.dof))
+    if isinstance(actuation, DistributedActuation):
+        low, high = actuation.front_bounds.T
+        front = low + (table @ shares) * (high - low)
+    empty = Ways(
+        arm=arm, actuation=actuation, q=fitted, shares=shares, spline=table, across=_across(task, fitted), pace=1.0
+    )
+    with np.errstate(invalid="ignore"):
+        timing, past = timed(arm, actuation, q, front), empty.past(q, front)
+    worst = np.nan_to_num(np.maximum(np.maximum(past[0], timing.overload), past[1]), nan=1e3)
+    good = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
+    if not len(good):  # sliders may still find their way: those that are least off
+        good = _nearly(arm, actuation, q, worst)[:bases]
+    order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
+    rows = _apart(fitted, order, bases)
+    pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
+    return replace(empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace)
+
+
+def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """Return slider coefficients to try for every way, those of a way beside each other.
+
+    Where sliders do best at every sample, and everywhere in one place: that which is best may ask for far travel.
+    """
+    if not isinstance(actuation, DistributedActuation):
+        return np.zeros_like(fitted)
+    q = table @ fitted
+    speeds = joint_speeds(actuation, q, loads(arm, q))
+    low, high = actuation.front_bounds.T
+    own = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
+    best = np.clip(_fitted(table, np.nan_to_num(own, nan=0.5)), 0.0, 1.0)
+    still = np.linspace(0.0, 1.0, PLACES)[:, None, None] * np.ones_like(best[:1])
+    steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
+    tried = [best, steady, *(np.repeat(one[None], len(best), axis=0) for one in still)]
+    return np.stack(tried, axis=1).reshape(-1, *best.shape[1:])
+
+
+def _nearly(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
+    """Return the ways whose every sample can be held by itself, those least off first.
+
+    Raises Infeasible, naming joint, torque and limit, where there are none.
+    """
+    held = ~np.isnan(joint_speeds(actuation, q, loads(arm, q)).high).any(axis=(1, 2))
+    if not held.any():
+        least = int(np.argmin(worst))
+        load = loads(arm, q[least])
+        sample = int(np.isnan(joint_speeds(actuation, q[least], load).high).any(axis=1).argmax())
+        raise overloaded(actuation, arm, q[least, sample], load[sample])
+    return np.flatnonzero(held)[np.argsort(worst[held])]
+
+
+def _fitted(table: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Return the coefficients that samples (batch, time, dof) are nearest to, both ends kept."""
+    inner, ends = table[:, 1:-1], table[:, [0, -1]]
+    outer = samples[:, [0, -1]]
+    middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
+    return np.concatenate([outer[:, :1], middle, outer[:, 1:]], axis=1)
+
+
+def _across(task: object, q: np.ndarray) -> np.ndarray:
+    """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
+    found = list[np.ndarray]()
+    for end in (0, -1):
+        targets = np.repeat(task.targets[[end]], len(q), axis=0)  # type: ignore[attr-defined]
+        slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)  # type: ignore[attr-defined]
+        found.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
+    return np.stack(found, axis=1)
+
+
+def _apart(q: np.ndarray, order: np.ndarray, most: int) -> list[int]:
+    """Return the first few in order that are not near each other."""
+    kept = [int(order[0])]
+    for row in order[1:]:
+        if len(kept) == most:
+            break
+        if np.abs(q[kept] - q[row]).max(axis=(1, 2)).min() > APART:
+            kept.append(int(row))
+    return kept

@@ -1,0 +1,76 @@
+"""How long a motion takes at the least, and what work its motors do: in closed form, interval by interval.
+
+Between two samples every motor travels so far under the load that gravity puts on it halfway; the slowest of them sets
+the time. Quasi-static, as Kim, Choi & Jang 2021 are: what inertia asks for is not counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import JointPaths
+from paretoik.robot import dynamics
+from paretoik.robot.actuation import Actuation, DistributedActuation, MotorCurve
+from paretoik.robot.arm import Arm
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Timing:
+    """The least times of the intervals between samples, and what motors do meanwhile.
+
+    ``intervals`` (*batch, intervals) [s], NaN where a motor cannot bear its effort; ``travel`` and ``effort``
+    (*batch, intervals, motors, dof) [rad or m, N m or N] and ``work``, their product without signs [J]; ``overload``
+    (*batch,) is by how much the worst effort is more than its motor can bear, as a share, negative where it is not.
+    """
+
+    intervals: Float[np.ndarray, "*batch intervals"]
+    travel: Float[np.ndarray, "*batch intervals motors dof"]
+    effort: Float[np.ndarray, "*batch intervals motors dof"]
+    overload: Float[np.ndarray, "*batch"]
+
+    @property
+    def work(self) -> Float[np.ndarray, "*batch intervals motors dof"]:
+        """What each motor gives or takes [J]."""
+        return np.abs(self.effort * self.travel)
+
+    @property
+    def duration(self) -> Float[np.ndarray, "*batch"]:
+        """The least time of the whole [s]."""
+        return np.asarray(self.intervals.sum(axis=-1))
+
+    @property
+    def energy(self) -> Float[np.ndarray, "*batch"]:
+        """The work of all motors, given or taken [J]: braking costs as much as driving, nothing is recovered."""
+        return np.asarray(self.work.sum(axis=(-1, -2, -3)))
+
+
+def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
+    """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof)."""
+    middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
+    load = dynamics.inverse_dynamics(arm, middle, np.zeros_like(middle), np.zeros_like(middle))
+    curves: tuple[MotorCurve, ...]
+    if isinstance(actuation, DistributedActuation):
+        back = actuation.gears(q, front)[0]
+        ratios = actuation.gears(middle, (front[..., 1:, :] + front[..., :-1, :]) / 2)[1:]
+        effort = np.stack([ratio * load for ratio in ratios], axis=-2)
+        travel = np.stack([np.diff(front, axis=-2), np.diff(back, axis=-2)], axis=-2)
+        curves = (actuation.front, actuation.back)
+    else:
+        effort, travel, curves = load[..., None, :], np.diff(q, axis=-2)[..., None, :], (actuation.motors,)
+    shares, times = list[np.ndarray](), list[np.ndarray]()
+    for m, curve in enumerate(curves):
+        low, high = curve.speeds(effort[..., m, :])
+        way = travel[..., m, :]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times.append(np.where(way == 0, 0.0, way / np.where(way > 0, high, low)))
+        times[-1] = np.where(np.isnan(high), np.nan, times[-1])
+        shares.append(np.abs(effort[..., m, :]) / curve.stall)
+    return Timing(
+        intervals=np.stack(times, axis=-1).max(axis=(-1, -2)),
+        travel=travel,
+        effort=effort,
+        overload=np.stack(shares, axis=-1).max(axis=(-1, -2, -3)) - 1.0,
+    )

@@ -1,0 +1,141 @@
+"""Fronts of small smooth programs: every point polished and certified, as those of motions are.
+
+A formulation writes its program once, with its objectives among the unknowns; see ``SmoothProblem``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.convex.criticality import Criticality, criticality
+from paretoik.convex.smooth import Caps, Local, Rows, local, minimised
+from paretoik.front.certificates import Certificates
+from paretoik.refinement.exchange import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
+
+CURVED = 1e-7  # second derivative along a direction of length one, in ranges, below which it is taken for none
+CRITICAL = 1e-6  # χ up to which a point counts as critical, so that its curvature says something
+HELD = 1e-8  # violation of a row up to which a point counts
+STEPS = (1e-2, 1e-3, 1e-4)  # along a direction of descent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sketch:
+    """A program and its objectives: rows of ``costs`` times the unknowns, less being better."""
+
+    program: Rows
+    costs: Float[np.ndarray, "n_obj unknowns"]
+
+
+@runtime_checkable
+class SmoothProblem(Protocol):
+    """A pymoo problem whose individuals are points of a smooth program."""
+
+    names: Sequence[str]
+    units: Sequence[str]
+    maximised: Sequence[bool]
+
+    def sketch(self) -> Sketch:
+        """Return the program."""
+
+    def unknowns(self, genes: Float[np.ndarray, "points genes"]) -> Float[np.ndarray, "points unknowns"]:
+        """Return the unknowns of genes."""
+
+    def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points genes"]:
+        """Return the genes of unknowns, whose objectives are those of the program."""
+
+
+def polished(
+    sketch: Sketch, z: Float[np.ndarray, "points unknowns"], ranges: Float[np.ndarray, " n_obj"]
+) -> tuple[Float[np.ndarray, "points unknowns"], np.ndarray]:
+    """Return points no worse in any objective, and which of them (points,) a search ended well for.
+
+    The sum of all objectives over their ranges is minimised, none allowed to rise.
+    """
+    ends = [
+        minimised(
+            sketch.program, (sketch.costs / ranges[:, None]).sum(axis=0), one, caps=Caps(rows=sketch.costs, most=most)
+        )
+        for one, most in zip(z, z @ sketch.costs.T, strict=True)
+    ]
+    good = np.array([end.converged and end.violation <= HELD for end in ends], dtype=bool)
+    return np.where(good[:, None], [end.z for end in ends], z), good
+
+
+def certified(
+    sketch: Sketch,
+    z: Float[np.ndarray, "points unknowns"],
+    ranges: Float[np.ndarray, " n_obj"],
+    signs: Float[np.ndarray, " n_obj"],
+    between: Float[np.ndarray, " points"],
+) -> Certificates:
+    """Return the certificates of points; ``between`` is their violation where the program does not look.
+
+    As for motions; directions are measured in the program's own scale.
+    """
+    every = [_certified(sketch, one, ranges) for one in z]
+    n_obj = len(ranges)
+    weights = np.array([found.weights for _, found, *_ in every]).reshape(len(z), n_obj)
+    ratios = np.array([ratio for *_, ratio in every]).reshape(len(z), n_obj, n_obj, 2)
+    violation = np.array([at.violation for at, *_ in every])
+    return Certificates(
+        violation=violation,
+        violation_between=np.maximum(violation, between),
+        kkt_residual=np.array([found.value for _, found, *_ in every]),
+        weights=weights,
+        exchange_rates=exchange_rates(weights, ranges, signs),
+        exchange_intervals=exchange_intervals(ratios, ranges, signs),
+        status=np.array([status for _, _, status, _ in every], dtype=np.str_),
+    )
+
+
+def _certified(sketch: Sketch, z: np.ndarray, ranges: np.ndarray) -> tuple[Local, Criticality, str, np.ndarray]:
+    at = local(sketch.program, z)
+    gradients = sketch.costs @ at.basis / ranges[:, None]
+    constraints = at.constraints(at.room)
+    found = criticality(gradients, constraints, 1.0)
+    status = _status(sketch, at, found, gradients, ranges) if found.value <= CRITICAL else "undetermined"
+    return at, found, status, weight_ratios(gradients, constraints, found.weights)
+
+
+def _status(sketch: Sketch, at: Local, found: Criticality, gradients: np.ndarray, ranges: np.ndarray) -> str:
+    """Return whether the curvature on the critical cone says minimum or saddle."""
+    slopes = at.slopes @ at.basis
+    strong, counts = found.limits > COUNTS, found.weights >= COUNTS
+    weak = ~strong & (at.room <= ACTIVE)
+    pulls = -at.back.T @ ((sketch.costs / ranges[:, None]).T @ found.weights - at.slopes.T @ found.limits)
+    table = at.basis.T @ sketch.program.curvature(at.z, np.concatenate([pulls, -found.limits])) @ at.basis
+    held = np.concatenate([gradients[counts], slopes[strong]])
+    held = held / np.maximum(np.linalg.norm(held, axis=1, keepdims=True), 1e-300)
+    _, sizes, rows = np.linalg.svd(held)
+    free = rows[np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :].T
+    values, vectors = np.linalg.eigh(free.T @ table @ free)
+    if not len(values) or values[0] >= -CURVED:
+        return "minimum"
+    direction = free @ vectors[:, 0]
+    for sign in (1.0, -1.0):
+        fits = np.all(slopes[weak] @ (sign * direction) >= -1e-9)
+        if (
+            fits
+            and np.all(gradients[~counts] @ (sign * direction) <= 1e-9)
+            and _dominated(sketch, at, sign * direction)
+        ):
+            return "saddle"
+    return "undetermined"
+
+
+def _dominated(sketch: Sketch, at: Local, direction: np.ndarray) -> bool:
+    """Return whether a step along a direction, led back onto all rows, is better in every objective."""
+    values = sketch.costs @ at.z
+    for length in STEPS:
+        aim = at.z + length * (at.basis @ direction)
+        end: Any = minimised(
+            sketch.program, sketch.costs.sum(axis=0), aim, caps=Caps(rows=sketch.costs, most=values), radius=length
+        )
+        if end.violation <= HELD and np.all(sketch.costs @ end.z < values):
+            return True
+    return False
