@@ -221,7 +221,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             pace=known.pace,
         )
 
-    def _evaluate(self, X: Genes, out: dict[str, np.ndarray], *args: object, **kwargs: object) -> None:
+    def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:
         q, front, missed = self.profiles(X)
         q, front = self.ways.spline @ q, self.ways.spline @ front
         with np.errstate(invalid="ignore"):

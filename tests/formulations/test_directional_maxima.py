@@ -1,0 +1,145 @@
+"""Directions against each other: what genes say is what the smooth program says, and polishing only helps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.optimize import minimize
+
+import paretoik as pk
+from paretoik.convex.smooth import Caps, minimised
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.robot import kinematics
+
+PLACE = [0.2, -0.15]
+WAYS = [[1.0, 0.0], [0.0, 1.0]]
+ACTUATIONS = {"motors": pk.kim_joint_motors, "sliders": pk.kim_sliders}
+
+
+@pytest.fixture(scope="module", params=ACTUATIONS)
+def problem(request):
+    return pk.DirectionalMaxima(pk.kim_3r(), ACTUATIONS[request.param](), PLACE, WAYS)
+
+
+@pytest.fixture(scope="module")
+def front(problem):
+    return pk.solve(problem, population=40, generations=30, seed=1, points=10)
+
+
+@pytest.fixture(scope="module")
+def refined(front):
+    return pk.refine(front)
+
+
+def evaluated(problem, genes):
+    found = {}
+    problem._evaluate(genes, found)
+    return found["F"], found["G"]
+
+
+def test_individuals_stand_at_the_position_and_move_along_the_directions(problem, front):
+    at = problem.stance(front.genes)
+    assert kinematics.tool_pose(problem.arm, at.q)[1][:, :2] == pytest.approx(np.tile(PLACE, (len(front), 1)), abs=1e-9)
+    columns = kinematics.jacobian(problem.arm, at.q)[:, :2]
+    moved = np.einsum("paj,pkj->pka", columns, at.dq)
+    assert moved == pytest.approx(at.speeds[..., None] * np.array(WAYS), abs=1e-9)
+    assert front.objectives[:, :2] == pytest.approx(at.speeds)
+    assert front.objectives[:, 2] == pytest.approx(at.power.max(axis=1))
+
+
+def test_no_individual_is_faster_than_the_directional_maximum(problem, refined):
+    most = pk.directional_maxima(problem.arm, problem.actuation, PLACE, WAYS).values
+    assert (refined.objectives[:, :2] <= most * (1 + 1e-9)).all()
+    assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * most).all()
+
+
+def test_genes_and_the_smooth_program_say_the_same(problem, front):
+    sketch, z = problem.sketch(), problem.unknowns(front.genes)
+    assert z @ sketch.costs.T == pytest.approx(front.minimised, abs=1e-12)
+    for one in z:
+        equal, room = sketch.program.rows(one)
+        assert np.abs(equal).max() <= 1e-9
+        assert room.min() >= -1e-9
+    F, G = evaluated(problem, problem.genes_of(z))
+    assert F == pytest.approx(front.minimised, abs=1e-9)
+    assert G.max() <= 1e-9
+
+
+def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refined):
+    known = refined.certificates
+    before = {number: row for number, row in zip(front.ids, front.minimised, strict=True)}
+    for number, row in zip(refined.ids, refined.minimised, strict=True):
+        assert (row <= before[number] + 1e-7 * np.abs(before[number]).max()).all()
+    assert refined.minimised.sum() < front.minimised.sum()
+    assert known.violation.max() <= 1e-8
+    assert np.median(known.kkt_residual) <= 1e-7
+    assert (known.status == "minimum").mean() >= 0.8
+    F, G = evaluated(problem, np.array(refined.genes))
+    assert F == pytest.approx(refined.minimised, abs=1e-12)
+
+
+def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
+    """Ask a little more of one speed, and a little less, the other held: the power that it costs tells both ends."""
+    sketch, known, step = problem.sketch(), refined.certificates, 1e-5
+    ranges, z = np.ptp(refined.minimised, axis=0), problem.unknowns(refined.genes)
+    finite = np.isfinite(known.exchange_intervals[:, 0, 2]).all(axis=1)
+    good = np.flatnonzero((known.weights.min(axis=1) > 0.05) & (known.status == "minimum") & finite)
+    assert len(good) >= 3
+    for i in good[:5]:
+        power = []
+        for change in (-step, 0.0, step):
+            most = (sketch.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
+            caps = Caps(rows=sketch.costs[:2] / ranges[:2, None], most=most)
+            end = minimised(sketch.program, sketch.costs[2] / ranges[2], z[i], caps=caps)
+            assert end.converged
+            power.append(end.z @ sketch.costs[2])
+        more, less = -np.diff(power) / (step * ranges[0])
+        low, high = known.exchange_intervals[i, 0, 2]
+        assert (more + less) / 2 == pytest.approx((low + high) / 2, rel=2e-2)
+        assert less >= low - 0.05 * high
+        assert more <= high * 1.05
+
+
+def test_the_same_seed_gives_the_same_front(problem, front):
+    again = pk.solve(problem, population=40, generations=30, seed=1, points=10)
+    assert np.array_equal(again.objectives, front.objectives)
+
+
+def test_it_is_a_pymoo_problem_of_any_number_of_directions():
+    one = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
+    found = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
+    assert one.n_obj == 1
+    most = pk.directional_maxima(one.arm, one.actuation, PLACE, [[0.0, 1.0]]).values[0]
+    assert -found.F.min() == pytest.approx(most, rel=0.05)
+    assert -found.F.min() <= most * (1 + 1e-9)
+
+
+def test_spatial_arms_are_served():
+    arm = pk.wan_7r()
+    problem = pk.DirectionalMaxima(
+        arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], np.eye(3)[:2], power=False, samples=60
+    )
+    front = pk.solve(problem, population=24, generations=10, seed=0, points=4)
+    refined = pk.refine(front)
+    most = pk.directional_maxima(arm, problem.actuation, [0.5, 0.3, -0.2], np.eye(3)[:2], samples=100).values
+    assert (refined.objectives <= most * (1 + 1e-6)).all()
+    assert refined.certificates.violation.max() <= 1e-8
+
+
+def test_a_saved_front_comes_back_with_its_genes(problem, refined, tmp_path):
+    refined.save(tmp_path)
+    again = pk.Front.load(tmp_path)
+    assert np.array_equal(again.genes, refined.genes)
+    assert again.certificates is not None
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_cannot_be_is_refused_by_name(problem, front):
+    with pytest.raises(Infeasible, match="joint2: a torque of at most 3.5 N m wanted"):
+        pk.DirectionalMaxima(pk.kim_3r().with_payload(20.0), pk.kim_joint_motors(), PLACE, WAYS)
+    with pytest.raises(InvalidInput, match="vectors of shape"):
+        pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
+    other = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, WAYS, power=False)
+    with pytest.raises(InvalidInput, match="refine: a front of speed_1, speed_2 with its genes wanted"):
+        pk.refine(front, other)

@@ -1,0 +1,154 @@
+"""From point to point: closed-form times, the smooth program, and what no motion can beat."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.redundancy.timing import timed
+from paretoik.robot import dynamics, kinematics
+
+START, TARGET = [0.1, -0.15], [0.2, -0.15]
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), START, TARGET, samples=13, coefficients=5)
+
+
+@pytest.fixture(scope="module")
+def front(problem):
+    return pk.solve(problem, population=40, generations=40, seed=1, points=6)
+
+
+@pytest.fixture(scope="module")
+def refined(front):
+    return pk.refine(front)
+
+
+def test_every_motion_goes_from_start_to_target_in_its_own_time(problem, front):
+    motions = front.motions
+    tool = kinematics.tool_pose(problem.arm, motions.q)[1][..., :2]
+    assert tool[:, 0] == pytest.approx(np.tile(START, (len(front), 1)), abs=1e-9)
+    assert tool[:, -1] == pytest.approx(np.tile(TARGET, (len(front), 1)), abs=1e-9)
+    assert motions.time[:, -1] == pytest.approx(front.objectives[:, 0])
+    assert np.ptp(motions.time[:, -1]) > 0
+
+
+def test_in_every_interval_some_motor_is_at_its_limit_and_none_is_past_it(problem, front):
+    q, times = front.motions.q, np.diff(front.motions.time, axis=1)
+    middle = (q[:, 1:] + q[:, :-1]) / 2
+    load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
+    room = problem.actuation.motors.room(load, np.diff(q, axis=1) / times[..., None])
+    assert np.abs(room.min(axis=(-1, -2))).max() <= 1e-9
+
+
+def test_energy_is_the_work_of_all_motors(problem, front):
+    q = front.motions.q
+    middle = (q[:, 1:] + q[:, :-1]) / 2
+    load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
+    assert np.abs(load * np.diff(q, axis=1)).sum(axis=(1, 2)) == pytest.approx(front.objectives[:, 1])
+    rise = dynamics.potential_energy(problem.arm, q[:, -1]) - dynamics.potential_energy(problem.arm, q[:, 0])
+    assert (front.objectives[:, 1] >= np.abs(rise) - 1e-3).all()  # whatever is lifted has to be lifted by motors
+
+
+def test_work_of_sliders_is_the_work_of_the_joints():
+    problem = pk.PointToPoint(pk.kim_3r(), pk.kim_sliders(), START, TARGET, samples=49)
+    genes = problem.candidates(2, np.random.default_rng(0))
+    timing = problem.timing(genes)
+    sliders = problem.sliders(genes)
+    q = problem.decode(genes).q
+    turned = (timing.effort * timing.travel).sum(axis=-2)
+    middle = (q[:, 1:] + q[:, :-1]) / 2
+    load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
+    assert turned == pytest.approx(load * np.diff(q, axis=1), abs=1e-4 * np.abs(turned).sum())
+    assert np.diff(sliders, axis=1) == pytest.approx(timing.travel, abs=1e-12)
+
+
+def test_genes_and_the_smooth_program_say_the_same(problem, front):
+    sketch, z = problem.sketch(), problem.unknowns(front.genes)
+    assert z @ sketch.costs.T == pytest.approx(front.minimised, abs=1e-12)
+    for one in z:
+        equal, room = sketch.program.rows(one)
+        assert np.abs(equal).max() <= 1e-9
+        assert room.min() >= -1e-9
+
+
+def test_derivatives_of_the_assembled_program_are_those_of_its_rows(problem, front):
+    program, z = problem.sketch().program, problem.unknowns(front.genes)[0]
+    rng = np.random.default_rng(0)
+    way = rng.normal(size=len(z))
+    step = 1e-6
+    ahead, behind = (np.concatenate(program.rows(z + sign * step * way)) for sign in (1, -1))
+    assert program.jacobian(z) @ way == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
+    weights = rng.normal(size=len(ahead))
+    slopes = [weights @ program.jacobian(z + sign * step * way) for sign in (1, -1)]
+    bend = program.curvature(z, weights)
+    assert bend @ way == pytest.approx((slopes[0] - slopes[1]) / (2 * step), abs=1e-4 * np.abs(bend).max())
+    assert np.array_equal(bend, bend.T)
+
+
+def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
+    before = {number: row for number, row in zip(front.ids, front.minimised, strict=True)}
+    for number, row in zip(refined.ids, refined.minimised, strict=True):
+        assert (row <= before[number] + 1e-7).all()
+    assert refined.minimised.sum() < 0.99 * front.minimised.sum()
+    known = refined.certificates
+    assert known.violation.max() <= 1e-8
+    assert np.median(known.kkt_residual) <= 1e-6
+    assert refined.motions.time[:, -1] == pytest.approx(refined.objectives[:, 0])
+
+
+def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
+    """What every posture could do at its best, wherever the tool is, bounds the motion's time from below."""
+    fine = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
+    tool = kinematics.tool_pose(problem.arm, fine[0])[1][:, :2]
+    steps = np.diff(tool, axis=0)
+    middle = (tool[1:] + tool[:-1]) / 2
+    least = sum(
+        np.linalg.norm(step) / pk.directional_maxima(problem.arm, problem.actuation, place, step[None]).values[0]
+        for place, step in zip(middle, steps, strict=True)
+    )
+    assert refined.objectives[0, 0] >= least * (1 - 2e-3)
+
+
+def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, refined):
+    assert problem.between(np.array(refined.genes)).max() < 0.5  # 13 samples are few
+    q = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes))[0]
+    fine = timed(problem.arm, problem.actuation, q, np.zeros_like(q))
+    assert fine.duration == pytest.approx(refined.objectives[:, 0], rel=0.05)
+
+
+def test_a_saved_front_comes_back_with_its_motions(problem, refined, tmp_path):
+    refined.save(tmp_path)
+    again = pk.Front.load(tmp_path)
+    assert np.array_equal(again.genes, refined.genes)
+    assert np.array_equal(again.objectives, refined.objectives)
+
+
+def test_spatial_arms_are_served():
+    arm = pk.wan_7r()
+    problem = pk.PointToPoint(
+        arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], [0.4, 0.35, -0.1], samples=9, coefficients=4, bases=4
+    )
+    found = pk.solve(problem, population=20, generations=5, seed=0, points=2)
+    tool = kinematics.tool_pose(arm, found.motions.q)[1]
+    assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(found), 1)), abs=1e-9)
+    assert (found.objectives[:, 0] > 0).all()
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_cannot_be_is_refused_by_name():
+    arm, motors = pk.kim_3r(), pk.kim_joint_motors()
+    with pytest.raises(InvalidInput, match="another place than the start wanted"):
+        pk.PointToPoint(arm, motors, START, START)
+    with pytest.raises(InvalidInput, match="target: must be finite"):
+        pk.PointToPoint(arm, motors, START, [np.nan, 0.0])
+    with pytest.raises(InvalidInput, match="coefficients: at most 5 wanted"):
+        pk.PointToPoint(arm, motors, START, TARGET, samples=5, coefficients=6)
+    with pytest.raises(OutOfReach, match="leaves reach at sample"):
+        pk.PointToPoint(arm, motors, START, [0.5, -0.15])
+    with pytest.raises(Infeasible, match=r"joint2: a torque of at most 3.5 N m wanted"):
+        pk.PointToPoint(arm.with_payload(20.0), motors, START, TARGET)
