@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +23,7 @@ from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.loading import fingerprint, load_problem
+from paretoik.refinement.smooth_front import SmoothProblem
 from paretoik.refining import Improver
 from paretoik.refining import refine as refined
 from paretoik.review.generation import Generation
@@ -88,7 +89,8 @@ def solve(
     refine
         Whether gradients help: every ten generations a few iterations at the ends, in the widest gaps and in every
         branch, up to 30 % of the evaluations; at the end every point is polished to a local optimum and certified,
-        unless a signal ended the search. For a ``Tracking``, as with ``refine(front)``.
+        unless a signal ended the search. For a ``Tracking``, as with ``refine(front)``; of ``DirectionalMaxima`` and
+        ``PointToPoint`` only what the search found is polished at the end.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -132,7 +134,9 @@ def solve(
         initial=_initial_genes(problem, initial),
         anchors=anchors,
     )
-    improver = Improver(search) if refine else None
+    smooth = isinstance(problem, SmoothProblem)
+    improver = Improver(search) if refine and not smooth else None
+    polish = refined if refine else None
     settings = {
         "population": population,
         "generations": generations,
@@ -157,12 +161,12 @@ def solve(
         interruption = stack.enter_context(interruptible())
         endings.append(_Interrupted(interruption))
         if folder is None:
-            return _searched(search, endings, points, provenance, _Watch(search, observe, None), improver)
+            return _searched(search, endings, points, provenance, _Watch(search, observe, None), improver, polish)
         write_run(folder, {**provenance, "status": "running"})
         recorder = _recorder(folder, search, reference)
         stack.callback(recorder.close)
         try:
-            front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder), improver)
+            front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder), improver, polish)
         except ParetoikError as error:
             write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
             raise
@@ -189,10 +193,14 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
         except ParetoikError as error:
             warnings.warn(f"{folder}: motions come without their arm: {error}", RuntimeWarning, stacklevel=2)
             return front
-    if problem is None or not hasattr(problem, "task"):
+    if problem is None or not (hasattr(problem, "task") or isinstance(problem, SmoothProblem)):
         return front
     if fingerprint(problem) != front.provenance.get("fingerprint"):
         raise InvalidInput(f"{folder}: wants the problem that the run solved, but its fingerprint is another")
+    if isinstance(problem, SmoothProblem):
+        decode: Callable[[np.ndarray], Motion] | None = getattr(problem, "decode", None)
+        motions = None if decode is None or front.genes is None else decode(np.array(front.genes))
+        return replace(front, motions=motions, problem=problem)
     joints = problem.task.arm.joint_names
 
     def rebuilt(times: np.ndarray, q: np.ndarray, joint_names: tuple[str, ...]) -> Motion:
@@ -265,6 +273,7 @@ def _searched(
     provenance: dict[str, Any],
     watch: _Watch,
     improver: Improver | None,
+    polish: Callable[[Front], Front] | None,
 ) -> Front:
     started = time.monotonic()
     status = evolve(search, endings, observe=watch, improve=improver)
@@ -283,7 +292,7 @@ def _searched(
         problem=search.problem,
         provenance={**provenance, "status": status, "counts": counts},
     )
-    return front if improver is None or status in SIGNALS else refined(front)
+    return front if polish is None or status in SIGNALS else polish(front)
 
 
 def _infeasible(search: Search) -> Infeasible:

@@ -136,7 +136,8 @@ def ways(
 def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:
     """Return slider coefficients to try for every way, those of a way beside each other.
 
-    Where sliders do best at every sample, and everywhere in one place: that which is best may ask for far travel.
+    Where sliders do best at every sample, in the middle of what they may, and everywhere in one place: what is best may
+    ask for far travel.
     """
     if not isinstance(actuation, DistributedActuation):
         return np.zeros_like(fitted)
@@ -147,8 +148,22 @@ def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarra
     best = np.clip(_fitted(table, np.nan_to_num(own, nan=0.5)), 0.0, 1.0)
     still = np.linspace(0.0, 1.0, PLACES)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
-    tried = [best, steady, *(np.repeat(one[None], len(best), axis=0) for one in still)]
+    middle = np.clip(_fitted(table, _middles(actuation, q)), 0.0, 1.0)
+    tried = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in still)]
     return np.stack(tried, axis=1).reshape(-1, *best.shape[1:])
+
+
+def _middles(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
+    """Return the middle of the front sliders' ways on which back sliders are within their bounds, as shares."""
+    shares = np.linspace(0.0, 1.0, 4 * PLACES + 1)
+    low, high = actuation.front_bounds.T
+    fits = list[np.ndarray]()
+    for share in shares:
+        back = actuation.gears(q, np.broadcast_to(low + share * (high - low), q.shape))[0]
+        fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
+    count = np.maximum(np.sum(fits, axis=0), 1)
+    found: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count
+    return found
 
 
 def _nearly(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:

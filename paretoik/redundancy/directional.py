@@ -80,6 +80,10 @@ def directional_maxima(
     ``samples`` postures and climb by sequential quadratic programming over posture, sliders and speeds at once: the
     best of what was found.
 
+    These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
+    joints fast and soon have no way left, and each direction has a posture and gears of its own.
+    ``PointToPoint`` counts the way there.
+
     Parameters
     ----------
     arm, actuation

@@ -282,7 +282,7 @@ def overloaded(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Inf
     name = arm.joint_names[worst]
     if np.isnan(can[worst]):
         assert isinstance(actuation, DistributedActuation)
-        angle = np.rad2deg(actuation.angles(q)[worst])
+        angle = np.rad2deg(np.mod(actuation.angles(q)[worst] + np.pi, 2 * np.pi) - np.pi)
         least = np.rad2deg(actuation.least_angle[worst])
         return Infeasible(
             f"{name}: a rod's angle that its sliders can reach wanted (from {least:.3g}° on, 0 being a toggle), "

@@ -91,7 +91,7 @@ def test_derivatives_of_the_assembled_program_are_those_of_its_rows(problem, fro
 
 
 def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
-    before = {number: row for number, row in zip(front.ids, front.minimised, strict=True)}
+    before = dict(zip(front.ids, front.minimised, strict=True))
     for number, row in zip(refined.ids, refined.minimised, strict=True):
         assert (row <= before[number] + 1e-7).all()
     assert refined.minimised.sum() < 0.99 * front.minimised.sum()
@@ -150,5 +150,5 @@ def test_what_cannot_be_is_refused_by_name():
         pk.PointToPoint(arm, motors, START, TARGET, samples=5, coefficients=6)
     with pytest.raises(OutOfReach, match="leaves reach at sample"):
         pk.PointToPoint(arm, motors, START, [0.5, -0.15])
-    with pytest.raises(Infeasible, match=r"joint2: a torque of at most 3.5 N m wanted"):
+    with pytest.raises(Infeasible, match=r"joint2: a torque of at most 3\.5 N m wanted"):
         pk.PointToPoint(arm.with_payload(20.0), motors, START, TARGET)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from problems import panda, tringali_2020
+from problems import kim_2021, panda, tringali_2020
 
 SMALL = {"population": 24, "generations": 8, "seed": 3}
 
@@ -52,3 +52,17 @@ def test_a_front_of_the_panda_is_confirmed_by_pinocchio():
         expected = pinocchio.rnea(model, data, *full)[:7]
         assert np.abs(torque - expected).max() < 1e-10 * max(1.0, np.abs(expected).max())
     assert front.motions.tracking_error.max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["directions_jam", "directions_dam", "point_to_point_jam", "point_to_point_dam"])
+def test_the_problems_of_kim_are_solved_kept_and_opened_again(name, tmp_path):
+    problem = getattr(kim_2021, name)()
+    reference = f"problems/kim_2021.py:{name}"
+    front = pk.solve(problem, **SMALL, out=tmp_path / "run", reference=reference)
+    again = pk.load_front(tmp_path / "run", problem)
+    assert np.array_equal(again.objectives, front.objectives)
+    assert np.array_equal(again.genes, front.genes)
+    if front.motions is not None:
+        assert np.array_equal(again.motions.q, front.motions.q)
+        assert np.array_equal(again.motions.time, front.motions.time)
+        assert np.ptp(again.motions.time[:, -1]) > 0 or len(front) == 1

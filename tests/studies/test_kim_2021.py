@@ -1,0 +1,245 @@
+"""The study of maximum performance and time-optimal motion, on coarse grids."""
+
+from __future__ import annotations
+
+import json
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.redundancy.directional import unit_directions
+from paretoik.redundancy.fastest_path import path_time
+from paretoik.redundancy.time_optimal import fastest_plan
+from paretoik.robot.kinematics import tool_pose
+from studies.kim_2021 import __main__ as study
+from studies.kim_2021.continuous import continuous, resolved
+from studies.kim_2021.energies import along_profile, posture_rows, postures, table_4
+from studies.kim_2021.exactness import linear_programs, random_paths, symmetries
+from studies.kim_2021.full_program import full_program
+from studies.kim_2021.looking_ahead import looking_ahead, root
+from studies.kim_2021.pictures import draw
+from studies.kim_2021.polygons import polygon_rows, polygons
+from studies.kim_2021.profiles import Mechanism, evenly, refined, timed
+from studies.kim_2021.racing import polygon_race, step_race
+from studies.kim_2021.sensitivity import Assumed, gains, nearest_rows, reach, sensitivity_rows
+from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
+from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
+from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, trajectory
+from studies.kim_2021.without_jumps import straight_rows
+
+pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls
+
+
+@pytest.fixture(scope="module")
+def corners():
+    return polygons()
+
+
+@pytest.fixture(scope="module")
+def models():
+    return all_surrogates(count=5)
+
+
+@pytest.fixture(scope="module")
+def trajectories(models):
+    return {name: trajectory(found, period=0.01, samples=20) for name, found in models.items()}
+
+
+@pytest.fixture(scope="module")
+def ways(trajectories):
+    return {name: postures(one, pieces=8, cell=0.5) for name, one in trajectories.items()}
+
+
+def mechanism(name):
+    return Mechanism(arm=pk.kim_3r(), actuation=actuation_of(name))
+
+
+def test_the_papers_totals_are_its_sums():
+    table = {place[1:]: value for place, value in paper().items() if place[0] == "Table 4"}
+    for name in MECHANISMS:
+        parts = [value for (row, column), value in table.items() if row == name and column != "total"]
+        assert sum(parts) == pytest.approx(table[name, "total"], abs=0.15)
+    saved = 100 * (table["DAM", "total"] / table["JAM", "total"] - 1)
+    assert saved == pytest.approx(table["DAM beside JAM", "total"], abs=0.05)
+    assert beside_paper(("Figure 8", "JAM", "arrival"), "s", 1.0).paper == 1.57
+    assert beside_paper(("Figure 8", "JAM", "nothing"), "s", 1.0).paper is None
+
+
+def test_the_text_s_positions_are_in_the_grid():
+    for name, place in (("p4", (0.1, -0.15)), ("p5", (0.15, -0.15)), ("p6", (0.2, -0.15))):
+        assert POSITIONS[name] == pytest.approx(place)
+
+
+def test_where_sliders_are_slower_is_said(corners):
+    rows = polygon_rows(corners)
+    found = {row.row: row for row in rows if row.column == "directions in which DAM is faster"}
+    assert [found[one.name].ours for one in corners] == [np.count_nonzero(one.gain > 1e-9) for one in corners]
+    assert found["all nine"].ours == sum(found[one.name].ours for one in corners)
+    assert found["p6"].paper == 16
+    assert found["p6"].note.startswith("LOSS")
+    assert "22.5°" in found["p6"].note
+    assert "faster in all" in found["p5"].note
+
+
+def test_the_usual_assumptions_are_the_librarys(corners):
+    np.testing.assert_allclose(gains(Assumed(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
+    assert np.rad2deg(reach(pk.kim_sliders())) == pytest.approx(117.4, abs=0.05)
+    limited = Assumed(joint_ranges=True)
+    assert str(limited) == "JAM with DAM's joint ranges"
+    assert str(Assumed(mass=0.1, shape="strip")) == "mass 0.1, strip"
+    assert np.all(gains(limited, ("p6",)) >= gains(Assumed(), ("p6",)) - 1e-9)
+
+
+def test_what_cannot_hold_the_arm_is_a_row_with_its_reason():
+    rows = {row.row: row for row in sensitivity_rows(angles=[-120.0, 60.0])}
+    assert np.isnan(rows["all nine: mass 0.8"].ours)
+    assert "joint2: a torque" in rows["all nine: mass 0.8"].note
+    assert np.isnan(rows["p6: base angle 60"].ours)
+    assert rows["p6: as is"].ours == pytest.approx(100 * gains(Assumed(), ("p6",)).mean())
+
+
+def test_combinations_near_the_papers_are_counted():
+    rows = nearest_rows(angles=[-120.0], masses=(0.25,))
+    tried, held, better = (row.ours for row in rows[:3])
+    assert (tried, held >= better >= 1) == (8, True)
+    assert all(row.paper == 31.9 for row in rows[3:])
+
+
+def test_ellipses_are_judged_where_they_were_not_fitted(models):
+    for name, found in models.items():
+        assert not set(map(tuple, found.seen.positions)) & set(map(tuple, found.unseen.positions))
+        rows = {(row.row, row.column): row.ours for row in surrogate_rows(found)}
+        assert rows[f"{name}: log", "rms"] >= rows[f"{name}: an ellipse fitted at each position", "rms"] - 0.5
+        assert rows[f"{name}: log, safe", "largest overestimate"] < rows[f"{name}: log", "largest overestimate"]
+        seen = found.models["log, safe"].speeds(found.seen.positions, found.seen.directions)
+        assert np.all(seen <= found.seen.values)
+
+
+def test_arrivals_stand_beside_the_papers(trajectories):
+    rows = {(row.row, row.column): row for row in figure_8(trajectories)}
+    for name, one in trajectories.items():
+        assert rows[name, "arrival"].paper == paper()["Figure 8", name, "arrival"]
+        assert one.run.arrival == pytest.approx(one.geodesic.duration, rel=0.02)
+        np.testing.assert_allclose(one.path[[0, -1]], [START, TARGET])
+    assert rows["DAM", "sag at x = 150 mm"].note.startswith("LOSS")
+    told = {(row.row, row.column): row.ours for row in cheating(trajectories)}
+    for name, one in trajectories.items():
+        assert told[f"{name}, printed", "claimed"] < 0.95 * one.geodesic.duration < told[f"{name}, printed", "re-timed"]
+        assert told[f"{name}, midpoint", "claimed"] == pytest.approx(told[f"{name}, midpoint", "re-timed"], rel=0.01)
+
+
+def test_the_possible_time_of_a_short_piece_is_its_length_over_the_maximum():
+    way = np.array([0.6, -0.8])
+    path = np.stack([POSITIONS["p5"], POSITIONS["p5"] + 1e-6 * way])
+    for name in MECHANISMS:
+        fastest = speeds(name, POSITIONS["p5"], way[None])[0]
+        assert possible_time(name, path, 2) == pytest.approx(1e-6 / fastest, rel=1e-3)
+
+
+def test_points_are_spread_evenly():
+    corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]])
+    found = evenly(corner, 8)
+    np.testing.assert_allclose(found[[0, 2, 6, 8]], [[0, 0], [1, 0], [3, 0], [3, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_postures_follow_the_path_and_no_joint_is_hurried(name, ways):
+    known = ways[name].soonest
+    arm = pk.kim_3r()
+    tool = tool_pose(arm, known.q)[1][..., :2]
+    np.testing.assert_allclose(tool, known.points, atol=1e-12)
+    assert np.all(np.diff(known.times) > 0)
+    assert np.abs(known.turned).max() < np.deg2rad(10)
+    assert known.times[-1] >= ways[name].maxima.lasting.sum() * (1 - 1e-3)
+
+
+def test_no_other_postures_are_sooner():
+    rng, points = np.random.default_rng(0), evenly(np.stack([START, TARGET]), 6)
+    best = continuous(mechanism("JAM"), points, cell=0.5)
+    for _ in range(200):
+        swing = 10 ** rng.uniform(-4, 0.5) * rng.normal(size=4)
+        shares = np.linspace(0, 1, len(points))
+        angles = best.angles + sum(part * shares**k for k, part in enumerate(swing))
+        assert timed(mechanism("JAM"), points, angles, best.elbows).times[-1] >= best.times[-1] * (1 - 1e-6)
+
+
+def test_between_its_samples_a_profile_takes_as_long():
+    path = np.stack([START, TARGET])
+    known = resolved(mechanism("JAM"), path, pieces=8, cell=0.5)
+    finer = refined(mechanism("JAM"), known, evenly(path, 8 * (len(known.times) - 1)))
+    assert finer.times[-1] == pytest.approx(known.times[-1], rel=0.01)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_motors_do_the_joints_work(name, ways):
+    one = ways[name]
+    assert one.driven.energy.sum() == pytest.approx(one.soonest.work.sum(), rel=5e-3)
+    if name == "DAM":
+        front, back = one.driven.sliders[:, 0], one.driven.sliders[:, 1]
+        motors = actuation_of(name)
+        rods = front**2 + back**2 + 2 * front * back * np.cos(motors.angles(one.driven.q))
+        np.testing.assert_allclose(rods, motors.rod**2 * np.ones_like(rods), rtol=1e-9)
+        again = along_profile(mechanism(name), one.soonest)
+        np.testing.assert_array_equal(again.speeds, one.driven.speeds)
+        assert np.abs(one.driven.speeds).max() <= 7.1e-3 * 1.05  # in the middles of pieces, whose ends have the limit
+
+
+def test_losses_are_said(ways, trajectories):
+    rows = {(row.table, row.row, row.column): row for row in posture_rows(ways, trajectories) + table_4(ways)}
+    assert rows["Table 4", "JAM", "total"].paper == 575.3
+    assert rows["Table 4", "DAM beside JAM", "total"].note.startswith("LOSS")
+    assert rows["postures along the trajectory of Figure 8", "DAM beside JAM", "soonest"].note.startswith("LOSS")
+
+
+def test_other_assumptions_change_who_is_sooner():
+    several = [Assumed(), Assumed(mass=0.0), Assumed(base_angle=60.0)]
+    rows = {row.row: row for row in straight_rows(several, pieces=6, cell=1.0)}
+    assert rows["as is"].ours > 10
+    assert rows["mass 0"].ours < 5
+    assert "DAM: no postures" in rows["base angle 60"].note
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_the_whole_program_finds_nothing_better(name):
+    program, place = full_program(name), POSITIONS["p5"]
+    way = unit_directions(16, 2)[3]
+    starts = program.starts(place, 4, np.random.default_rng(0))
+    assert np.all((starts >= program.lower) & (starts <= program.upper))
+    found = [program.solved(start, place, way) for start in starts]
+    best = max(value for value, success in found if success)
+    assert best == pytest.approx(speeds(name, place, way[None])[0], rel=1e-6)
+
+
+def test_a_step_by_ipopt_is_the_same_program(models):
+    model = models["DAM"].models["log"]
+    position = ca.SX.sym("p", 2)
+    written = ca.Function("root", [position], [root(model.logs, position)])
+    np.testing.assert_allclose(written(POSITIONS["p2"]), model.roots(POSITIONS["p2"])[0], rtol=1e-9)
+    plan = fastest_plan(model, START, TARGET)
+    time, success = looking_ahead(model, 10).solved(plan.points, plan.time_to_go)
+    assert success
+    assert time == pytest.approx(plan.time_to_go, rel=1e-5)
+    assert path_time(model, plan.points) == pytest.approx(time, rel=0.01)
+
+
+def test_closed_forms_are_exact(trajectories):
+    rng = np.random.default_rng(0)
+    rows = linear_programs(20, rng) + symmetries(20, rng) + random_paths(trajectories, 10, rng)
+    assert len(rows) == 9
+    assert not any(row.note.startswith("LOSS") for row in rows)
+
+
+def test_races_have_both_sides(trajectories):
+    rows = polygon_race(rounds=2) + step_race(trajectories["DAM"], steps=3)
+    assert {row.column for row in rows} == {"ours", "CasADi + IPOPT", "CasADi + IPOPT, warm"}
+    assert all(row.ours > 0 for row in rows)
+
+
+def test_pictures_are_drawn_and_rows_written(corners, trajectories, ways, tmp_path, monkeypatch):
+    assert len(draw(tmp_path / "pictures", corners, trajectories, ways)) == 4
+    rows = polygon_rows(corners)
+    monkeypatch.setattr(study, "studied", lambda effort, folder: (rows, []))
+    study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
+    assert len(json.loads((tmp_path / "rows.json").read_text())) == len(rows)
