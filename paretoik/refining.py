@@ -68,7 +68,7 @@ def _smooth_refined(front: Front, problem: Any) -> Front:
     genes = problem.genes_of(z)
     found: dict[str, Any] = {}
     problem._evaluate(genes, found)
-    between = np.maximum(found["G"].max(axis=1), 0.0)
+    between = np.maximum(problem.between(genes), found["G"].max(axis=1))
     kept = front_rows(found["F"] / ranges)
     certificates = smooth_front.certified(sketch, z[kept], ranges, signs, between[kept])
     return Front(

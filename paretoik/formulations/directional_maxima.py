@@ -205,6 +205,10 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         left = (dq - pace[..., None] * most.dq) / span[:, None, None]
         return np.concatenate([*genes, pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)], axis=1)
 
+    def between(self, genes: Genes) -> Float[np.ndarray, " points"]:
+        """Return 0 (points,): a posture has nothing between samples."""
+        return np.zeros(len(genes))
+
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
         arm = self.arm

@@ -79,8 +79,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         start: object,
         target: object,
         *,
-        samples: int = 25,
-        coefficients: int = 7,
+        samples: int = 17,
+        coefficients: int = 6,
         bases: int = 12,
         seed: int = 0,
     ) -> None:

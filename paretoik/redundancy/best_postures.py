@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Joints
-from paretoik.convex.smooth import minimised
+from paretoik.convex.sequential import minimised
 from paretoik.errors import EvaluationFailed, Infeasible, OutOfReach, ParetoikError
 from paretoik.redundancy import planar_maxima
 from paretoik.redundancy.capability import Capability, Quantity

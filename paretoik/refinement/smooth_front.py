@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.convex.criticality import Criticality, criticality
-from paretoik.convex.smooth import Caps, Local, Rows, local, minimised
+from paretoik.convex.sequential import Caps, Local, local, minimised
+from paretoik.convex.smooth import Rows
 from paretoik.front.certificates import Certificates
 from paretoik.refinement.exchange import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
 
@@ -47,6 +48,9 @@ class SmoothProblem(Protocol):
 
     def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points genes"]:
         """Return the genes of unknowns, whose objectives are those of the program."""
+
+    def between(self, genes: Float[np.ndarray, "points genes"]) -> Float[np.ndarray, " points"]:
+        """Return the violation (points,) of limits where the program does not look, 0 where it looks everywhere."""
 
 
 def polished(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from paretoik.convex.smooth import minimised, smooth
+from paretoik.convex.sequential import minimised
+from paretoik.convex.smooth import smooth
 
 
 def sphere(z, known):

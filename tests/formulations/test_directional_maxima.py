@@ -8,7 +8,7 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 import paretoik as pk
-from paretoik.convex.smooth import Caps, minimised
+from paretoik.convex.sequential import Caps, minimised
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import kinematics
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import paretoik as pk
-from paretoik.convex.smooth import minimised
+from paretoik.convex.sequential import minimised
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.redundancy.best_postures import _climbed, several_postures, values_at
 from paretoik.redundancy.capability import Capability

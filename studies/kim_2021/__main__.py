@@ -1,0 +1,101 @@
+"""The command: ``python -m studies.kim_2021 [--quick] [--json FILE] [--out FOLDER]``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from studies.kim_2021.energies import posture_rows, postures, table_4
+from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
+from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, time_energy, time_energy_rows
+from studies.kim_2021.pictures import draw
+from studies.kim_2021.polygons import polygon_rows, polygons
+from studies.kim_2021.racing import polygon_race, step_race
+from studies.kim_2021.sensitivity import MASSES, changes, nearest_rows, sensitivity_rows
+from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
+from studies.kim_2021.trajectories import cheating, figure_8, trajectory
+from studies.kim_2021.without_jumps import straight_rows
+from studies.reporting import Row, report
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How much is tried: degrees between base angles, positions a side, pieces of a path, rounds, steps."""
+
+    angle: int = 30
+    masses: tuple[float, ...] = MASSES
+    grid: int = 9
+    samples: int = 200
+    pieces: int = 24
+    cell: float = 0.1
+    random: int = 2000
+    paths: int = 1000
+    starts: int = 12
+    positions: int = 3
+    rounds: int = 96
+    steps: int = 100
+    points: int = 5
+    moments: int = 15
+    generations: int = 100
+    iterations: int = 150
+
+
+QUICK = Effort(
+    angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=12, cell=0.3, random=100, paths=50, starts=2, positions=1,
+    rounds=16, steps=20, points=2, generations=20, iterations=40, moments=9,
+)  # fmt: skip
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Regenerate the paper's table and figures, report the rows and draw the pictures."""
+    parser = argparse.ArgumentParser(prog="python -m studies.kim_2021", description="Kim, Choi & Jang 2021.")
+    parser.add_argument("--quick", action="store_true", help="coarse grids, few starts, few rounds")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    parser.add_argument("--out", type=Path, default=Path("runs/kim_2021"), help="folder for the pictures")
+    given = parser.parse_args(arguments)
+    rows, pictures = studied(QUICK if given.quick else Effort(), given.out)
+    report(rows, json_file=given.json)
+    print(f"{len(pictures)} pictures in {given.out}", file=sys.stderr)
+
+
+def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
+    """Return all rows, and the pictures drawn into a folder."""
+    angles = [float(angle) for angle in range(-180, 180, effort.angle)]
+    corners = polygons()
+    rows = polygon_rows(corners) + sensitivity_rows(angles=angles)
+    rows += nearest_rows(angles=angles, masses=effort.masses)
+    models = all_surrogates(count=effort.grid)
+    rows += [row for found in models.values() for row in surrogate_rows(found)]
+    trajectories = {name: trajectory(found, samples=effort.samples) for name, found in models.items()}
+    rows += figure_8(trajectories) + cheating(trajectories)
+    ways = {name: postures(one, pieces=effort.pieces, cell=effort.cell) for name, one in trajectories.items()}
+    rows += posture_rows(ways, trajectories) + table_4(ways)
+    rows += straight_rows(changes(angles=angles), pieces=effort.pieces // 2, cell=2 * effort.cell)
+    rng = np.random.default_rng(0)
+    rows += linear_programs(effort.random, rng) + symmetries(effort.random, rng)
+    rows += many_starts(effort.starts, rng, positions=effort.positions)
+    rows += random_paths(trajectories, effort.paths, rng)
+    fronts = [
+        time_energy(
+            name,
+            points=effort.points,
+            generations=effort.generations,
+            iterations=effort.iterations,
+            samples=effort.moments,
+        )
+        for name in MECHANISMS
+    ]
+    rows += [row for one in fronts for row in time_energy_rows(one)]
+    rows += polygon_race(rounds=effort.rounds)
+    for one in trajectories.values():
+        rows += step_race(one, steps=effort.steps)
+    return rows, [*draw(folder, corners, trajectories, ways), drawn_fronts(folder, fronts)]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,176 @@
+"""Postures along a path that do not jump and are soonest at its end: dynamic programming, then linear programs.
+
+The grid is over whole turns of the last link and both elbows, global but for its steps. From there linear programs move
+all angles at once, which no grid does: where several joints are equally slow, steps of a grid are in the way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import sparse
+from scipy.optimize import linprog
+
+from paretoik.errors import EvaluationFailed
+from studies.kim_2021.profiles import Mechanism, Nodes, Profile, evenly, lasting, nodes, refined, timed, wrapped
+
+ELBOWS = (1.0, -1.0)
+TIE = 1e-3  # s/J: of postures that are as soon, those of less work; otherwise joints wander that nobody waits for
+FURTHEST = np.deg2rad(200.0)  # that the last link may turn on the grid, if all pieces turned it as far as they may
+EASY = 1.0  # s/J: another price of work to begin with
+RADIUS, SHORTEST = np.deg2rad(1.0), np.deg2rad(1e-4)  # of a linear program's moves
+NEARBY = 1e-6  # rad, for differences
+LOOKED = 4  # places within the radius, either way, that are asked whether joints can hold there
+ITERATIONS, SETTLED = 300, 1e-9
+
+
+def resolved(
+    mechanism: Mechanism, path: Float[np.ndarray, "n 2"], *, pieces: int, cell: float, price: float = TIE
+) -> Profile:
+    """Return the postures of least time + ``price`` [s/J] · work on four times so many pieces of a path.
+
+    Raises EvaluationFailed where none follow the path.
+    """
+    fine, found = evenly(path, 4 * pieces), []
+    for first in dict.fromkeys((price, EASY)):  # where work counts for little, the grid alone tells too little apart
+        coarse = continuous(mechanism, evenly(path, pieces), cell=cell, price=first)
+        begun = polished(mechanism, refined(mechanism, coarse, fine), first)
+        found.append(begun if first == price else polished(mechanism, begun, price))
+    return min(found, key=lambda one: _whole(one, price))
+
+
+def continuous(
+    mechanism: Mechanism, points: Float[np.ndarray, "n 2"], *, cell: float = 0.1, price: float = TIE
+) -> Profile:
+    """Return the postures of least time + ``price`` [s/J] · work, from a grid of ``cell`` [degrees].
+
+    Raises EvaluationFailed where none follow the path.
+    """
+    count = round(360 / cell)
+    turns = 2 * np.pi / count * np.arange(count)
+    sides = [nodes(mechanism, points, np.broadcast_to(turns, (len(points), count)), side) for side in ELBOWS]
+    chosen = _swept(sides, max(1, round(FURTHEST / (len(points) - 1) / turns[1])), price)
+    return polished(
+        mechanism, timed(mechanism, points, turns[chosen % count], np.array(ELBOWS)[chosen // count]), price
+    )
+
+
+def polished(mechanism: Mechanism, known: Profile, price: float = TIE) -> Profile:
+    """Return a profile from which no linear program gains more."""
+    points, angles, elbows, radius = known.points, known.angles, known.elbows, RADIUS
+    now = _whole(known, price)
+    for _ in range(ITERATIONS):
+        if radius < SHORTEST:
+            break
+        moves, promised = _program(mechanism, points, angles, elbows, price, radius)
+        trial = timed(mechanism, points, angles + moves, elbows)
+        gained = now - _whole(trial, price)
+        if gained > 0.1 * promised > 0:
+            known, angles, now = trial, trial.angles, now - gained
+        radius = radius / 2 if gained < 0.25 * promised or promised <= SETTLED * now else min(2 * radius, RADIUS)
+    return known
+
+
+def _swept(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarray, " samples"]:
+    """Return which choice each sample has, counted through both elbows; neighbours are within reach of each other."""
+    samples, choices = sides[0].q.shape[:2]
+    togo = [np.where(np.isfinite(side.slowness[0, -1]).all(axis=-1), 0.0, np.inf) for side in sides]
+    following = np.zeros((samples, 2 * choices), dtype=int)
+    for i in range(samples - 2, -1, -1):
+        best = [np.full(choices, np.inf) for _ in sides]
+        for here, there in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            own = np.flatnonzero(np.isfinite(sides[here].slowness[0, i]).all(axis=-1))
+            for shift in range(-reach, reach + 1):
+                turned = (own + shift) % choices
+                cost = _costs(sides[here], sides[there], i, own, turned, price) + togo[there][turned]
+                better = cost < best[here][own]
+                best[here][own[better]] = cost[better]
+                following[i, here * choices + own[better]] = there * choices + turned[better]
+        togo = best
+    whole = np.concatenate(togo)
+    if not np.isfinite(whole.min()):
+        raise EvaluationFailed("profile: postures along the whole path wanted, none can be held that do not jump")
+    chosen = [int(np.argmin(whole))]
+    for row in following[:-1]:
+        chosen.append(int(row[chosen[-1]]))
+    return np.array(chosen)
+
+
+def _costs(before: Nodes, after: Nodes, i: int, own: np.ndarray, other: np.ndarray, price: float) -> np.ndarray:
+    """Return time + price · work of piece i from some postures to others, inf where one cannot be held."""
+    change = wrapped(after.q[i + 1, other] - before.q[i, own])
+    time = lasting(change, before.slowness[:, i, own], after.slowness[:, i + 1, other]).max(axis=-1)
+    if price:
+        loaded = np.abs(before.torque[i, own] + after.torque[i + 1, other]) / 2
+        time = time + price * (loaded * np.abs(change)).sum(axis=-1)
+    found: np.ndarray = time
+    return found
+
+
+def _whole(known: Profile, price: float) -> float:
+    return float(known.times[-1] + price * known.work.sum())
+
+
+def _program(
+    mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray, price: float, radius: float
+) -> tuple[np.ndarray, float]:
+    """Return moves that gain most to first order, and how much.
+
+    Unknowns are moves, the pieces' times, and the joints' works where they have a price.
+    """
+    samples, pieces = len(angles), len(angles) - 1
+    tables = _tables(mechanism, points, angles, elbows)[: 1 + bool(price)]
+    rows, right = list[sparse.csr_array](), list[np.ndarray]()
+    piece = np.broadcast_to(np.arange(pieces)[:, None], (2, pieces, 3)).ravel()
+    joint = np.broadcast_to(np.arange(3 * pieces).reshape(pieces, 3), (2, pieces, 3)).ravel()
+    size = samples + pieces + 3 * pieces * bool(price)
+    for what, (here, before, after) in enumerate(tables):
+        place = samples + (pieces + joint if what else piece)
+        columns = np.concatenate([piece, piece + 1, place])
+        entries = np.concatenate([before.ravel(), after.ravel(), -np.ones(len(piece))])
+        rows.append(sparse.csr_array((entries, (np.tile(np.arange(len(piece)), 3), columns)), (len(piece), size)))
+        right.append(-here.ravel())
+    cost = np.concatenate([np.zeros(samples), np.ones(pieces), np.full(size - samples - pieces, price)])
+    bounds = [*_room(mechanism, points, angles, elbows, radius), *[(0.0, None)] * (size - samples)]
+    found = linprog(cost, A_ub=sparse.vstack(rows), b_ub=np.concatenate(right), bounds=bounds, method="highs")
+    if found.status != 0:
+        return np.zeros(samples), 0.0
+    now = tables[0][0].max(axis=(0, 2)).sum() + (price * tables[1][0].max(axis=0).sum() if price else 0.0)
+    return found.x[:samples], float(now - found.fun)
+
+
+def _tables(mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray) -> list[list[np.ndarray]]:
+    """Return times and works (2, pieces, 3), as if joints turned down and up, with slopes by the angles at both ends.
+
+    At the end of what a joint can do, slopes are those towards the inside.
+    """
+    near = nodes(mechanism, points, angles[:, None] + NEARBY * np.array([-1.0, 0.0, 1.0]), elbows[:, None])
+    at = [_signed(near, *pair) for pair in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]
+    found = []
+    for here, *ends in zip(*at, strict=True):
+        slopes = []
+        for down, up in (ends[:2], ends[2:]):
+            down, up = (np.where(np.isfinite(each), each, here) for each in (down, up))
+            sides = (down != here).astype(int) + (up != here)
+            slopes.append((up - down) / (NEARBY * np.maximum(sides, 1)))
+        found.append([here, *slopes])
+    return found
+
+
+def _room(
+    mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray, radius: float
+) -> list[tuple[float, float]]:
+    """Return how far each angle may move either way, within a radius and what the joints can hold."""
+    steps = radius * np.linspace(-1.0, 1.0, 2 * LOOKED + 1)
+    known = nodes(mechanism, points, angles[:, None] + steps, elbows[:, None])
+    able = np.isfinite(known.slowness).all(axis=(0, 3))
+    up, down = (np.cumprod(part, axis=1).sum(axis=1) for part in (able[:, LOOKED + 1 :], able[:, LOOKED - 1 :: -1]))
+    return list(zip(steps[LOOKED - down], steps[LOOKED + up], strict=True))
+
+
+def _signed(near: Nodes, one: int, other: int) -> tuple[np.ndarray, np.ndarray]:
+    change = wrapped(near.q[1:, other] - near.q[:-1, one])
+    mean = (near.slowness[:, :-1, one] + near.slowness[:, 1:, other]) / 2
+    loaded = np.abs(near.torque[:-1, one] + near.torque[1:, other]) / 2
+    ways = np.stack([-change, change])
+    return ways * mean, ways * loaded

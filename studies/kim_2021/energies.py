@@ -1,0 +1,229 @@
+"""Figure 9 and Table 4: what the motors do on the way from p4 to p6, and the energy ∫ |effort · speed| dt of each.
+
+The paper does not say what its energy is, nor how postures follow the path. Here they are taken twice: those that do
+not jump and are soonest at the end, and, as its models have them, the directional maxima themselves, free to jump.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+import paretoik as pk
+from paretoik.redundancy.best_postures import loads
+from paretoik.robot.actuation import joint_speeds
+from studies.kim_2021.continuous import TIE, polished, resolved
+from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refined, wrapped
+from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
+from studies.kim_2021.trajectories import Trajectory
+from studies.reporting import Row
+
+TABLE, JUMPING, SOONEST = "Table 4", "Table 4, by the maxima themselves", "postures along the trajectory of Figure 8"
+COLUMNS = {"JAM": (("joint 1", "joint 2", "joint 3"),), "DAM": (("s1", "s2", "s3"), ("s1b", "s2b", "s3b"))}
+EXCHANGED = "; the joints' work; a joint's two sliders may be exchanged, and their shares with them"
+LAZY = 1.0  # s/J: the price of work, for postures that are nearly as soon
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Driven:
+    """What motors do in the middles of a path's pieces, ``lasting`` (pieces,) [s].
+
+    ``efforts`` [N m, N] and ``speeds`` [rad/s, m/s] are (pieces, motors, 3); ``sliders`` (pieces, 2, 3) [m] front and
+    back, None for joint motors.
+    """
+
+    lasting: Float[np.ndarray, " pieces"]
+    q: Float[np.ndarray, "pieces 3"]
+    efforts: Float[np.ndarray, "pieces motors 3"]
+    speeds: Float[np.ndarray, "pieces motors 3"]
+    sliders: Float[np.ndarray, "pieces 2 3"] | None
+
+    @property
+    def times(self) -> Float[np.ndarray, " pieces"]:
+        """The middles [s]."""
+        found: np.ndarray = np.cumsum(self.lasting) - self.lasting / 2
+        return found
+
+    @property
+    def energy(self) -> Float[np.ndarray, "motors 3"]:
+        """∫ |effort · speed| dt of every motor [J]."""
+        found: np.ndarray = np.einsum("imj,i->mj", np.abs(self.efforts * self.speeds), self.lasting)
+        return found
+
+    @property
+    def apart(self) -> Float[np.ndarray, "pieces 2 3"]:
+        """How far each slider is from where its own speed has brought it [m]."""
+        assert self.sliders is not None
+        moved = np.cumsum(self.speeds * self.lasting[:, None, None], axis=0)
+        found: np.ndarray = self.sliders - self.sliders[0] - (moved - moved[0])
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Postures:
+    """A mechanism's ways along its trajectory: ``soonest`` without a jump, a ``lazy`` one, and ``maxima`` that jump.
+
+    ``checked`` [s] is the time of the soonest with four times the samples, settled again, ``following`` [s] what it
+    would take to pass through the maximising postures in turn, ``straight`` [s] the soonest on the straight line.
+    """
+
+    mechanism: str
+    soonest: Profile
+    lazy: Profile
+    driven: Driven
+    maxima: Driven
+    checked: float
+    following: float
+    straight: float
+
+    @cached_property
+    def printed(self) -> dict[str, float]:
+        """What Table 4 has [mJ]."""
+        return {
+            column: value for (table, row, column), value in paper().items() if (table, row) == (TABLE, self.mechanism)
+        }
+
+
+def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
+    """Return the postures of a mechanism along its trajectory, by a grid of so many pieces, made four times finer."""
+    mechanism = Mechanism(arm=pk.kim_3r(), actuation=actuation_of(one.mechanism))
+    straight = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
+    soonest, other = (resolved(mechanism, path, pieces=pieces, cell=cell) for path in (one.path, straight))
+    maxima, following = along_maxima(mechanism, evenly(one.path, 4 * pieces))
+    return Postures(
+        mechanism=one.mechanism,
+        soonest=soonest,
+        lazy=resolved(mechanism, one.path, pieces=pieces, cell=cell, price=LAZY),
+        driven=along_profile(mechanism, soonest),
+        maxima=maxima,
+        checked=float(polished(mechanism, refined(mechanism, soonest, evenly(one.path, 16 * pieces)), TIE).times[-1]),
+        following=following,
+        straight=float(other.times[-1]),
+    )
+
+
+def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
+    """Return what motors do along a profile, every slider where it serves best at every moment."""
+    seconds = np.diff(profile.times)
+    q = profile.q[:-1] + profile.turned / 2
+    rate, torque = profile.turned / seconds[:, None], loads(mechanism.arm, q)
+    motors = mechanism.actuation
+    if isinstance(motors, pk.JointActuation):
+        return Driven(lasting=seconds, q=q, efforts=torque[:, None], speeds=rate[:, None], sliders=None)
+    known = joint_speeds(motors, q, torque)
+    front = _steady(motors, q, np.where(rate >= 0, known.front_high, known.front_low))
+    back, *gears = motors.gears(q, front)
+    ratios = np.stack(gears, axis=1)
+    efforts = ratios * torque[:, None]
+    most = np.stack([curve.speeds(efforts[:, m])[1] for m, curve in enumerate((motors.front, motors.back))], axis=1)
+    ways = np.sign(ratios) * most  # both push the joint up, as fast as they can: the diamond is even
+    speeds = ways * (rate / (ratios * ways).sum(axis=1))[:, None]
+    return Driven(lasting=seconds, q=q, efforts=efforts, speeds=speeds, sliders=np.stack([front, back], axis=1))
+
+
+def _steady(motors: pk.DistributedActuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Return best front sliders that do not swap with back sliders: with the same bounds, both are as good."""
+    assert np.array_equal(motors.front_bounds, motors.back_bounds)
+    back, found = motors.gears(q, front)[0], front.copy()
+    for i in range(1, len(found)):
+        swapped = np.abs(back[i] - found[i - 1]) < np.abs(front[i] - found[i - 1])
+        found[i] = np.where(swapped, back[i], front[i])
+    return found
+
+
+def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tuple[Driven, float]:
+    """Return what motors do in the maximising postures, and how long the arm takes to pass through all of these [s]."""
+    change, middle = np.diff(points, axis=0), (points[1:] + points[:-1]) / 2
+    found = [
+        pk.directional_maxima(mechanism.arm, mechanism.actuation, place, way[None])
+        for place, way in zip(middle, change, strict=True)
+    ]
+    seconds = np.linalg.norm(change, axis=1) / np.array([each.values[0] for each in found])
+    q = np.array([each.q[0] for each in found])
+    known = joint_speeds(mechanism.actuation, q, loads(mechanism.arm, q))
+    slowness = 1.0 / np.stack([-known.low, known.high])
+    turned = lasting(wrapped(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:])
+    driven = Driven(
+        lasting=seconds,
+        q=q,
+        efforts=np.stack([each.motor_efforts[0] for each in found]),
+        speeds=np.stack([each.motor_speeds[0] for each in found]),
+        sliders=None if found[0].sliders is None else np.stack([each.sliders[0] for each in found]),  # type: ignore[index]  # all or none
+    )
+    return driven, float(turned.max(axis=1).sum() + seconds[[0, -1]].sum() / 2)
+
+
+def posture_rows(found: dict[str, Postures], trajectories: dict[str, Trajectory]) -> list[Row]:
+    """Return how soon the arm can be at p6 on the trajectory's path if postures do not jump, beside the claim."""
+    rows = []
+    for name, one in found.items():
+        claimed, possible, soonest = trajectories[name].run.arrival, trajectories[name].possible, one.soonest.times[-1]
+        lost = "LOSS: " if soonest > 1.01 * claimed else ""
+        note = f"{lost}{100 * (soonest / claimed - 1):+.1f} % beside the arrival by ellipses, {claimed:.4g} s"
+        fast = np.rad2deg(np.abs(np.einsum("ij,i->ij", np.diff(one.maxima.q, axis=0), 1 / one.maxima.lasting[1:])))
+        told = [
+            ("soonest, postures do not jump", soonest, note),
+            ("the same, four times the samples", one.checked, f"{len(one.soonest.times)} samples above"),
+            ("by exact maxima, postures free to jump", possible, ""),
+            (
+                "through the maximising postures",
+                one.following,
+                f"one after the other; to keep up, joints would turn at up to {_list(fast.max(axis=0))} °/s",
+            ),
+            ("soonest on the straight line", one.straight, "postures do not jump"),
+        ]
+        rows += [beside_paper((SOONEST, name, column), "s", value, note) for column, value, note in told]
+    first, second = (found[name].soonest.times[-1] for name in MECHANISMS)
+    lost = "LOSS: DAM is later" if second > first else ""
+    rows.append(beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), lost))
+    return rows + _gear_rows(found["DAM"])
+
+
+def _gear_rows(one: Postures) -> list[Row]:
+    """Return what instantaneous gears overlook: a slider that thrusts moves, and one that moves thrusts."""
+    driven = one.driven
+    assert driven.sliders is not None
+    asked = np.abs(np.diff(driven.sliders, axis=0)).sum(axis=0).max()
+    done = np.abs(driven.speeds * driven.lasting[:, None, None]).sum(axis=0).max()
+    note = f"gears go {1e3 * asked:.1f} mm at most, thrust alone {1e3 * done:.1f} mm: one slider cannot do both"
+    place = (SOONEST, "DAM", "a slider from where its thrust has brought it, at most")
+    return [beside_paper(place, "mm", 1e3 * np.abs(driven.apart).max(), note)]
+
+
+def table_4(found: dict[str, Postures]) -> list[Row]:
+    """Return the energy of every motor, of both kinds of postures, and how little these are bound by time."""
+    rows = []
+    for table, what in ((TABLE, "driven"), (JUMPING, "maxima")):
+        totals = []
+        for name, one in found.items():
+            energy = 1e3 * getattr(one, what).energy
+            totals.append(float(energy.sum()))
+            for names, values in zip(COLUMNS[name], energy, strict=True):
+                rows += [_energy(table, one, column, value) for column, value in zip(names, values, strict=True)]
+            rows.append(_energy(table, one, "total", totals[-1], EXCHANGED if name == "DAM" else ""))
+        share = 100 * (totals[1] / totals[0] - 1)
+        lost = "LOSS: DAM takes more" if share > 0 else ""
+        printed = paper()[TABLE, "DAM beside JAM", "total"]
+        rows.append(
+            Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, paper=printed, note=lost)
+        )
+    for name, one in found.items():
+        late = 100 * (one.lazy.times[-1] / one.soonest.times[-1] - 1)
+        saved = 100 * (1 - one.lazy.work.sum() / one.soonest.work.sum())
+        note = f"{late:+.2f} % time, {saved:.1f} % less work: least time leaves the energy open"
+        place = (TABLE, name, f"total with work at {LAZY:g} s/J")
+        rows.append(beside_paper(place, "mJ", 1e3 * one.lazy.work.sum(), note))
+    return rows
+
+
+def _energy(table: str, one: Postures, column: str, ours: float, more: str = "") -> Row:
+    printed = one.printed[column]
+    note = f"{100 * (ours / printed - 1):+.0f} %{more}"
+    return Row(table=table, row=one.mechanism, column=column, unit="mJ", ours=ours, paper=printed, note=note)
+
+
+def _list(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.0f}" for value in values)

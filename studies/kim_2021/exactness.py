@@ -1,0 +1,130 @@
+"""Whether the maxima and the fastest path are what they are said to be: by other ways to the same, and by search."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.convex.linear import furthest
+from paretoik.redundancy.best_postures import loads
+from paretoik.redundancy.directional import unit_directions
+from paretoik.redundancy.fastest_path import path_time
+from paretoik.redundancy.zonotopes import fastest
+from paretoik.robot.actuation import joint_speeds
+from paretoik.robot.kinematics import jacobian
+from problems.panda import panda
+from studies.kim_2021.full_program import full_program, places
+from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, beside_paper, speeds
+from studies.kim_2021.trajectories import Trajectory
+from studies.reporting import Row
+
+TABLE, SAME = "exactness", 1e-6
+GOALS = {"closed form beside LP, at most": 1e-12, "v(−d) beside v(d), at most": 1e-12}
+
+
+def random_postures(
+    arm: pk.Arm, actuation: pk.JointActuation | pk.DistributedActuation, count: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Jacobians of positions (count, task, dof), and joints' lowest and highest speeds, where all can hold."""
+    task = 2 if arm.is_planar else 3
+    columns, lows, highs = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+    while sum(map(len, lows)) < count:
+        ends = np.where(np.isfinite(arm.position_limits), arm.position_limits, [-np.pi, np.pi])
+        q = ends[:, 0] + np.ptp(ends, axis=1) * rng.uniform(size=(20 * count, arm.dof))
+        known = joint_speeds(actuation, q, loads(arm, q))
+        able = np.isfinite(known.low + known.high).all(axis=1)
+        columns.append(jacobian(arm, q[able])[:, :task])
+        lows.append(known.low[able])
+        highs.append(known.high[able])
+    first, second, third = (np.concatenate(each)[:count] for each in (columns, lows, highs))
+    return first, second, third
+
+
+def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
+    """Return the largest difference of the closed form from linear programs, as a share: in the plane and in space."""
+    robot = panda()
+    arms = [(pk.kim_3r(), actuation_of(each), each) for each in MECHANISMS]
+    rows = []
+    for arm, actuation, name in [*arms, (robot, pk.JointActuation.of(robot), "Panda, 3-D, its own limits")]:
+        columns, low, high = random_postures(arm, actuation, count, rng)
+        ways = unit_directions(rng.normal(size=(count, columns.shape[1])), columns.shape[1])
+        ours = fastest(columns, low, high, ways[:, None])[:, 0]
+        theirs = [furthest(*each).value for each in zip(columns, low, high, ways, strict=True)]
+        worst = float(np.max(np.abs(ours / np.array(theirs) - 1.0)))
+        rows.append(_small(name, "closed form beside LP, at most", worst, f"{count} random postures and directions"))
+    return rows
+
+
+def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
+    """Return how far opposite maxima differ, and how far inside its neighbours' chord a vertex of one posture is."""
+    rows, ways = [], unit_directions(96, 2)
+    for name in MECHANISMS:
+        found = np.array([speeds(name, position) for position in POSITIONS.values()])
+        half = found.shape[1] // 2
+        worst = float(np.abs(found[:, half:] / found[:, :half] - 1.0).max())
+        rows.append(_small(name, "v(−d) beside v(d), at most", worst, "nine positions, 16 directions"))
+        columns, low, high = random_postures(pk.kim_3r(), actuation_of(name), count, rng)
+        vertices = fastest(columns, low, high, ways)[..., None] * ways
+        edges = np.roll(vertices, -1, axis=1) - vertices
+        size = np.linalg.norm(vertices, axis=2).max(axis=1)[:, None] ** 2
+        after = np.roll(edges, -1, axis=1)
+        bends = (edges[..., 0] * after[..., 1] - edges[..., 1] * after[..., 0]) / size
+        rows.append(
+            _small(
+                name,
+                "polygon of one posture: deepest dent",
+                max(0.0, -float(bends.min())),
+                f"{count} postures, 96 directions; turns of its outline, as shares of its size²; 0 is convex",
+            )
+        )
+    return rows
+
+
+def many_starts(starts: int, rng: np.random.Generator, *, positions: int) -> list[Row]:
+    """Return whether IPOPT finds anything better with the whole program from many starts, in 16 directions."""
+    rows, ways = [], unit_directions(DIRECTIONS, 2)
+    for name in MECHANISMS:
+        program, ratios, failed, missed = full_program(name), list[float](), 0, 0
+        for place in list(places().values())[:positions]:
+            for way, ours in zip(ways, speeds(name, place), strict=True):
+                found = [program.solved(start, place, way) for start in program.starts(place, starts, rng)]
+                ended = [value / ours - 1.0 for value, success in found if success]
+                failed += len(found) - len(ended)
+                ratios += ended
+                missed += max(ended, default=-1.0) < -SAME
+        worst, reached = max(ratios), np.mean(np.array(ratios) > -SAME)
+        tried = positions * DIRECTIONS
+        note = f"{starts} starts in each of {tried}; {100 * reached:.0f} % of those that end find ours, {failed} fail"
+        note += f"; the best of {starts} misses ours in {missed} of {tried}"
+        rows.append(beside_paper((TABLE, name, "IPOPT beside ours, at most"), "", worst, _lost(worst, SAME) + note))
+    return rows
+
+
+def random_paths(trajectories: dict[str, Trajectory], count: int, rng: np.random.Generator) -> list[Row]:
+    """Return how near random paths from p4 to p6, timed finely, come to the fastest: waves about it and a line."""
+    rows = []
+    for name, one in trajectories.items():
+        model, path = one.found.models["log"], one.geodesic.points
+        shares = np.linspace(0.0, 1.0, len(path))
+        straight = (1 - shares[:, None]) * path[0] + shares[:, None] * path[-1]
+        waves = np.sin(np.pi * np.arange(1, 6)[:, None] * shares)
+        gained = []
+        for k in range(count):
+            size = 0.03 * 10 ** rng.uniform(-4, 0) / np.arange(1, 6)[:, None]
+            swing = waves.T @ (size * rng.normal(size=(5, 2)))
+            around = (straight if k % 2 else path) + swing
+            tried = np.clip(around, model.lower, model.upper)
+            gained.append(path_time(model, tried, tolerance=1e-9) / one.geodesic.duration - 1.0)
+        least = min(gained)
+        note = f"{_lost(-least, 1e-7)}{count} paths; nearest {1e6 * least:.2g} millionths slower"
+        rows.append(beside_paper((TABLE, name, "random path beside the fastest, least"), "", least, note))
+    return rows
+
+
+def _small(row: str, column: str, value: float, note: str) -> Row:
+    goal = GOALS.get(column, 1e-12)
+    return beside_paper((TABLE, row, column), "", value, f"{_lost(value, goal)}goal {goal:g}; {note}")
+
+
+def _lost(value: float, goal: float) -> str:
+    return "LOSS: " if value > goal else ""

@@ -1,0 +1,70 @@
+"""Figures 5 and 6: how fast the tool can go in 16 directions at nine positions, by sliders and by joint motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+import paretoik as pk
+from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, beside_paper
+from studies.reporting import Row
+
+TABLE = "Figures 5 and 6"
+EQUAL = 1e-9  # share of a speed: gains this small are none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Polygons:
+    """The speeds of both mechanisms from one position."""
+
+    name: str
+    jam: pk.PerformancePolygon
+    dam: pk.PerformancePolygon
+
+    @property
+    def gain(self) -> Float[np.ndarray, " directions"]:
+        """How much faster DAM is in each direction, as a share of JAM."""
+        found: np.ndarray = self.dam.values / self.jam.values - 1.0
+        return found
+
+
+def polygons(directions: int = DIRECTIONS) -> list[Polygons]:
+    """Return both polygons at the nine positions."""
+    arm = pk.kim_3r()
+    found = []
+    for name, position in POSITIONS.items():
+        jam, dam = (pk.directional_maxima(arm, actuation_of(each), position, directions) for each in MECHANISMS)
+        found.append(Polygons(name=name, jam=jam, dam=dam))
+    return found
+
+
+def polygon_rows(found: list[Polygons]) -> list[Row]:
+    """Return each position's gains and the directions in which DAM is faster, then those of all nine."""
+    rows = []
+    for one in found:
+        x, y = 1e3 * one.jam.position
+        rows += _gains(one.name, one.gain, f"({x:.0f}, {y:.0f}) mm; {_failing(one)}")
+    whole = np.concatenate([one.gain for one in found])
+    note = "; ".join(f"{one.name}: {np.count_nonzero(one.gain < -EQUAL)}" for one in found if np.any(one.gain < -EQUAL))
+    return rows + _gains("all nine", whole, f"directions in which DAM is not faster: {note or 'none'}")
+
+
+def _gains(name: str, gain: np.ndarray, note: str) -> list[Row]:
+    better = int(np.count_nonzero(gain > EQUAL))
+    told = {"least": gain.min(), "mean": gain.mean(), "largest": gain.max()}
+    rows = [beside_paper((TABLE, name, f"gain {what}"), "%", 100 * share) for what, share in told.items()]
+    lost = "LOSS: " if name == "p6" and better < len(gain) else ""
+    column = "directions in which DAM is faster"
+    return [*rows, beside_paper((TABLE, name, column), f"of {len(gain)}", better, lost + note)]
+
+
+def _failing(one: Polygons) -> str:
+    """Say in which directions DAM is not faster, opposite ones once where both fail alike."""
+    failing = np.flatnonzero(one.gain < -EQUAL)
+    if not len(failing):
+        return "DAM is faster in all"
+    angles = np.rad2deg(np.arctan2(*one.jam.directions[failing].T[::-1])) % 360
+    told = ", ".join(f"{angle:g}° {100 * one.gain[k]:+.1f} %" for angle, k in zip(angles, failing, strict=True))
+    return f"DAM is slower at {told}"

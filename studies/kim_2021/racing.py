@@ -1,0 +1,90 @@
+"""How long maxima and steps take, ours and by CasADi and IPOPT, in turn in one run."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.redundancy.directional import unit_directions
+from paretoik.redundancy.speed_models import LogEllipsoids
+from paretoik.redundancy.time_optimal import Planner
+from studies.kim_2021.full_program import full_program
+from studies.kim_2021.looking_ahead import looking_ahead
+from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, speeds
+from studies.kim_2021.trajectories import HORIZON, PERIOD, Trajectory
+from studies.reporting import Row
+
+TABLE = "seconds: medians of one run, in turn"
+GOALS = {"JAM": 3.0, "DAM": 15.0}  # ms, for 16 directions
+STEP_GOAL = 1.0
+TOLERANCE = 1e-8  # IPOPT's own
+
+
+def polygon_race(*, rounds: int) -> list[Row]:
+    """Return the milliseconds of all 16 directions at p6, ours, and of one start in one direction by IPOPT."""
+    arm, position, rng = pk.kim_3r(), POSITIONS["p6"], np.random.default_rng(0)
+    ways = unit_directions(DIRECTIONS, 2)
+    ours: dict[str, list[float]] = {name: [] for name in MECHANISMS}
+    theirs: dict[str, list[float]] = {name: [] for name in MECHANISMS}
+    programs = {name: full_program(name, TOLERANCE) for name in MECHANISMS}
+    for name in MECHANISMS:
+        speeds(name, position)  # compiled once
+    for turn in range(rounds):
+        for name in MECHANISMS:
+            begun = perf_counter()
+            pk.directional_maxima(arm, actuation_of(name), position, DIRECTIONS)
+            ours[name].append(perf_counter() - begun)
+            start = programs[name].starts(position, 1, rng)[0]
+            begun = perf_counter()
+            programs[name].solved(start, position, ways[turn % DIRECTIONS])
+            theirs[name].append(perf_counter() - begun)
+    rows = []
+    for name in MECHANISMS:
+        mine, other = 1e3 * np.median(ours[name]), 1e3 * np.median(theirs[name])
+        place = f"{name}, 16 directions at p6"
+        lost = "LOSS: " if mine > GOALS[name] else ""
+        rows.append(_row(place, "ours", mine, f"{lost}goal {GOALS[name]:g} ms; global, all postures; {rounds} rounds"))
+        times = DIRECTIONS * other / mine
+        note = (
+            f"one start, one direction, a local optimum: 16 directions from one start each take {times:.0f} times ours"
+        )
+        rows.append(_row(place, "CasADi + IPOPT", other, note))
+    return rows
+
+
+def step_race(one: Trajectory, *, steps: int) -> list[Row]:
+    """Return the milliseconds of a step along the trajectory, ours and IPOPT's, both from what the step before left."""
+    model = one.found.models["log"]
+    assert isinstance(model, LogEllipsoids)
+    planner, target = Planner(model, horizon=HORIZON, formulation="midpoint"), one.path[-1]
+    ours, theirs, above, failed = list[float](), list[float](), -np.inf, 0
+    third = max(1, len(one.path) // 4)
+    for begun_at in (0, third, 2 * third):  # three stretches of consecutive steps
+        program = looking_ahead(model, HORIZON)
+        plan = planner.plan(planner.guess(one.path[begun_at], target))
+        program.solved(plan.points, plan.time_to_go)
+        for position in one.path[begun_at + 1 : begun_at + 1 + steps]:
+            begun = perf_counter()
+            guess = planner.ahead(plan, position, PERIOD)
+            after = planner.plan(guess)
+            middle = perf_counter()
+            found, success = program.solved(guess, plan.time_to_go - PERIOD)
+            theirs.append(perf_counter() - middle)
+            ours.append(middle - begun)
+            failed += not success
+            above = max(above, after.time_to_go / found - 1.0) if success else above
+            plan = after
+    mine, other, whole = (1e3 * float(np.median(each)) for each in (ours, theirs, one.run.seconds))
+    place = f"{one.mechanism}, one step of ten pieces"
+    lost, worst = "LOSS: " if mine > STEP_GOAL else "", np.quantile(one.run.seconds, 0.99)
+    note = f"{lost}goal {STEP_GOAL:g} ms; in the whole trajectory {whole:.3f} ms, 99 % within {1e3 * worst:.3f} ms"
+    over = f", {np.count_nonzero(one.run.seconds > PERIOD)} of {len(one.run.seconds)} over 1 ms"
+    lost = "LOSS: " if other < mine else ""
+    beside = f"{lost}{other / mine:.1f} times ours; {failed} fail; our times to go are at most {above:.1e} above its"
+    return [_row(place, "ours", mine, note + over), _row(place, "CasADi + IPOPT, warm", other, beside)]
+
+
+def _row(row: str, column: str, ours: float, note: str) -> Row:
+    return Row(table=TABLE, row=row, column=column, unit="ms", ours=float(ours), note=note)

@@ -1,0 +1,187 @@
+"""How the gain of sliders over joint motors hangs on what the paper does not print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.errors import Infeasible
+from paretoik.robot.actuation import TOGGLE
+from studies.kim_2021.polygons import EQUAL
+from studies.kim_2021.setting import DIRECTIONS, POSITIONS, beside_paper, paper
+from studies.reporting import Row
+
+TABLE = "what the paper does not print, one change at a time"
+NEAREST = "which settings come near the paper's statements at p6"
+LEAST_ANGLES = (5.0, 10.0, 20.0, 30.0)  # degrees
+SHOWN = 5
+MASSES = (0.0, 0.1, 0.25, 0.5, 0.8)  # kg a link
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assumed:
+    """What has to be assumed: kg a link, degrees, the way that joints bend, motor curves, whether JAM has DAM's joints.
+
+    ``joint_ranges`` gives JAM the joint ranges that rods and sliders impose on DAM; without, its joints turn freely.
+    """
+
+    mass: float = 0.5
+    base_angle: float = -120.0
+    bend: Literal[-1, 1] = 1
+    least_angle: float = float(np.rad2deg(TOGGLE))
+    shape: Literal["diamond", "strip"] = "diamond"
+    joint_ranges: bool = False
+
+    def __str__(self) -> str:
+        changed = [field.name for field in fields(self) if getattr(self, field.name) != field.default]
+        told = [
+            f"{name.replace('_', ' ')} {value:g}"
+            if isinstance(value := getattr(self, name), int | float)
+            else str(value)
+            for name in changed
+            if name != "joint_ranges"
+        ]
+        return ", ".join(told + ["JAM with DAM's joint ranges"] * self.joint_ranges) or "as is"
+
+    @property
+    def motors(self) -> pk.JointActuation:
+        """JAM."""
+        known = pk.kim_joint_motors().motors
+        return pk.JointActuation(motors=_shaped(known, self.shape))
+
+    @property
+    def sliders(self) -> pk.DistributedActuation:
+        """DAM."""
+        known = pk.kim_sliders(float(np.deg2rad(self.base_angle)), self.bend)
+        return pk.DistributedActuation(
+            front=_shaped(known.front, self.shape),
+            rod=known.rod,
+            front_bounds=known.front_bounds,
+            zero=known.zero,
+            bend=known.bend,
+            least_angle=np.deg2rad(self.least_angle),
+        )
+
+    @property
+    def free(self) -> pk.Arm:
+        """The arm with these masses, as DAM has it: its rods limit its joints."""
+        return pk.kim_3r([self.mass] * 3)
+
+    @property
+    def limited(self) -> pk.Arm:
+        """The arm as JAM has it."""
+        if not self.joint_ranges:
+            return self.free
+        known = self.sliders
+        ends = np.stack([known.least_angle, np.full(3, reach(known))]) * known.bend + known.zero
+        return replace(self.free, position_limits=np.sort(ends, axis=0).T)
+
+
+def reach(sliders: pk.DistributedActuation) -> float:
+    """Return the largest angle [rad] that rods and sliders allow: c² = s² + s_b² + 2 s s_b cos θ, both farthest out."""
+    front, back, rod = sliders.front_bounds[0, 1], sliders.back_bounds[0, 1], sliders.rod[0]
+    return float(np.arccos((rod**2 - front**2 - back**2) / (2 * front * back)))
+
+
+def gains(assumed: Assumed, names: Sequence[str], directions: int = DIRECTIONS) -> np.ndarray:
+    """Return how much faster DAM is (positions, directions). Raises Infeasible where either cannot hold the arm."""
+    found = []
+    for name in names:
+        speeds = []
+        for what, arm, motors in (
+            ("JAM", assumed.limited, assumed.motors),
+            ("DAM", assumed.free, assumed.sliders),
+        ):
+            try:
+                speeds.append(pk.directional_maxima(arm, motors, POSITIONS[name], directions).values)
+            except Infeasible as fault:
+                raise Infeasible(f"{what} at {name}: {fault}", limit=fault.limit) from fault
+        found.append(speeds[1] / speeds[0] - 1.0)
+    return np.array(found)
+
+
+def changes(*, angles: Sequence[float]) -> Iterator[Assumed]:
+    """Yield the assumptions with one of them changed at a time, themselves first."""
+    yield Assumed()
+    usual = Assumed()
+    for name, values in (
+        ("mass", MASSES),
+        ("base_angle", angles),
+        ("bend", (-1,)),
+        ("least_angle", LEAST_ANGLES),
+        ("shape", ("strip",)),
+        ("joint_ranges", (True,)),
+    ):
+        for value in values:
+            if value != getattr(usual, name):
+                changed: Any = {name: value}
+                yield replace(usual, **changed)
+
+
+def sensitivity_rows(*, angles: Sequence[float]) -> list[Row]:
+    """Return the gains at p6 and at all nine positions for every change; NaN and the reason where nothing holds."""
+    rows = []
+    for assumed in changes(angles=angles):
+        for name, places in (("p6", ("p6",)), ("all nine", tuple(POSITIONS))):
+            row = f"{name}: {assumed}"
+            try:
+                found = gains(assumed, places)
+            except Infeasible as fault:
+                rows.append(beside_paper((TABLE, row, "gain mean"), "%", np.nan, f"cannot hold: {fault}"))
+                continue
+            better = np.count_nonzero(found > EQUAL)
+            note = f"least {100 * found.min():+.1f} %, largest {100 * found.max():+.1f} %"
+            note += f"; DAM is faster in {better} of {found.size} directions"
+            rows.append(beside_paper((TABLE, row, "gain mean"), "%", 100 * found.mean(), note))
+    return rows
+
+
+def nearest_rows(*, angles: Sequence[float], masses: Sequence[float] = MASSES) -> list[Row]:
+    """Return of all combinations how many hold the arm and say what the paper does, and those that come nearest."""
+    printed = paper()["Figures 5 and 6", "p6", "gain largest"]
+    tried, held = 0, list[tuple[Assumed, np.ndarray]]()
+    shapes: tuple[Literal["diamond", "strip"], ...] = ("diamond", "strip")
+    bends: tuple[Literal[-1, 1], ...] = (1, -1)
+    for mass, angle, bend, shape, ranges in product(masses, angles, bends, shapes, (False, True)):
+        assumed = Assumed(mass=mass, base_angle=angle, bend=bend, shape=shape, joint_ranges=ranges)
+        tried += 1
+        try:
+            held.append((assumed, 100 * gains(assumed, ("p6",))[0]))
+        except Infeasible:
+            continue
+    better = [(assumed, gain) for assumed, gain in held if gain.min() > 100 * EQUAL]
+    rows = [
+        beside_paper(
+            (NEAREST, "combinations", "tried"), "", tried, "mass, base angle, bend, curve, JAM's joint ranges"
+        ),
+        beside_paper((NEAREST, "combinations", "in which both hold the arm at p6"), "", len(held)),
+        beside_paper((NEAREST, "combinations", "in which DAM is faster in all 16 directions"), "", len(better)),
+    ]
+    for assumed, gain in sorted(better, key=lambda one: abs(one[1].max() - printed))[:SHOWN]:
+        told = f"gain least {gain.min():+.1f} %, mean {gain.mean():+.1f} %; looked up afterwards, used nowhere else"
+        rows.append(_near(assumed, gain, printed, told))
+    for assumed, gain in sorted(held, key=lambda one: abs(one[1].max() - printed))[:1]:
+        told = f"nearest of all that hold: DAM is faster in {np.count_nonzero(gain > 0)} of {len(gain)} directions"
+        rows.append(_near(assumed, gain, printed, told))
+    return rows
+
+
+def _near(assumed: Assumed, gain: np.ndarray, printed: float, note: str) -> Row:
+    return Row(
+        table=NEAREST,
+        row=str(assumed),
+        column="gain largest",
+        unit="%",
+        ours=float(gain.max()),
+        paper=printed,
+        note=note,
+    )
+
+
+def _shaped(curve: pk.MotorCurve, shape: Literal["diamond", "strip"]) -> pk.MotorCurve:
+    return pk.MotorCurve(stall=curve.stall, fastest=curve.fastest, shape=shape)

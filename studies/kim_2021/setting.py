@@ -1,0 +1,44 @@
+"""What the paper gives: nine positions, two ways to drive one arm, and the numbers that it prints."""
+
+from __future__ import annotations
+
+import csv
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float
+
+import paretoik as pk
+from studies.reporting import REPORTED, Row
+
+# The text names p4, p5 and p6; that the nine are a grid of x and y, row by row, is a reading of Figure 6.
+POSITIONS = {
+    f"p{1 + 3 * row + column}": np.array([x, y])
+    for row, y in enumerate((-0.10, -0.15, -0.20))
+    for column, x in enumerate((0.10, 0.15, 0.20))
+}
+DIRECTIONS = 16
+MECHANISMS = ("JAM", "DAM")
+
+
+def actuation_of(mechanism: str) -> pk.JointActuation | pk.DistributedActuation:
+    """Return motors at the joints ("JAM") or sliders along the links ("DAM"), as the library has them by default."""
+    return pk.kim_joint_motors() if mechanism == "JAM" else pk.kim_sliders()
+
+
+def speeds(mechanism: str, position: Float[np.ndarray, " 2"], directions: object = DIRECTIONS) -> np.ndarray:
+    """Return the directional maxima [m/s] of the arm as the library has it by default, 0.5 kg a link."""
+    return pk.directional_maxima(pk.kim_3r(), actuation_of(mechanism), position, directions).values
+
+
+@cache
+def paper() -> dict[tuple[str, str, str], float]:
+    """Return what the paper prints, by table, row and column."""
+    with (REPORTED / "kim_2021.csv").open(encoding="utf-8") as file:
+        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
+
+
+def beside_paper(place: tuple[str, str, str], unit: str, ours: float, note: str = "") -> Row:
+    """Return a row at its place (table, row, column), the paper's number beside it where the paper has one."""
+    table, row, column = place
+    return Row(table=table, row=row, column=column, unit=unit, ours=float(ours), paper=paper().get(place), note=note)

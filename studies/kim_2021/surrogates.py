@@ -1,0 +1,114 @@
+"""Equation 5: ellipses fitted to directional maxima, and how far they are from maxima that they were not fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import ParetoikError
+from paretoik.redundancy.directional import unit_directions
+from paretoik.redundancy.speed_fits import FitErrors, fit_axes, fit_ellipsoids, fit_errors
+from paretoik.redundancy.speed_models import AxesEllipses, LogEllipsoids
+from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper, speeds
+from studies.reporting import Row
+
+TABLE = "Equation 5: ellipses beside directional maxima that they were not fitted to"
+WAYS = 32  # twice the paper's: a safe fit wants many
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sampled:
+    """Directional maxima (positions, directions) [m/s] of a mechanism over a grid of the nine positions' box."""
+
+    positions: Float[np.ndarray, "positions 2"]
+    directions: Float[np.ndarray, "directions 2"]
+    values: Float[np.ndarray, "positions directions"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surrogates:
+    """A mechanism's models by name, and the maxima that they are judged by.
+
+    ``seen`` is the grid that "log" was fitted to.
+    """
+
+    mechanism: str
+    models: dict[str, LogEllipsoids | AxesEllipses]
+    seen: Sampled
+    unseen: Sampled
+
+
+def sampled(mechanism: str, positions: Float[np.ndarray, "positions 2"], *, turned: bool = False) -> Sampled:
+    """Return maxima in 32 directions, or in those between them."""
+    shift = np.pi / WAYS if turned else 0.0
+    directions = unit_directions(WAYS, 2) @ np.array([[np.cos(shift), np.sin(shift)], [-np.sin(shift), np.cos(shift)]])
+    values = np.stack([speeds(mechanism, position, directions) for position in positions])
+    return Sampled(positions=positions, directions=directions, values=values)
+
+
+def grid(count: int, *, between: bool = False) -> Float[np.ndarray, "positions 2"]:
+    """Return a square grid over the box of the nine positions, so many a side, or the middles of its cells."""
+    corners = np.array(list(POSITIONS.values()))
+    sides = [np.linspace(low, high, count) for low, high in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
+    if between:
+        sides = [(side[1:] + side[:-1]) / 2 for side in sides]
+    return np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+
+
+def surrogates(mechanism: str, *, count: int) -> Surrogates:
+    """Return all models: on a grid of count × count positions, and the paper's on its nine."""
+    seen, nine = sampled(mechanism, grid(count)), sampled(mechanism, np.array(list(POSITIONS.values())))
+    fitted, few = ((each.positions, each.directions, each.values) for each in (seen, nine))
+    models: dict[str, LogEllipsoids | AxesEllipses] = {
+        "log": fit_ellipsoids(*fitted),
+        "log, safe": fit_ellipsoids(*fitted, safe=True),
+        "log, degree 4": fit_ellipsoids(*fitted, degree=4),
+        "log, nine positions": fit_ellipsoids(*few),
+        "(a, b, c), grid": fit_axes(*fitted),
+        "(a, b, c), nine positions as in the paper": fit_axes(*few),
+    }
+    return Surrogates(
+        mechanism=mechanism, models=models, seen=seen, unseen=sampled(mechanism, grid(count, between=True), turned=True)
+    )
+
+
+def surrogate_rows(found: Surrogates) -> list[Row]:
+    """Return the held-out errors of every model, and what even an ellipse of its own at every position has."""
+    rows = []
+    unseen = found.unseen.positions, found.unseen.directions, found.unseen.values
+    for name, model in found.models.items():
+        try:
+            errors = fit_errors(model, *unseen)
+        except ParetoikError as fault:
+            rows.append(beside_paper((TABLE, f"{found.mechanism}: {name}", "rms"), "%", np.nan, str(fault)))
+            continue
+        x, y = 1e3 * errors.position
+        note = (
+            f"at ({x:.0f}, {y:.0f}) mm along {_degrees(errors):.0f}°; at most {100 * errors.underestimate:.1f} % below"
+        )
+        rows.append(beside_paper((TABLE, f"{found.mechanism}: {name}", "rms"), "%", 100 * errors.rms))
+        largest = (TABLE, f"{found.mechanism}: {name}", "largest overestimate")
+        rows.append(beside_paper(largest, "%", 100 * errors.overestimate, note))
+    alone = np.concatenate([_alone(found.unseen, place) for place in range(len(found.unseen.positions))])
+    note = f"no model: what ellipses miss whatever their fit; largest overestimate {100 * alone.max():.1f} %"
+    place = (TABLE, f"{found.mechanism}: an ellipse fitted at each position", "rms")
+    return [*rows, beside_paper(place, "%", 100 * float(np.sqrt(np.mean(alone**2))), note)]
+
+
+def all_surrogates(*, count: int) -> dict[str, Surrogates]:
+    """Return the models of both mechanisms."""
+    return {mechanism: surrogates(mechanism, count=count) for mechanism in MECHANISMS}
+
+
+def _alone(every: Sampled, place: int) -> np.ndarray:
+    """Return the relative errors of an ellipse fitted to the maxima of one position."""
+    position, values = every.positions[place : place + 1], every.values[place : place + 1]
+    model = fit_ellipsoids(position, every.directions, values, degree=0)
+    found: np.ndarray = (model.speeds(position, every.directions) / values - 1.0)[0]
+    return found
+
+
+def _degrees(errors: FitErrors) -> float:
+    return float(np.rad2deg(np.arctan2(errors.direction[1], errors.direction[0])) % 360)
