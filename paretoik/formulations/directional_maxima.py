@@ -10,54 +10,31 @@ posture serves several, and that power is weighed against speed, is new.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 from pymoo.core.problem import Problem
 
-from paretoik.arrays import Genes, Joints
+from paretoik.arrays import Genes
 from paretoik.errors import check_size
+from paretoik.formulations.stances import Stance, Stances
 from paretoik.redundancy.best_postures import held_still, loads, several_postures, values_at
 from paretoik.redundancy.capability import Capability
 from paretoik.redundancy.directional import unit_directions
-from paretoik.redundancy.self_motion_curves import chained, wrapped
-from paretoik.redundancy.zonotopes import fastest, turning
+from paretoik.redundancy.self_motion_curves import wrapped
 from paretoik.refinement.smooth_front import Sketch
-from paretoik.robot import kinematics
 from paretoik.robot.actuation import (
     Actuation,
     DistributedActuation,
     check_actuation,
-    joint_speeds,
-    overloaded,
-    speeds_with,
 )
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.task.retraction import ACCEPTED, retract, task_errors
+from paretoik.task.retraction import ACCEPTED, retract
 
-APART = 0.1  # rad or m: postures nearer than this are one base
 BESIDE = 0.5  # rad or m: how far from its base a posture may be, along each direction of self-motion
 MIXED = 0.5  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
-ROUNDING = 1e-9  # of ranges
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stance:
-    """What genes say: postures ``q`` (points, dof), front sliders [m] (0 without), and tool speeds in each direction.
-
-    ``speeds`` (points, directions) [m/s] with joint velocities ``dq`` (points, directions, dof), the ``power`` that
-    each takes [W], and by how much each kind of limit is violated, ``excess`` (points, limits), as shares of its range.
-    """
-
-    q: Float[np.ndarray, "points dof"]
-    front: Float[np.ndarray, "points dof"]
-    speeds: Float[np.ndarray, "points directions"]
-    dq: Float[np.ndarray, "points directions dof"]
-    power: Float[np.ndarray, "points directions"]
-    excess: Float[np.ndarray, "points limits"]
 
 
 class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -113,7 +90,8 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.units: Sequence[str] = (*("m/s",) * count, *(("W",) if power else ()))
         self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
         self.still = held_still(arm, self.position)
-        self.bases = self._bases(several_postures(arm, self.position, samples, np.random.default_rng(seed)))
+        self.stances = Stances(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
+        self.bases = self.stances.bases(several_postures(arm, self.position, samples, np.random.default_rng(seed)))
         free = self.still.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
         low = np.concatenate([[0.0], np.full(free, -BESIDE), np.zeros(slides + count), np.full(count * free, -MIXED)])
@@ -125,7 +103,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
     @cached_property
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions across the self-motion at every base (bases, dof, rows), and along it (bases, dof, redundancy)."""
-        return self._frames(self.bases)
+        return self.stances.frames(self.bases)
 
     def candidates(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of bases as fast as they can go, sliders anywhere."""
@@ -148,7 +126,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             low, high = self.actuation.front_bounds.T
             front = low + part["front"] * (high - low)
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
-        return self._moving(led.q, front, part["pace"], mixed, led.error > ACCEPTED)
+        return self.stances.moving(led.q, front, part["pace"], mixed, led.error > ACCEPTED)
 
     def sketch(self) -> Sketch:
         """Return the smooth program of posture, sliders and speeds."""
@@ -175,7 +153,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         motors = at.dq[:, :, None]
         if isinstance(self.actuation, DistributedActuation):
             z[:, asked.begins["front"]] = at.front
-            motors = self._shared(at, torque)
+            motors = self.stances.shared(at, torque)
         z[:, asked.begins["motors"]] = motors.reshape(len(genes), -1)
         z[:, asked.begins["values"]] = at.speeds
         if self.power:
@@ -200,7 +178,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             genes.append(np.clip((front - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0))
             ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
             dq = (ratios[:, None] * motors).sum(axis=2)
-        most, span, free = self._fastest(q, front)
+        most, span, free = self.stances.fastest(q, front)
         pace = np.clip(speeds / np.where(most.speeds > 0, most.speeds, 1.0), 0.0, 1.0)
         left = (dq - pace[..., None] * most.dq) / span[:, None, None]
         return np.concatenate([*genes, pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)], axis=1)
@@ -242,93 +220,6 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         sizes = {"place": 1, "beside": free, "front": slides, "pace": count, "mixed": count * free}
         ends = np.cumsum([0, *sizes.values()])
         return {name: genes[:, a:b] for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
-
-    def _bases(self, found: np.ndarray) -> np.ndarray:
-        """Return postures that can be held, not too near each other, each beside its neighbours."""
-        torque = loads(self.arm, found)
-        can = ~np.isnan(joint_speeds(self.actuation, found, torque).high).any(axis=1)
-        if not can.any():
-            raise overloaded(self.actuation, self.arm, found[0], torque[0])
-        kept = list[np.ndarray]()
-        for one in found[can]:
-            if not kept or np.abs(wrapped(np.array(kept) - one, self.arm.periodic)).max(axis=1).min() > APART:
-                kept.append(one)
-        return chained(np.array(kept), self.arm.periodic)
-
-    def _frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""
-        targets = np.repeat(self.still.targets[:1], len(q), axis=0)
-        slopes = np.moveaxis(task_errors(self.arm, self.still.tasks, q, targets)[1], -1, 0)
-        turned = np.linalg.qr(np.swapaxes(slopes, -1, -2), mode="complete")[0]
-        rows = slopes.shape[1]
-        return turned[..., :rows], turned[..., rows:]
-
-    def _fastest(self, q: np.ndarray, front: np.ndarray) -> tuple[Stance, np.ndarray, np.ndarray]:
-        """Return the fastest motions, the mean range of joint speeds (points,), and the self-motion's directions."""
-        torque = loads(self.arm, q)
-        low, high = speeds_with(self.actuation, q, torque, front)
-        able = ~np.isnan(high).any(axis=1)
-        low, high = (np.where(able[:, None], each, 0.0) for each in (low, high))
-        columns = kinematics.jacobian(self.arm, q)[:, : len(self.position)]
-        speeds = fastest(columns, low, high, self.directions)
-        count = len(self.directions)
-        every = [np.repeat(each, count, axis=0) for each in (columns, low, high)]
-        vertices = (speeds[..., None] * self.directions).reshape(-1, len(self.position))
-        dq = turning(every[0], every[1], every[2], vertices).reshape(len(q), count, -1)
-        power = np.abs(torque[:, None] * dq).sum(axis=-1)
-        excess = np.where(able, 0.0, 1.0)[:, None]
-        span = np.maximum((high - low).mean(axis=1), 1e-12)
-        return (
-            Stance(q=q, front=front, speeds=speeds, dq=dq, power=power, excess=excess),
-            span,
-            self._frames(q)[1],
-        )
-
-    def _moving(self, q: Joints, front: Joints, pace: np.ndarray, mixed: np.ndarray, lost: np.ndarray) -> Stance:
-        """Return what joints do at a pace, moving along the self-motion besides, and which limits that violates."""
-        most, span, free = self._fastest(q, front)
-        dq = pace[..., None] * most.dq + span[:, None, None] * np.einsum("pjr,pkr->pkj", free, mixed)
-        torque = loads(self.arm, q)
-        low, high = speeds_with(self.actuation, q, torque, front)
-        beyond = np.maximum(dq - high[:, None], low[:, None] - dq) / span[:, None, None]
-        lower, upper = self.arm.position_limits.T
-        past = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
-        excess = [lost.astype(float), past, most.excess[:, 0], self._slid_past(q, front)]
-        excess.append(np.where(most.excess[:, 0] > 0, 0.0, beyond.max(axis=(1, 2)) - ROUNDING))
-        return Stance(
-            q=q,
-            front=front,
-            speeds=pace * most.speeds,
-            dq=dq,
-            power=np.abs(torque[:, None] * dq).sum(axis=-1),
-            excess=np.stack(excess, axis=1),
-        )
-
-    def _slid_past(self, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """Return by how much back sliders and rods' angles are past their bounds, as a share of the rod or in rad."""
-        known = self.actuation
-        if not isinstance(known, DistributedActuation):
-            return np.zeros(len(q))
-        back, angle = known.gears(q, front)[0], known.angles(q)
-        low, high = known.back_bounds.T
-        past = np.maximum(back - high, low - back) / known.rod
-        turned = np.maximum(known.least_angle - angle, angle - np.pi + known.least_angle)
-        found: np.ndarray = np.maximum(past, turned).max(axis=1) - ROUNDING
-        return found
-
-    def _shared(self, at: Stance, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof) that turn the joints: each in proportion to its most."""
-        assert isinstance(self.actuation, DistributedActuation)
-        ratios = np.stack(self.actuation.gears(at.q, at.front)[1:], axis=1)
-        efforts = ratios * torque[:, None]
-        ends = [curve.speeds(efforts[:, m]) for m, curve in enumerate((self.actuation.front, self.actuation.back))]
-        low, high = (np.stack([end[side] for end in ends], axis=1) for side in (0, 1))
-        ahead = at.dq[:, :, None] > 0
-        most = np.where((ratios > 0)[:, None] == ahead, high[:, None], low[:, None])
-        reach = (ratios[:, None] * most).sum(axis=2)
-        share = np.divide(at.dq, reach, out=np.zeros_like(at.dq), where=reach != 0)
-        found: np.ndarray = share[:, :, None] * most
-        return found
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         at = self.stance(X)
