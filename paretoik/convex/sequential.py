@@ -28,6 +28,7 @@ KEPT = 1e-9  # violation that counts as none
 FLAT = 1e-8  # of the largest: a second derivative at least this is what the model has
 ASTRAY = 1e-2  # violation that no step should lead to
 STIFF, COUNTS = 10.0, 1e-6  # of the largest second derivative, across limits whose multiplier is so much of the largest
+CORRECTIONS = 3  # of a step for the limits' curvature
 BACK = 6  # steps back to the equalities with one Jacobian
 
 
@@ -145,12 +146,17 @@ def _stepped(
         if promised <= SETTLED * (1.0 + abs(before)):
             break
         z, gained = _tried(program, at, caps, cost, price, model, before)
-        if gained < GOOD * promised:
-            room = _rows(program, z, caps)[1] - at.slopes @ at.basis @ model.step
+        last, led = model, z
+        for _ in range(CORRECTIONS):
+            if gained >= GOOD * promised or not np.isfinite(led).all():
+                break
+            room = _rows(program, led, caps)[1] - at.slopes @ at.basis @ last.step
             again = _asked(gradient, bent, at.constraints(room), radius, price)
-            if again is not None:
-                other, more = _tried(program, at, caps, cost, price, again, before)
-                z, gained = (other, more) if more > gained else (z, gained)
+            if again is None:
+                break
+            led, more = _tried(program, at, caps, cost, price, again, before)
+            last = again
+            z, gained = (led, more) if more > gained else (z, gained)
         found = _Step(z=z, model=model, promised=promised, gained=gained)
         if gained >= ACCEPTED * promised:
             return found, radius

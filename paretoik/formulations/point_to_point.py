@@ -167,13 +167,17 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         return np.concatenate(genes, axis=1)
 
     def between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return by how much motors are too slow between samples, as a share: intervals cut in four, timed anew."""
+        """Return how much longer than an interval motors need for it, over the mean one, or how overloaded they are.
+
+        The most of both, intervals cut in four and timed anew; 0 (points,) where motors can do it all.
+        """
         q, front, _ = self.profiles(genes)
         fine = self.ways.finer(BETWEEN)
-        least = timed(self.arm, self.actuation, fine @ q, fine @ front).intervals
-        given = np.repeat(self.timing(genes).intervals, BETWEEN, axis=1) / BETWEEN
-        needed = least.reshape(len(q), -1, BETWEEN).sum(axis=2) / given.reshape(len(q), -1, BETWEEN).sum(axis=2)
-        found: np.ndarray = np.maximum(np.nan_to_num(needed, nan=np.inf).max(axis=1) - 1.0, 0.0)
+        given = self.timing(genes).intervals
+        again = timed(self.arm, self.actuation, fine @ q, fine @ front)
+        least = again.intervals.reshape(*given.shape, BETWEEN).sum(axis=2)
+        late = np.nan_to_num(least - given, nan=0.0).max(axis=1) / given.mean(axis=1)
+        found: np.ndarray = np.maximum(np.maximum(late, again.overload), 0.0)
         return found
 
     def candidates(self, count: int, rng: np.random.Generator) -> Genes:

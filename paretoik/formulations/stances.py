@@ -1,4 +1,4 @@
-"""Postures at a position, with sliders and joint speeds in several directions: what they do, and within which limits."""
+"""Postures at a position, with sliders and speeds of joints in several directions: what they do, and within what."""
 
 from __future__ import annotations
 

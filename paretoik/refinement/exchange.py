@@ -11,6 +11,7 @@ from paretoik.convex.models import Constraints
 COUNTS = 1e-6  # share of all objectives' weight from which on one counts
 ACTIVE = 1e-7  # of a limit's range: nearer than that it is reached
 DEPENDENT = 1e-7  # singular value, of rows of length one, that is none
+PIVOTS = 5000  # of a linear program: where nearly all rows are reached, simplex may go round in circles
 BALANCED = 1e-7  # what may be left of a gradient that multipliers should cancel, as a share of the longest
 
 
@@ -73,7 +74,7 @@ def _ends(gradients: np.ndarray, reached: np.ndarray, known: np.ndarray, j: int)
             cost = np.zeros(len(others))
             if i != j:
                 cost[others.index(i)] = sign
-            end = linprog(cost, A_ub=within[:, others], b_ub=right, method="highs")
+            end = linprog(cost, A_ub=within[:, others], b_ub=right, method="highs", options={"maxiter": PIVOTS})
             if i != j and end.status == 0:
                 found[i, side] = max(sign * end.fun, 0.0)
             elif i != j and end.status == 3:  # λ_j may vanish beside λ_i

@@ -21,6 +21,8 @@ from paretoik.refinement.exchange import ACTIVE, COUNTS, exchange_intervals, exc
 CURVED = 1e-7  # second derivative along a direction of length one, in ranges, below which it is taken for none
 CRITICAL = 1e-6  # χ up to which a point counts as critical, so that its curvature says something
 HELD = 1e-8  # violation of a row up to which a point counts
+SETTLED = 1e-8  # χ up to which polishing leaves a point as it is
+BRIEF = 10  # iterations of a step back onto all rows
 STEPS = (1e-2, 1e-3, 1e-4)  # along a direction of descent
 
 
@@ -58,16 +60,20 @@ def polished(
 ) -> tuple[Float[np.ndarray, "points unknowns"], np.ndarray]:
     """Return points no worse in any objective, and which of them (points,) a search ended well for.
 
-    The sum of all objectives over their ranges is minimised, none allowed to rise.
+    The sum of all objectives over their ranges is minimised, none allowed to rise. Points that are critical stay.
     """
-    ends = [
-        minimised(
-            sketch.program, (sketch.costs / ranges[:, None]).sum(axis=0), one, caps=Caps(rows=sketch.costs, most=most)
-        )
-        for one, most in zip(z, z @ sketch.costs.T, strict=True)
-    ]
-    good = np.array([end.converged and end.violation <= HELD for end in ends], dtype=bool)
-    return np.where(good[:, None], [end.z for end in ends], z), good
+    found, good = z.copy(), np.zeros(len(z), dtype=bool)
+    for i, one in enumerate(z):
+        at = local(sketch.program, one)
+        if at.violation <= HELD and _critical(sketch, at, ranges).value <= SETTLED:
+            good[i] = True
+            continue
+        caps = Caps(rows=sketch.costs, most=sketch.costs @ one)
+        end = minimised(sketch.program, (sketch.costs / ranges[:, None]).sum(axis=0), one, caps=caps)
+        good[i] = end.converged and end.violation <= HELD
+        if end.violation <= HELD:
+            found[i] = end.z
+    return found, good
 
 
 def certified(
@@ -99,11 +105,14 @@ def certified(
 
 def _certified(sketch: Sketch, z: np.ndarray, ranges: np.ndarray) -> tuple[Local, Criticality, str, np.ndarray]:
     at = local(sketch.program, z)
-    gradients = sketch.costs @ at.basis / ranges[:, None]
-    constraints = at.constraints(at.room)
-    found = criticality(gradients, constraints, 1.0)
+    gradients, constraints = sketch.costs @ at.basis / ranges[:, None], at.constraints(at.room)
+    found = _critical(sketch, at, ranges)
     status = _status(sketch, at, found, gradients, ranges) if found.value <= CRITICAL else "undetermined"
     return at, found, status, weight_ratios(gradients, constraints, found.weights)
+
+
+def _critical(sketch: Sketch, at: Local, ranges: np.ndarray) -> Criticality:
+    return criticality(sketch.costs @ at.basis / ranges[:, None], at.constraints(at.room), 1.0)
 
 
 def _status(sketch: Sketch, at: Local, found: Criticality, gradients: np.ndarray, ranges: np.ndarray) -> str:
@@ -138,7 +147,12 @@ def _dominated(sketch: Sketch, at: Local, direction: np.ndarray) -> bool:
     for length in STEPS:
         aim = at.z + length * (at.basis @ direction)
         end: Any = minimised(
-            sketch.program, sketch.costs.sum(axis=0), aim, caps=Caps(rows=sketch.costs, most=values), radius=length
+            sketch.program,
+            sketch.costs.sum(axis=0),
+            aim,
+            caps=Caps(rows=sketch.costs, most=values),
+            radius=length,
+            iterations=BRIEF,
         )
         if end.violation <= HELD and np.all(sketch.costs @ end.z < values):
             return True
