@@ -14,7 +14,7 @@ from paretoik.redundancy.self_motion import candidates, swept
 from paretoik.redundancy.timing import timed
 from paretoik.robot.actuation import Actuation, DistributedActuation, joint_speeds, overloaded
 from paretoik.robot.arm import Arm
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.path import line
 from paretoik.task.retraction import task_errors
@@ -188,12 +188,12 @@ def _fitted(table: np.ndarray, samples: np.ndarray) -> np.ndarray:
     return np.concatenate([outer[:, :1], middle, outer[:, 1:]], axis=1)
 
 
-def _across(task: object, q: np.ndarray) -> np.ndarray:
+def _across(task: MotionTask, q: np.ndarray) -> np.ndarray:
     """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
     found = list[np.ndarray]()
     for end in (0, -1):
-        targets = np.repeat(task.targets[[end]], len(q), axis=0)  # type: ignore[attr-defined]
-        slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)  # type: ignore[attr-defined]
+        targets = np.repeat(task.targets[[end]], len(q), axis=0)
+        slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)
         found.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
     return np.stack(found, axis=1)
 

@@ -60,16 +60,21 @@ def polished(
 ) -> tuple[Float[np.ndarray, "points unknowns"], np.ndarray]:
     """Return points no worse in any objective, and which of them (points,) a search ended well for.
 
-    The sum of all objectives over their ranges is minimised, none allowed to rise. Points that are critical stay.
+    The first objective over its range is minimised, every other to gain as much: each point goes straight ahead, and
+    none to where its neighbours go (Pascoletti & Serafini 1984). Then the sum of all, none allowed to rise, so that no
+    gain is left that costs nothing. Points that are critical stay.
     """
     found, good = z.copy(), np.zeros(len(z), dtype=bool)
+    shares = sketch.costs / ranges[:, None]
+    rows = shares[1:] - shares[0]
     for i, one in enumerate(z):
         at = local(sketch.program, one)
         if at.violation <= HELD and _critical(sketch, at, ranges).value <= SETTLED:
             good[i] = True
             continue
-        caps = Caps(rows=sketch.costs, most=sketch.costs @ one)
-        end = minimised(sketch.program, (sketch.costs / ranges[:, None]).sum(axis=0), one, caps=caps)
+        ahead = minimised(sketch.program, shares[0], one, caps=Caps(rows=rows, most=rows @ one))
+        begun = ahead.z if ahead.violation <= HELD else one
+        end = minimised(sketch.program, shares.sum(axis=0), begun, caps=Caps(rows=shares, most=shares @ begun))
         good[i] = end.converged and end.violation <= HELD
         if end.violation <= HELD:
             found[i] = end.z
