@@ -24,6 +24,7 @@ from paretoik.task.motion_task import MotionTask
 
 EVERY = 10  # generations
 SHARE = 0.3  # of the evaluations that may go into iterations
+ALIKE = 1e-6  # of a range: what genes may say differently of a polished point
 BRIEF = Rules(barrier=1e-2, iterations=5, radius=0.1)
 GAPS = 4  # of the widest that are aimed at each time
 
@@ -64,16 +65,21 @@ def _smooth_refined(front: Front, problem: Any) -> Front:
     ranges = spans(front)
     sketch = problem.sketch()
     signs = np.where(problem.maximised, -1.0, 1.0)
-    z, good = smooth_front.polished(sketch, problem.unknowns(np.asarray(front.genes)), ranges)
+    own = np.array(front.genes)
+    begun = problem.unknowns(own)
+    z, good = smooth_front.polished(sketch, begun, ranges)
     genes = problem.genes_of(z)
-    found: dict[str, Any] = {}
-    problem._evaluate(genes, found)
-    between = np.maximum(problem.between(genes), found["G"].max(axis=1))
-    kept = front_rows(found["F"] / ranges)
+    F, G = problem.evaluate(genes, return_values_of=["F", "G"])
+    worse = (front.minimised + ALIKE * ranges < F).any(axis=1)
+    if worse.any():
+        genes[worse], z[worse], good[worse] = own[worse], begun[worse], False
+        F, G = problem.evaluate(genes, return_values_of=["F", "G"])
+    between = np.maximum(problem.between(genes), G.max(axis=1))
+    kept = front_rows(F / ranges)
     certificates = smooth_front.certified(sketch, z[kept], ranges, signs, between[kept])
     return Front(
         ids=front.ids[kept],
-        objectives=found["F"][kept] * signs,
+        objectives=F[kept] * signs,
         names=problem.names,
         units=problem.units,
         maximised=problem.maximised,

@@ -201,12 +201,11 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
-        found: dict[str, np.ndarray] = {}
-        self._evaluate(genes, found)
-        worst = found["G"].argmax(axis=1)
+        excess = self.evaluate(genes, return_values_of=["G"])
+        worst = excess.argmax(axis=1)
         return [
             f"{self.constraint_names[k]} violated by {row[k]:.3g} of the range" if row[k] > 0 else ""
-            for row, k in zip(found["G"], worst, strict=True)
+            for row, k in zip(excess, worst, strict=True)
         ]
 
     @cached_property

@@ -16,6 +16,8 @@ from paretoik.robot import dynamics
 from paretoik.robot.actuation import Actuation, DistributedActuation, MotorCurve
 from paretoik.robot.arm import Arm
 
+STILL = 1e-9  # rad or m: a motor that travels no more between two samples rests, even under all it can bear
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Timing:
@@ -65,7 +67,7 @@ def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> T
         low, high = curve.speeds(effort[..., m, :])
         way = travel[..., m, :]
         with np.errstate(divide="ignore", invalid="ignore"):
-            times.append(np.where(way == 0, 0.0, way / np.where(way > 0, high, low)))
+            times.append(np.where(np.abs(way) <= STILL, 0.0, way / np.where(way > 0, high, low)))
         times[-1] = np.where(np.isnan(high), np.nan, times[-1])
         shares.append(np.abs(effort[..., m, :]) / curve.stall)
     return Timing(

@@ -60,14 +60,14 @@ class MotorCurve:
         """Return the lowest and highest speed at efforts (*batch, dof); NaN where they are more than ``stall``."""
         share = np.asarray(effort, dtype=float) / self.stall
         high, low = (
-            1.0 - np.abs(turned)
+            np.maximum(0.0, 1.0 - np.abs(turned))
             if self.shape == "diamond"
-            else np.minimum(1.0, 1.0 - turned)
+            else np.clip(1.0 - turned, 0.0, 1.0)
             if self.shape == "strip"
             else np.ones_like(turned)
             for turned in (share, -share)
         )
-        bearable = np.abs(share) <= 1.0
+        bearable = np.abs(share) <= 1.0 + compiled.ROUNDING
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
     def room(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:

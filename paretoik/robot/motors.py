@@ -14,6 +14,7 @@ from paretoik.calculus.compiling import compiled
 DIAMOND, STRIP, BOX = range(3)
 SHAPE, STALL, FASTEST, BACK_STALL, BACK_FASTEST, ROD, ZERO, BEND, LEAST, FRONT, BACK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11
 COLUMNS = 13  # FRONT and BACK are two each: lower and upper
+ROUNDING = 1e-9  # of what a motor can bear: an effort at its very limit is one
 SPEED, HOLD = range(2)  # what is to be most
 PIECES = 12  # that each feasible stretch of a slider is looked at in
 GOLDEN = 0.6180339887498949
@@ -24,12 +25,12 @@ HALVINGS = 44  # of golden sections: to 1e-9 of a piece, where a smooth maximum 
 def motor(shape, stall, fastest, effort):
     """Return h(e), the highest speed of a motor at an effort; NaN where it is more than the motor can bear."""
     share = effort / stall
-    if not abs(share) <= 1.0:
+    if not abs(share) <= 1.0 + ROUNDING:
         return np.nan
     if shape == DIAMOND:
-        return fastest * (1.0 - abs(share))
+        return fastest * max(0.0, 1.0 - abs(share))
     if shape == STRIP:
-        return fastest * min(1.0, 1.0 - share)
+        return fastest * max(0.0, min(1.0, 1.0 - share))
     return fastest
 
 

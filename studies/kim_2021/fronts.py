@@ -75,9 +75,12 @@ def _least(
 
 
 def _worth(problem: pk.PointToPoint, genes: np.ndarray) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    problem._evaluate(genes, found)
-    return {"objectives": found["F"], "motions": None, "violation": None, "ranges": np.empty((0, 2))}
+    return {
+        "objectives": problem.evaluate(genes, return_values_of=["F"]),
+        "motions": None,
+        "violation": None,
+        "ranges": np.empty((0, 2)),
+    }
 
 
 def time_energy_rows(one: TimeEnergy) -> list[Row]:

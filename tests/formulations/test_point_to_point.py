@@ -101,6 +101,21 @@ def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
     assert refined.motions.time[:, -1] == pytest.approx(refined.objectives[:, 0])
 
 
+@pytest.mark.parametrize("shape", ["strip", "box"])
+def test_other_motor_curves_are_polished_too(shape):
+    """At their limits lie places that motors can just bear: none may be lost to rounding."""
+    motors = pk.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
+    problem = pk.PointToPoint(pk.kim_3r(), pk.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4)
+    found = pk.solve(problem, population=40, generations=20, seed=1, points=4)
+    refined = pk.refine(found)
+    before = dict(zip(found.ids, found.minimised, strict=True))
+    assert (refined.minimised.min(axis=0) <= found.minimised.min(axis=0) + 1e-5).all()
+    for number, row in zip(refined.ids, refined.minimised, strict=True):
+        assert (row <= before[number] + 1e-5).all()
+    assert refined.certificates.violation.max() <= 1e-8
+    assert (refined.objectives[:, 0] < 0.95 * found.objectives[:, 0].min()).any()
+
+
 def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
     """What every posture could do at its best, wherever the tool is, bounds the motion's time from below."""
     fine = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
