@@ -9,9 +9,11 @@ import numpy as np
 
 from paretoik.errors import InvalidInput, check_size
 from paretoik.front.front import Front
+from paretoik.refinement import smooth_epsilon
 from paretoik.refinement.epsilon import epsilon_points
 from paretoik.refinement.multistart import Plan, planned
-from paretoik.refining import certified, task_of
+from paretoik.refinement.smooth_front import SmoothProblem
+from paretoik.refining import certified, smooth_certified, task_of
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -76,16 +78,17 @@ def epsilon_front(
     seed: int = 0,
     observe: Callable[[int, int], object] | None = None,
 ) -> Front:
-    """Return a front of certified motions of a ``Tracking``: one objective minimised, the others kept below ε.
+    """Return a front of certified points: one objective minimised, the others kept below ε.
 
     Parameters
     ----------
     problem
-        A ``Tracking`` with two or more integral objectives.
+        A ``Tracking`` with two or more integral objectives, a ``DirectionalMaxima`` or a ``PointToPoint``.
     points
         At most so many points, ends included, spread over the front.
     starts, seed
-        As for ``plan``, which finds each objective's own optima first.
+        As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
+        from so many starts.
     observe
         Called with the points found so far and those wanted.
 
@@ -104,13 +107,18 @@ def epsilon_front(
     check_size("points", points, 2)
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
+    said = {"settings": {"points": points, "starts": starts, "seed": seed}, "status": "epsilon"}
+    if isinstance(problem, SmoothProblem):
+        if len(problem.names) < 2:
+            raise InvalidInput("epsilon_front: two objectives or more wanted, got one: solve finds its optimum")
+        begun = problem.unknowns(problem.candidates(starts, np.random.default_rng(seed)))
+        z, ranges = smooth_epsilon.epsilon_points(problem.sketch(), begun, points=points, observe=observe)
+        return smooth_certified(problem, z, np.arange(len(z)), ranges, said)
     task = task_of("epsilon_front", problem)
     if len(task.objectives) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
     found = epsilon_points(task, points=points, starts=starts, seed=seed, observe=observe)
-    ids = np.arange(len(found.q))
-    settings = {"points": points, "starts": starts, "seed": seed}
-    return certified(problem, task, found.q, ids, found.ranges, {"settings": settings, "status": "epsilon"})
+    return certified(problem, task, found.q, np.arange(len(found.q)), found.ranges, said)
 
 
 def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,11 @@ from paretoik.redundancy.branches import labels
 from paretoik.refinement import smooth_front
 from paretoik.refinement.certificates import certify
 from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.epsilon import YIELD, front_rows, polished_points
+from paretoik.refinement.epsilon import YIELD, polished_points
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
 from paretoik.refinement.smooth_front import SmoothProblem
+from paretoik.refinement.spreading import front_rows
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
 from paretoik.task.motion_task import MotionTask
@@ -27,14 +29,16 @@ SHARE = 0.3  # of the evaluations that may go into iterations
 ALIKE = 1e-6  # of a range: what genes may say differently of a polished point
 BRIEF = Rules(barrier=1e-2, iterations=5, radius=0.1)
 GAPS = 4  # of the widest that are aimed at each time
+Observed = Callable[[int, int], object]
 
 
-def refine(front: Front, problem: Any = None) -> Front:
+def refine(front: Front, problem: Any = None, *, observe: Observed | None = None) -> Front:
     """Return the front with every motion polished to a local optimum no worse in any objective, and certified.
 
     ``problem`` is the one that the front solves: by default the one it came from. Points keep their ids; those that
     another one has come to dominate are left out. Polished motions are no longer what genes can say: ``genes`` is None,
-    but for ``DirectionalMaxima`` and ``PointToPoint``, whose genes say all.
+    but for ``DirectionalMaxima`` and ``PointToPoint``, whose genes say all. ``observe`` is called with points done and
+    wanted; where it returns true, the others stay as they are.
 
     A motion that could not be polished stays as it was, and its certificate says so.
 
@@ -45,40 +49,56 @@ def refine(front: Front, problem: Any = None) -> Front:
     """
     problem = front.problem if problem is None else problem
     if isinstance(problem, SmoothProblem):
-        return _smooth_refined(front, problem)
+        return _smooth_refined(front, problem, observe)
     if problem is None or front.motions is None:
         raise InvalidInput("refine: a front with its motions and its problem wanted; refine(front, problem) names it")
     task = task_of("refine", problem)
     if tuple(o.name for o in task.objectives) != tuple(front.names):
         raise InvalidInput(f"refine: a problem with objectives {', '.join(front.names)} wanted, got another")
     ranges = spans(front)
-    found = polished_points(task, np.asarray(front.motions.q), ranges)
-    q = np.where(found.converged[:, None, None], found.q, front.motions.q)
+    found = polished_points(task, np.asarray(front.motions.q), ranges, observe)
+    q = np.array(front.motions.q)
+    q[: len(found)][found.converged] = found.q[found.converged]
     settings = dict(front.provenance) | {"refined": {"points": len(front), "converged": int(found.converged.sum())}}
     return certified(problem, task, q, front.ids, ranges, settings)
 
 
-def _smooth_refined(front: Front, problem: Any) -> Front:
+def _smooth_refined(front: Front, problem: Any, observe: Observed | None) -> Front:
     """Return the front of a smooth program's points, each no worse than it was."""
     if front.genes is None or tuple(problem.names) != tuple(front.names):
         raise InvalidInput(f"refine: a front of {', '.join(problem.names)} with its genes wanted, got another")
     ranges = spans(front)
-    sketch = problem.sketch()
-    signs = np.where(problem.maximised, -1.0, 1.0)
     own = np.array(front.genes)
     begun = problem.unknowns(own)
-    z, good = smooth_front.polished(sketch, begun, ranges)
+    z, good = smooth_front.polished(problem.sketch(), begun, ranges, observe)
+    worse = (front.minimised + ALIKE * ranges < problem.evaluate(problem.genes_of(z), return_values_of=["F"])).any(axis=1)
+    z[worse], good[worse] = begun[worse], False
+    settings = {**front.provenance, "refined": {"points": len(front), "converged": int(good.sum())}}
+    return smooth_certified(problem, z, front.ids, ranges, settings, {i: own[i] for i in np.flatnonzero(worse)})
+
+
+def smooth_certified(
+    problem: Any,
+    z: np.ndarray,
+    ids: np.ndarray,
+    ranges: np.ndarray,
+    provenance: dict[str, Any],
+    given: dict[int, np.ndarray] | None = None,
+) -> Front:
+    """Return the front of these points of a smooth program with their certificates, but those that others dominate.
+
+    ``given`` are genes of some of them, which those of the program's unknowns would not be as good as.
+    """
     genes = problem.genes_of(z)
+    for i, own in (given or {}).items():
+        genes[i] = own
     F, G = problem.evaluate(genes, return_values_of=["F", "G"])
-    worse = (front.minimised + ALIKE * ranges < F).any(axis=1)
-    if worse.any():
-        genes[worse], z[worse], good[worse] = own[worse], begun[worse], False
-        F, G = problem.evaluate(genes, return_values_of=["F", "G"])
-    between = np.maximum(problem.between(genes), G.max(axis=1))
     kept = front_rows(F / ranges)
-    certificates = smooth_front.certified(sketch, z[kept], ranges, signs, between[kept])
+    between = np.maximum(problem.between(genes[kept]), G[kept].max(axis=1))
+    signs = np.where(problem.maximised, -1.0, 1.0)
+    certificates = smooth_front.certified(problem.sketch(), z[kept], ranges, signs, between)
     return Front(
-        ids=front.ids[kept],
+        ids=ids[kept],
         objectives=F[kept] * signs,
         names=problem.names,
         units=problem.units,
@@ -87,11 +107,7 @@ def _smooth_refined(front: Front, problem: Any) -> Front:
         motions=problem.decode(genes[kept]) if hasattr(problem, "decode") else None,
         violation=certificates.violation,
         certificates=certificates,
-        provenance={
-            **front.provenance,
-            "fingerprint": fingerprint(problem),
-            "refined": {"points": len(front), "converged": int(good.sum())},
-        },
+        provenance={"fingerprint": fingerprint(problem), **provenance},
         problem=problem,
     )
 

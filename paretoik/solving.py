@@ -58,6 +58,7 @@ def solve(
     overwrite: bool = False,
     reference: str | None = None,
     observe: Observer | None = None,
+    observe_refining: Callable[[int, int], object] | None = None,
 ) -> Front:
     """Search for the Pareto front of any pymoo problem and return it; follow a ``ClosedLoop``.
 
@@ -89,12 +90,14 @@ def solve(
     refine
         Whether gradients help: every ten generations a few iterations at the ends, in the widest gaps and in every
         branch, up to 30 % of the evaluations; at the end every point is polished to a local optimum and certified,
-        unless a signal ended the search. For a ``Tracking``, as with ``refine(front)``; of ``DirectionalMaxima`` and
+        as far as no signal ended the search or the polishing. For a ``Tracking``, as with ``refine(front)``; of ``DirectionalMaxima`` and
         ``PointToPoint`` only what the search found is polished at the end.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
         Called after every generation, or step, with its ``Generation`` and ``Progress``.
+    observe_refining
+        Called with the points polished so far and those wanted.
 
     Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm`` and ``refine`` mean nothing
     and are refused; ``points`` and ``stagnation`` have no effect.
@@ -136,7 +139,6 @@ def solve(
     )
     smooth = isinstance(problem, SmoothProblem)
     improver = Improver(search) if refine and not smooth else None
-    polish = refined if refine else None
     settings = {
         "population": population,
         "generations": generations,
@@ -160,13 +162,22 @@ def solve(
         folder = None if out is None else stack.enter_context(claimed(out, overwrite=overwrite))
         interruption = stack.enter_context(interruptible())
         endings.append(_Interrupted(interruption))
+
+        def searched(recorder: Recorder | None) -> Front:
+            front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder), improver)
+            if not refine or front.provenance["status"] in SIGNALS:
+                return front
+            front = refined(front, observe=_until(interruption, observe_refining))
+            ended = front.provenance["status"] if interruption.signal is None else interruption.signal.name
+            return replace(front, provenance={**front.provenance, "status": ended})
+
         if folder is None:
-            return _searched(search, endings, points, provenance, _Watch(search, observe, None), improver, polish)
+            return searched(None)
         write_run(folder, {**provenance, "status": "running"})
         recorder = _recorder(folder, search, reference)
         stack.callback(recorder.close)
         try:
-            front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder), improver, polish)
+            front = searched(recorder)
         except ParetoikError as error:
             write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
             raise
@@ -273,7 +284,6 @@ def _searched(
     provenance: dict[str, Any],
     watch: _Watch,
     improver: Improver | None,
-    polish: Callable[[Front], Front] | None,
 ) -> Front:
     started = time.monotonic()
     status = evolve(search, endings, observe=watch, improve=improver)
@@ -287,12 +297,24 @@ def _searched(
         "first_cause": search.failed.first_cause,
         "seconds": round(time.monotonic() - started, 3),
     }
-    front = replace(
+    return replace(
         search.front_of(points),
         problem=search.problem,
         provenance={**provenance, "status": status, "counts": counts},
     )
-    return front if polish is None or status in SIGNALS else polish(front)
+
+
+def _until(
+    interruption: Interruption, observe: Callable[[int, int], object] | None
+) -> Callable[[int, int], bool]:
+    """Return an observer that also says when a signal came."""
+
+    def watch(done: int, wanted: int) -> bool:
+        if observe is not None:
+            observe(done, wanted)
+        return bool(interruption)
+
+    return watch
 
 
 def _infeasible(search: Search) -> Infeasible:

@@ -42,9 +42,13 @@ class Caps:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
-    """Where a search ended: the unknowns, the worst violation of any row, and whether no model promised more."""
+    """Where a search ended: unknowns, multipliers of inequalities and caps, the worst violation of any row.
+
+    ``converged`` where no model promised more.
+    """
 
     z: Float[np.ndarray, " unknowns"]
+    limits: Float[np.ndarray, " inequalities"]
     violation: float
     converged: bool
     iterations: int
@@ -73,9 +77,8 @@ class Local:
 
 def local(program: Rows, z: Float[np.ndarray, " unknowns"], caps: Caps | None = None) -> Local:
     """Return the program to first order; caps come after its own inequalities."""
-    (equal, room), table = _rows(program, z, caps), program.jacobian(z)
+    (equal, room), table = rows_of(program, z, caps), slopes_of(program, z, caps)
     rows = len(equal)
-    slopes = table[rows:] if caps is None else np.concatenate([table[rows:], -caps.rows])
     held = table[:rows].any(axis=0)  # all others are free, and stay what they are
     turned, upper = np.linalg.qr(table[:rows, held].T, mode="complete")
     basis, back = np.zeros((len(z), len(z) - rows)), np.zeros((len(z), rows))
@@ -83,7 +86,7 @@ def local(program: Rows, z: Float[np.ndarray, " unknowns"], caps: Caps | None = 
     basis[held, :free] = turned[:, rows:]
     basis[~held, free:] = np.eye(int(np.count_nonzero(~held)))
     back[held] = np.linalg.lstsq(upper[:rows], turned[:, :rows].T, rcond=None)[0].T
-    return Local(z=z, equal=equal, room=room, slopes=slopes, basis=basis, back=back)
+    return Local(z=z, equal=equal, room=room, slopes=table[rows:], basis=basis, back=back)
 
 
 def minimised(
@@ -92,18 +95,23 @@ def minimised(
     z: Float[np.ndarray, " unknowns"],
     *,
     caps: Caps | None = None,
+    limits: Float[np.ndarray, " inequalities"] | None = None,
     radius: float = 0.1,
     iterations: int = 200,
 ) -> Minimum:
-    """Return a local minimum of cost · z below caps, from a place that is near the equalities."""
+    """Return a local minimum of cost · z below caps, from a place that is near the equalities.
+
+    ``limits`` are multipliers of inequalities and caps to begin with, none by default.
+    """
     longest, worth = radius, float(np.linalg.norm(cost))
-    at, price, taken, converged, done = local(program, z, caps), PRICE * worth, None, False, 0
+    at, price, converged, done = local(program, z, caps), PRICE * worth, False, 0
+    limits = np.zeros(len(at.room)) if limits is None else limits
     while done < iterations:
         done += 1
-        bent = _bent(program, at, caps, cost, taken)
+        bent = _bent(program, at, caps, cost, limits)
         found, radius = _stepped(program, at, caps, cost, bent, price, radius)
         if found is not None:
-            taken = found.model
+            limits = found.model.limits
             if found.gained >= GOOD * found.promised and found.moved > 0.9 * radius:
                 radius = min(2.0 * radius, 4.0 * longest)
             at = local(program, found.z, caps)
@@ -114,7 +122,7 @@ def minimised(
         else:
             converged = at.violation <= KEPT and (radius > SHORTEST or _critical(at, at.basis.T @ cost))
             break
-    return Minimum(z=at.z, violation=at.violation, converged=converged, iterations=done)
+    return Minimum(z=at.z, limits=limits, violation=at.violation, converged=converged, iterations=done)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,7 +158,7 @@ def _stepped(
         for _ in range(CORRECTIONS):
             if gained >= GOOD * promised or not np.isfinite(led).all():
                 break
-            room = _rows(program, led, caps)[1] - at.slopes @ at.basis @ last.step
+            room = rows_of(program, led, caps)[1] - at.slopes @ at.basis @ last.step
             again = _asked(gradient, bent, at.constraints(room), radius, price)
             if again is None:
                 break
@@ -174,22 +182,28 @@ def _tried(
         if not np.isfinite(equal).all() or float(np.abs(equal).max(initial=0.0)) < SETTLED:
             break
         z = z - at.back @ equal
-    worth = float(cost @ z) + price * _violation(*_rows(program, z, caps)) if np.isfinite(z).all() else np.inf
+    worth = float(cost @ z) + price * _violation(*rows_of(program, z, caps)) if np.isfinite(z).all() else np.inf
     return z, before - worth if np.isfinite(worth) else -np.inf
 
 
-def _rows(program: Rows, z: np.ndarray, caps: Caps | None) -> tuple[np.ndarray, np.ndarray]:
+def rows_of(program: Rows, z: np.ndarray, caps: Caps | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return equalities and inequalities, caps the last of them."""
     equal, room = program.rows(z)
     return equal, room if caps is None else np.append(room, caps.most - caps.rows @ z)
+
+
+def slopes_of(program: Rows, z: np.ndarray, caps: Caps | None) -> Float[np.ndarray, "rows unknowns"]:
+    """Return the Jacobian of the same rows."""
+    table = program.jacobian(z)
+    return table if caps is None else np.concatenate([table, -caps.rows])
 
 
 def _violation(equal: np.ndarray, room: np.ndarray) -> float:
     return max(0.0, float(np.abs(equal).max(initial=0.0)), -float(room.min(initial=0.0)))
 
 
-def _bent(program: Rows, at: Local, caps: Caps | None, cost: np.ndarray, taken: Step | None) -> np.ndarray:
+def _bent(program: Rows, at: Local, caps: Caps | None, cost: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """Return the second derivatives of the Lagrangian along the equalities, made positive."""
-    limits = np.zeros(len(at.room)) if taken is None else taken.limits
     capped = 0 if caps is None else len(caps.most)
     pulls = -at.back.T @ (cost - at.slopes.T @ limits)
     table = at.basis.T @ program.curvature(at.z, np.concatenate([pulls, -limits[: len(limits) - capped]])) @ at.basis

@@ -222,6 +222,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             target=self.target,
             spline=known.spline,
             pace=known.pace,
+            toil=known.toil,
         )
 
     def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:

@@ -22,6 +22,7 @@ from paretoik.task.retraction import task_errors
 ROLL_OUTS = 256
 DEGREE = 3
 PLACES = 5  # of sliders that stay where they are
+TOIL = 1e-6  # J: what work is counted in at least, without gravity there is none
 APART = 0.2  # rad or m: ways whose coefficients are nearer than this are one
 
 
@@ -30,7 +31,8 @@ class Ways:
     """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
 
     ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
-    by which either end is led back to its place, ``pace`` [s] is the quickest way's mean interval.
+    by which either end is led back to its place, ``pace`` [s] and ``toil`` [J] are the quickest way's mean interval and
+    mean work of a motor in it.
     """
 
     arm: Arm
@@ -40,6 +42,7 @@ class Ways:
     spline: Float[np.ndarray, "time coefficients"]
     across: Float[np.ndarray, "bases 2 dof rows"]
     pace: float
+    toil: float
 
     @property
     def size(self) -> int:
@@ -119,7 +122,7 @@ def ways(
         low, high = actuation.front_bounds.T
         front = low + (table @ shares) * (high - low)
     empty = Ways(
-        arm=arm, actuation=actuation, q=fitted, shares=shares, spline=table, across=_across(task, fitted), pace=1.0
+        arm=arm, actuation=actuation, q=fitted, shares=shares, spline=table, across=_across(task, fitted), pace=1.0, toil=1.0
     )
     with np.errstate(invalid="ignore"):
         timing, past = timed(arm, actuation, q, front), empty.past(q, front)
@@ -130,7 +133,8 @@ def ways(
     order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
     rows = _apart(fitted, order, bases)
     pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
-    return replace(empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace)
+    toil = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
+    return replace(empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace, toil=max(toil, TOIL))
 
 
 def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:

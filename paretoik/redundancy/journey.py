@@ -28,7 +28,7 @@ REACH = 5  # coefficients of a cubic spline that two samples beside each other m
 class Journey:
     """What is asked: from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
 
-    ``pace`` [s] is what intervals are counted in; joints in rad (m), sliders in rods' lengths, work in J.
+    ``pace`` [s] is what intervals are counted in, ``toil`` [J] work; joints in rad (m), sliders in rods' lengths.
     """
 
     arm: Arm
@@ -37,6 +37,7 @@ class Journey:
     target: Float[np.ndarray, " task"]
     spline: Float[np.ndarray, "time coefficients"]
     pace: float
+    toil: float
 
     @property
     def motors(self) -> int:
@@ -62,7 +63,7 @@ class Journey:
         """What duration [s] and energy [J] are of the unknowns."""
         found = np.zeros((2, self.count))
         found[0, self.begins["times"]] = self.pace
-        found[1, self.begins["work"]] = 1.0
+        found[1, self.begins["work"]] = self.toil
         return found
 
     def unknowns(
@@ -70,7 +71,7 @@ class Journey:
     ) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of coefficients (points, coefficients, dof), intervals [s] and work [J]."""
         rod = getattr(self.actuation, "rod", 1.0)
-        parts = [q, (front / rod)[..., : self.arm.dof * (self.motors - 1)], intervals / self.pace, work]
+        parts = [q, (front / rod)[..., : self.arm.dof * (self.motors - 1)], intervals / self.pace, work / self.toil]
         return np.concatenate([part.reshape(len(q), -1) for part in parts], axis=1)
 
     def coefficients(self, z: Float[np.ndarray, "points unknowns"]) -> tuple[np.ndarray, np.ndarray]:
@@ -94,7 +95,7 @@ class Journey:
         times = self.begins["times"].start + np.arange(steps)[:, None]
         work = self.begins["work"].start + np.arange(steps * self.motors * self.arm.dof).reshape(steps, -1)
         moving = Part(
-            program=_interval(self.arm, self.actuation, reach, self.pace),
+            program=_interval(self.arm, self.actuation, reach, self.pace, self.toil),
             where=np.concatenate([self._where(near[:-1]), times, work], axis=1),
             parameters=np.concatenate([weights[:-1], after], axis=1),
         )
@@ -139,7 +140,7 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
 
 
 @lru_cache(maxsize=32)
-def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float) -> Smooth:
+def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, toil: float) -> Smooth:
     """Return the program of the motors between two samples."""
     curves = (actuation.front, actuation.back) if isinstance(actuation, DistributedActuation) else (actuation.motors,)
     size, dof = _size(arm, actuation, reach), arm.dof
@@ -159,7 +160,8 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float) -> Smooth
             effort = np.array([ratios[j][m] * load[j] for j in range(dof)], dtype=object)
             travel = np.array(way, dtype=object)
             room += list(curve.room(effort, travel, duration).ravel() / pace)
-            room += [w + sign * e * t for w, e, t in zip(work[m], effort, travel, strict=True) for sign in (-1.0, 1.0)]
+            done = effort * travel / toil
+            room += [w + sign * one for w, one in zip(work[m], done, strict=True) for sign in (-1.0, 1.0)]
         return [], room
 
     return smooth(size + 1 + len(curves) * dof, 2 * reach, rows)

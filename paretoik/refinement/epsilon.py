@@ -16,17 +16,18 @@ from jaxtyping import Float, Int
 from paretoik.errors import EvaluationFailed, Infeasible
 from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.multistart import APART, coarse_starts, descended, distance, ladder, planned
-from paretoik.refinement.polish import Polished, polish
+from paretoik.refinement.polish import Polished, joined, polish
 from paretoik.refinement.program import MotionProgram, motion_program
+from paretoik.refinement.spreading import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.task.motion_task import MotionTask
 
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
 FIRST_WEIGHT = 1e-3  # of the others at an end, as far as it gives way by no more than that
-SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 NEAREST = 4  # points whose motions every ε starts from
 SETTLING, BESIDE = 3, 2  # rounds at most in which points try motions of so many neighbours
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
+TOGETHER = 16  # motions polished at once, in between somebody may look
 POOL = 4  # optima of each objective that every ε starts from
 COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
 NEAR = Rules(barrier=1e-6, radius=0.02)
@@ -65,7 +66,9 @@ def epsilon_points(
     found = _Found(programs[-1], np.concatenate([pool, *(got.q for got in between)]), ends, ranges, observe, points)
     for got in between:
         found.add_all(got)
-    _fill_gaps(found, points)
+    if len(ranges) == 2:  # half of the points along every branch, evenly in the second objective
+        found.traced(np.linspace(*found.values[:2, 1], max(points // 2, 6) + 1)[1:-1])
+    fill_gaps(lambda: found.front()[1], found.add, points)
     if task.redundancy > 1:
         _settle(found, points)
     q, values = found.front()
@@ -92,7 +95,7 @@ class _Found:
     def add(self, main: int, caps: np.ndarray) -> bool:
         """Minimise objective ``main`` below caps from the nearest points; return whether that is a new one."""
         got = self._best(main, caps, self._nearest(caps))
-        if got is None or _known(got.totals[0], self.values):
+        if got is None or known(got.totals[0], self.values):
             return False
         self.add_all(got)
         return True
@@ -151,32 +154,16 @@ class _Found:
         return self.q[kept], values[kept]
 
 
-def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " kept"]:
-    """Return which points, as shares of the ranges, no other dominates or repeats within ``SAME``; best first first.
-
-    Those with the least sum are asked first: what dominates another has the lesser sum.
-    """
-    kept: list[int] = []
-    for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
-        if not (shares[kept] <= shares[i] + SAME).all(axis=1).any():
-            kept.append(i)
-    found = np.array(kept, dtype=int)
-    return found[np.argsort(shares[found, 0], kind="stable")]
-
-
-def spread_rows(shares: Float[np.ndarray, "points n_obj"], most: int) -> Int[np.ndarray, " kept"]:
-    """Return at most so many points, well apart: the best of every objective, then always the farthest from all."""
-    kept = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
-    while len(kept) < min(most, len(shares)):
-        gaps = np.linalg.norm(shares[:, None] - shares[None, kept], axis=2).min(axis=1)
-        kept.append(int(gaps.argmax()))
-    return np.array(sorted(kept), dtype=int)
-
-
-def polished_points(task: MotionTask, q: Float[np.ndarray, "points time dof"], ranges: np.ndarray) -> Polished:
+def polished_points(
+    task: MotionTask,
+    q: Float[np.ndarray, "points time dof"],
+    ranges: np.ndarray,
+    observe: Callable[[int, int], object] | None = None,
+) -> Polished:
     """Return motions that are at least as good as given ones in every objective, each from its own given motion.
 
-    The first objective is minimised, the others may not rise. ``sums`` are divided by the ranges.
+    The first objective is minimised, the others may not rise. ``sums`` are divided by the ranges. ``observe`` is called
+    with motions done and wanted; where it returns true, the rest is left out.
     """
     program, count = motion_program(task, ranges), len(ranges)
     motions = task.motion(q)
@@ -184,9 +171,17 @@ def polished_points(task: MotionTask, q: Float[np.ndarray, "points time dof"], r
     factors, caps = np.zeros((1, len(program.totals))), np.full((len(q), len(program.totals)), np.inf)
     factors[0, :count] = [1.0, *[YIELD] * (count - 1)]
     caps[:, 1:count] = values[:, 1:]
-    found = polish(program, q, factors, caps, WARM)
-    again = ~found.converged
-    return found.merged(again, polish(program, q[again], factors, caps[again], COLD)) if again.any() else found
+    parts = list[Polished]()
+    for first in range(0, len(q), TOGETHER):
+        rows = slice(first, first + TOGETHER)
+        found = polish(program, q[rows], factors, caps[rows], WARM)
+        again = ~found.converged
+        if again.any():
+            found = found.merged(again, polish(program, q[rows][again], factors, caps[rows][again], COLD))
+        parts.append(found)
+        if observe is not None and observe(min(first + TOGETHER, len(q)), len(q)):
+            break
+    return joined(parts)
 
 
 def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -252,31 +247,6 @@ def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished
     return found
 
 
-def _fill_gaps(found: _Found, points: int) -> None:
-    """Add points where neighbours on the front are farthest apart.
-
-    Two objectives: before that, half of the points along every branch, evenly in the second objective.
-    """
-    count = len(found.program.task.objectives)
-    if count == 2:
-        high, low = found.values[0, 1], found.values[1, 1]
-        found.traced(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
-    closed: set[tuple[float, ...]] = set()
-    while True:
-        _, values = found.front()
-        if len(values) >= points:
-            return
-        gaps = [pair for pair in _gaps(values) if (*values[pair[0]], *values[pair[1]]) not in closed]
-        if not gaps:
-            return
-        i, j = gaps[0]
-        # First across the longer side; a front with a jump may have a point for one ε and none for the other.
-        mains = np.argsort(np.abs(values[i] - values[j]), kind="stable").tolist()
-        middle = (values[i] + values[j]) / 2
-        if not any(found.add(main, np.where(np.arange(count) == main, np.inf, middle)) for main in mains):
-            closed.add((*values[i], *values[j]))
-
-
 def _settle(found: _Found, points: int) -> None:
     """Try for every point of the front whether the motions of its neighbours lead to one that is better in everything.
 
@@ -303,15 +273,6 @@ def _settle(found: _Found, points: int) -> None:
         found.add_all(got[better])
 
 
-def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
-    """Return pairs of neighbours, the farthest apart first: no other point lies in the ball between the two."""
-    square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
-    inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): k between i and j
-    first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * SAME) ** 2), 1))
-    order = np.argsort(-square[first, second], kind="stable")
-    return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
-
-
 def _apart(task: MotionTask, got: Polished) -> Int[np.ndarray, " kept"]:
     """Return one of every motion that several starts led to, the best first."""
     kept: list[int] = []
@@ -319,7 +280,3 @@ def _apart(task: MotionTask, got: Polished) -> Int[np.ndarray, " kept"]:
         if not kept or distance(task, got.q[i], got.q[kept]).min() > APART:
             kept.append(i)
     return np.array(kept, dtype=int)
-
-
-def _known(value: np.ndarray, others: np.ndarray) -> bool:
-    return bool((np.abs(others - value).max(axis=1) <= 10 * SAME).any())

@@ -5,7 +5,7 @@ A formulation writes its program once, with its objectives among the unknowns; s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.convex.criticality import Criticality, criticality
-from paretoik.convex.sequential import Caps, Local, local, minimised
+from paretoik.convex.interior import approached
+from paretoik.convex.sequential import Caps, Local, Minimum, local, minimised
 from paretoik.convex.smooth import Rows
 from paretoik.front.certificates import Certificates
 from paretoik.refinement.exchange import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
@@ -45,6 +46,9 @@ class SmoothProblem(Protocol):
     def sketch(self) -> Sketch:
         """Return the program."""
 
+    def candidates(self, count: int, rng: np.random.Generator) -> Float[np.ndarray, "points genes"]:
+        """Return genes to start from."""
+
     def unknowns(self, genes: Float[np.ndarray, "points genes"]) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of genes."""
 
@@ -55,14 +59,32 @@ class SmoothProblem(Protocol):
         """Return the violation (points,) of limits where the program does not look, 0 where it looks everywhere."""
 
 
+def least(
+    sketch: Sketch, cost: Float[np.ndarray, " unknowns"], z: Float[np.ndarray, " unknowns"], caps: Caps | None = None
+) -> Minimum | None:
+    """Return a local minimum of a cost below caps from a place; None where its limits are not kept.
+
+    By interior points, and by quadratic programs where these do not end.
+    """
+    end = approached(sketch.program, cost, z, caps=caps)
+    if not end.converged:
+        again = minimised(sketch.program, cost, end.z if end.violation <= HELD else z, caps=caps, limits=None)
+        end = again if end.violation > HELD or again.converged else end
+    return end if end.violation <= HELD else None
+
+
 def polished(
-    sketch: Sketch, z: Float[np.ndarray, "points unknowns"], ranges: Float[np.ndarray, " n_obj"]
+    sketch: Sketch,
+    z: Float[np.ndarray, "points unknowns"],
+    ranges: Float[np.ndarray, " n_obj"],
+    observe: Callable[[int, int], object] | None = None,
 ) -> tuple[Float[np.ndarray, "points unknowns"], np.ndarray]:
     """Return points no worse in any objective, and which of them (points,) a search ended well for.
 
     The first objective over its range is minimised, every other to gain as much: each point goes straight ahead, and
     none to where its neighbours go (Pascoletti & Serafini 1984). Then the sum of all, none allowed to rise, so that no
-    gain is left that costs nothing. Points that are critical stay.
+    gain is left that costs nothing. Points that are critical stay. ``observe`` is called with points done and
+    wanted; where it returns true, the others stay.
     """
     found, good = z.copy(), np.zeros(len(z), dtype=bool)
     shares = sketch.costs / ranges[:, None]
@@ -71,13 +93,15 @@ def polished(
         at = local(sketch.program, one)
         if at.violation <= HELD and _critical(sketch, at, ranges).value <= SETTLED:
             good[i] = True
-            continue
-        ahead = minimised(sketch.program, shares[0], one, caps=Caps(rows=rows, most=rows @ one))
-        begun = ahead.z if ahead.violation <= HELD else one
-        end = minimised(sketch.program, shares.sum(axis=0), begun, caps=Caps(rows=shares, most=shares @ begun))
-        good[i] = end.converged and end.violation <= HELD
-        if end.violation <= HELD:
-            found[i] = end.z
+        else:
+            ahead = least(sketch, shares[0], one, Caps(rows=rows, most=rows @ one))
+            begun = one if ahead is None else ahead.z
+            end = least(sketch, shares.sum(axis=0), begun, Caps(rows=shares, most=shares @ begun))
+            good[i] = end is not None and end.converged
+            if end is not None:
+                found[i] = end.z
+        if observe is not None and observe(i + 1, len(z)):
+            break
     return found, good
 
 

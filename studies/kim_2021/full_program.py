@@ -84,12 +84,12 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
     """Return the program of "JAM" or "DAM" for IPOPT to solve within a tolerance."""
     motors = actuation_of(mechanism)
     given, q, speed = ca.SX.sym("given", 4), ca.SX.sym("q", 3), ca.SX.sym("speed")
-    place, columns, torque = _arm(q)
+    place, columns, torque = linkage(q)
     if isinstance(motors, pk.JointActuation):
         share = ca.SX.sym("share", 3)
         unknowns = [q, share, speed]
         rates = [motors.motors.fastest[j] * share[j] for j in range(3)]
-        rows = [row for j in range(3) for row in _diamond(torque[j] / motors.motors.stall[j], share[j])]
+        rows = [row for j in range(3) for row in diamond(torque[j] / motors.motors.stall[j], share[j])]
         ends = [(-np.inf, np.inf)] * 3 + [(-1.0, 1.0)] * 3
     else:
         front, share = ca.SX.sym("front", 3), ca.SX.sym("share", 6)
@@ -112,7 +112,7 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
     )
 
 
-def _arm(q: Any) -> tuple[list[Any], list[Any], list[Any]]:
+def linkage(q: Any) -> tuple[list[Any], list[Any], list[Any]]:
     """Return where the tool is, the columns of its Jacobian, and the torques that hold the arm against gravity."""
     heading, joint = 0.0, [0.0, 0.0]
     joints, middles = [], []
@@ -142,12 +142,13 @@ def _sliding(
         pairs = ((a, motors.front, share[j]), (b, motors.back, share[3 + j]))
         rates.append(motors.bend[j] * sum(gear * curve.fastest[j] * part for gear, curve, part in pairs))
         for gear, curve, part in pairs:
-            rows += _diamond(motors.bend[j] * gear * torque[j] / curve.stall[j], part)
+            rows += diamond(motors.bend[j] * gear * torque[j] / curve.stall[j], part)
     return rates, rows
 
 
-def _diamond(effort: Any, speed: Any) -> list[Any]:
-    return [1 - effort - speed, 1 - effort + speed, 1 + effort - speed, 1 + effort + speed]
+def diamond(effort: Any, speed: Any, whole: Any = 1.0) -> list[Any]:
+    """Return rows that are not negative where the sizes of both sum to no more than the whole."""
+    return [whole - effort - speed, whole - effort + speed, whole + effort - speed, whole + effort + speed]
 
 
 def places() -> dict[str, np.ndarray]:

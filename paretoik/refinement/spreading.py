@@ -1,0 +1,71 @@
+"""How points spread over a front: which are part of it, how far apart they are, and where one more is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float, Int
+
+SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
+
+
+def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " kept"]:
+    """Return which points, as shares of the ranges, no other dominates or repeats within ``SAME``, by the first.
+
+    Those with the least sum are asked first: what dominates another has the lesser sum.
+    """
+    kept: list[int] = []
+    for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
+        if not (shares[kept] <= shares[i] + SAME).all(axis=1).any():
+            kept.append(i)
+    found = np.array(kept, dtype=int)
+    return found[np.argsort(shares[found, 0], kind="stable")]
+
+
+def spread_rows(shares: Float[np.ndarray, "points n_obj"], most: int) -> Int[np.ndarray, " kept"]:
+    """Return at most so many points, well apart: the best of every objective, then always the farthest from all."""
+    kept = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
+    while len(kept) < min(most, len(shares)):
+        gaps = np.linalg.norm(shares[:, None] - shares[None, kept], axis=2).min(axis=1)
+        kept.append(int(gaps.argmax()))
+    return np.array(sorted(kept), dtype=int)
+
+
+def fill_gaps(
+    front: Callable[[], Float[np.ndarray, "points n_obj"]],
+    add: Callable[[int, Float[np.ndarray, " n_obj"]], bool],
+    points: int,
+) -> None:
+    """Add points where neighbours on the front are farthest apart, until it has so many or no gap yields one.
+
+    ``add`` minimises an objective below caps (inf for its own), and says whether that was a new point.
+    """
+    closed: set[tuple[float, ...]] = set()
+    while True:
+        values = front()
+        if len(values) >= points:
+            return
+        wide = [pair for pair in _gaps(values) if (*values[pair[0]], *values[pair[1]]) not in closed]
+        if not wide:
+            return
+        i, j = wide[0]
+        # First across the longer side; a front with a jump may have a point for one ε and none for the other.
+        mains = np.argsort(np.abs(values[i] - values[j]), kind="stable").tolist()
+        middle = (values[i] + values[j]) / 2
+        if not any(add(main, np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains):
+            closed.add((*values[i], *values[j]))
+
+
+def known(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
+    """Return whether a point is one of others."""
+    return bool((np.abs(others - value).max(axis=1) <= 10 * SAME).any())
+
+
+def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
+    """Return pairs of neighbours, the farthest apart first: no other point lies in the ball between the two."""
+    square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
+    inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): k between i and j
+    first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * SAME) ** 2), 1))
+    order = np.argsort(-square[first, second], kind="stable")
+    return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
