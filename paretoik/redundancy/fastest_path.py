@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import LinAlgError, solveh_banded
+from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 
 from paretoik.convex.common_interval import Pieces
 from paretoik.errors import EvaluationFailed, InvalidInput, check_size
@@ -24,8 +24,10 @@ FINEST = 2**18  # samples of a path, at most
 ITERATIONS = 200
 PRECISE = 1e-10  # of a time: what a quadrature may be wrong by
 STATIONARY = 1e-14  # of the energy: what a step may still promise at the end
+PRESSED = 1e-7  # of the energy: what moving by the distance must cost where a wall is said to hold a point
 NEARBY = 1e-5  # of the distance: how far apart slopes of R are compared
 BOWS = (0.2, 0.45)  # of the distance: how far starts swing out sideways
+PUSHES = 2.0 ** -np.arange(1, 21)  # of the distance: how far a path that stands on a saddle is pushed off
 SLACK = 1e-9  # of the box: rounding that may carry a point out of it
 
 
@@ -77,15 +79,16 @@ def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, inte
 
     Its pieces take nearly equal times: their limit is that of their middles, and Σ ‖R Δp‖² is least, by Newton's method
     from a straight start and others bowed sideways, of which the best optimum is kept. Times are those of a fine
-    quadrature afterwards, since a coarse sum can be below what the path really takes. Locally fastest is certain,
-    globally only as far as the starts reach.
+    quadrature afterwards, since a coarse sum can be below what the path really takes. Second derivatives are looked at
+    in the end and saddles are left: where the model is smooth, locally fastest is certain, globally only as far as the
+    starts reach.
 
     Raises
     ------
     InvalidInput
         For ends that are not finite or outside the box, fewer than one interval, a model that is not finite somewhere.
     EvaluationFailed
-        Where no start has converged.
+        Where no start has come to a minimum.
     """
     check_size("intervals", intervals, 1)
     first, last = check_ends(model, start, target)
@@ -176,7 +179,8 @@ def _starts(model: SpeedModel, start: np.ndarray, target: np.ndarray, intervals:
 def _relaxed(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:
     """Return the path of least energy near one; None where it has not converged.
 
-    Damped Newton steps, projected onto the box: coordinates that stand against a wall and would go further stay.
+    Damped Newton steps, projected onto the box: coordinates that stand against a wall and would go further stay. A path
+    on a saddle is pushed off and goes on.
     Source: Bertsekas 1982, Projected Newton methods for optimization problems with simple constraints.
     """
     pieces = pieces_of(model, points, 0.5)
@@ -187,11 +191,16 @@ def _relaxed(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:
     for _ in range(ITERATIONS):
         inner = points[1:-1]
         held = ((inner <= model.lower) & (slope > 0)) | ((inner >= model.upper) & (slope < 0))
-        step, promised = _step(slope.ravel(), bands, held.ravel(), damping)
+        step, promised = _step(np.where(held, 0.0, slope).ravel(), _freed(bands, held), damping)
+        trial = _moved(model, points, step)
         if promised <= STATIONARY * energy:
-            return points if damping <= 1.0 else None
-        trial = points.copy()
-        trial[1:-1] = np.clip(inner + step.reshape(inner.shape), model.lower, model.upper)
+            if damping > 1.0:
+                return None
+            pressed = held & (np.abs(slope) * np.abs(points - points[0]).max() > PRESSED * energy)
+            pushed = _pushed_off(model, points, _freed(bands, pressed), energy)
+            if pushed is None:
+                return points
+            trial, promised = pushed, 0.0
         found = pieces_of(model, trial, 0.5)
         gained = energy - float(np.sum(found.values**2))
         if gained > 0.1 * promised:
@@ -232,22 +241,50 @@ def _newton(model: SpeedModel, points: np.ndarray, pieces: Pieces) -> tuple[np.n
     return slope, bands[: slope.size]
 
 
-def _step(slope: np.ndarray, bands: np.ndarray, held: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
-    """Return the damped Newton step of what is not held, and how much energy it promises to save.
+def _moved(model: SpeedModel, points: np.ndarray, step: np.ndarray) -> np.ndarray:
+    moved = points.copy()
+    moved[1:-1] = np.clip(points[1:-1] + step.reshape(-1, points.shape[1]), model.lower, model.upper)
+    return moved
+
+
+def _freed(bands: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Return bands without what is ``held`` (between, task): it has the curvature 1, and none with others."""
+    free, freed = ~held.ravel(), bands.copy()
+    for below in range(len(bands)):
+        freed[below, : len(free) - below] *= free[: len(free) - below] & free[below:]
+    freed[0] += ~free
+    return freed
+
+
+def _step(slope: np.ndarray, bands: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
+    """Return the damped Newton step, and how much energy it promises to save.
 
     Where the curvature is not positive it is damped until it is.
     """
-    free = ~held
-    slope, bands = np.where(free, slope, 0.0), bands.copy()
-    for below in range(len(bands)):
-        bands[below, : len(free) - below] *= free[: len(free) - below] & free[below:]
-    size = np.where(free, np.maximum(np.abs(bands[0]), 1e-300), 1.0)
+    size = np.maximum(np.abs(bands[0]), 1e-300)
     while True:
         damped = bands.copy()
-        damped[0] += np.where(free, damping * size, 1.0)
+        damped[0] += damping * size
         try:
             step: np.ndarray = -solveh_banded(damped, slope, lower=True)
         except LinAlgError:
             damping = max(4 * damping, 1e-3)
         else:
             return step, float(damping * (size * step) @ step - slope @ step)
+
+
+def _pushed_off(model: SpeedModel, points: np.ndarray, bands: np.ndarray, energy: float) -> np.ndarray | None:
+    """Return the path of least energy, to either side, along the direction of most negative curvature.
+
+    None at a minimum: the curvature is positive, or negative by no more than rounding, so that no push saves energy.
+    """
+    try:
+        cholesky_banded(bands, lower=True)
+    except LinAlgError:
+        direction = eig_banded(bands, lower=True, select="i", select_range=(0, 0))[1].ravel()
+        direction *= np.abs(points - points[0]).max() / np.abs(direction).max()
+        pushed = [_moved(model, points, push * direction) for push in (*PUSHES, *-PUSHES)]
+        energies = [np.sum(pieces_of(model, path, 0.5).values ** 2) for path in pushed]
+        best = int(np.argmin(energies))
+        return pushed[best] if energies[best] < (1 - PRECISE) * energy else None
+    return None

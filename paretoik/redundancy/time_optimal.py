@@ -207,6 +207,10 @@ def time_optimal_control(
     cut to what the model allows where the tool is, from where the tool stands at first, ``initial`` or the start. When
     the reference has landed the controller alone goes on until the tool is within ``tolerance`` [m] of the target.
 
+    The plant is the model itself: what is commanded is kept exactly for a period. Where the tool is, is fed back to the
+    controller only; plans begin at the reference, so that ``arrival`` and ``to_go`` depend neither on
+    ``initial`` nor on ``gain``, and say nothing about an arm that is slower than its model.
+
     Source: Kim, Choi & Jang 2021, Eqs. 6 and 7, with the gain, the cut and the two ends added.
 
     Raises

@@ -88,6 +88,29 @@ class Hill:
         return (1 + hill) * np.eye(2), -(hill * np.eye(2))[..., None] * away[..., None, None, :] / 0.15**2
 
 
+@dataclass(frozen=True)
+class Ridge:
+    """Slower along the straight way in the middle and far slower beside it: the fastest way is in a valley between."""
+
+    lowest: float = -0.5
+
+    @property
+    def lower(self):
+        return np.array([0.0, self.lowest])
+
+    @property
+    def upper(self):
+        return np.array([1.0, 0.5])
+
+    def roots(self, positions):
+        height, center, width = np.transpose([[0.3, 0.0, 0.01], [4.0, 0.1, 0.03], [4.0, -0.1, 0.03]])
+        away = (positions[..., 1, None] - center) / width
+        hills = height * np.exp(-(away**2) / 2)
+        slopes = np.zeros((*positions.shape, 2, 2))
+        slopes[..., 1] = -np.sum(hills * away / width, axis=-1)[..., None, None] * np.eye(2)
+        return (1 + hills.sum(axis=-1))[..., None, None] * np.eye(2), slopes
+
+
 class Turned:
     """A model whose tool has a multiple of the speed of another's."""
 
@@ -185,24 +208,46 @@ def test_no_path_nearby_is_faster(seed, task):
         assert path_time(model, other) >= path.duration * (1 - 1e-6)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_path_along_a_lattice_is_faster(seed):
-    model, places = Waves(seed), np.linspace(0, 1, 41)
-    grid = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
-    row, column = np.divmod(np.arange(len(grid)), 41)
+def lattice_time(model, start, target, rows, columns):
+    """Return the least time along a lattice in the model's box, in steps of up to three; an end is (row, column)."""
+    places = [np.linspace(model.lower[i], model.upper[i], count) for i, count in enumerate((rows, columns))]
+    grid = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 2)
+    row, column = np.divmod(np.arange(len(grid)), columns)
     edges = []
     for i, j in [(i, j) for i in range(4) for j in range(-3, 4) if np.gcd(i, j) == 1]:
-        inside = np.flatnonzero((row + i < 41) & (column + j < 41) & (column + j >= 0))
-        edges.append(np.stack([inside, inside + 41 * i + j]))
+        inside = np.flatnonzero((row + i < rows) & (column + j < columns) & (column + j >= 0))
+        edges.append(np.stack([inside, inside + columns * i + j]))
     one, two = np.concatenate(edges, axis=1)
-    nodes, weights = np.polynomial.legendre.leggauss(3)
+    nodes, weights = np.polynomial.legendre.leggauss(5)
     change = grid[two] - grid[one]
     roots, _ = model.roots(grid[one, None] + (nodes[:, None] + 1) / 2 * change[:, None])
     times = np.linalg.norm(roots @ change[:, None, :, None], axis=(-2, -1)) @ weights / 2
-    start, target = 41 * 4 + 6, 41 * 35 + 30
-    found = dijkstra(csr_array((times, (one, two)), shape=(1681, 1681)), directed=False, indices=start)[target]
-    path = fastest_path(model, grid[start], grid[target])
+    ways = csr_array((times, (one, two)), shape=(len(grid), len(grid)))
+    here, there = np.ravel_multi_index(np.transpose([start, target]), (rows, columns))
+    return dijkstra(ways, directed=False, indices=here)[there]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_path_along_a_lattice_is_faster(seed):
+    model = Waves(seed)
+    found = lattice_time(model, (4, 6), (35, 30), 41, 41)
+    path = fastest_path(model, [4 / 40, 6 / 40], [35 / 40, 30 / 40])
     assert 0.95 * found < path.duration < found * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(("lowest", "level"), [(-0.5, 100), (0.0, 0)])
+def test_a_ridge_along_the_straight_way_is_left_for_the_valley_beside_it(lowest, level):
+    """On the ridge, which may be a wall too, the straight way is stationary, and slower than those close beside it."""
+    model, ends = Ridge(lowest), ([0.1, 0.0], [0.9, 0.0])
+    found = lattice_time(model, (4, level), (36, level), 41, 101 + level)
+    path = fastest_path(model, *ends)
+    assert found < 0.9 * path_time(model, ends)
+    assert 0.98 * found < path.duration < found
+    cuts = np.linspace(0, 100, 100_001)
+    fine = np.stack([np.interp(cuts, np.arange(101), column) for column in path.points.T], axis=1)
+    roots, _ = model.roots((fine[1:] + fine[:-1]) / 2)
+    alone = np.linalg.norm(np.einsum("nij,nj->ni", roots, np.diff(fine, axis=0)), axis=1).sum()
+    assert path.duration == pytest.approx(alone, rel=1e-7)
 
 
 @given(st.integers(0, 50), st.floats(0.1, 10.0))
@@ -241,10 +286,11 @@ def test_a_path_has_one_interval_at_least(intervals):
         fastest_path(HalfPlane(), [0.0, 1.0], [1.0, 1.0], intervals=intervals)
 
 
-def test_what_does_not_converge_says_so(monkeypatch):
+@pytest.mark.parametrize(("model", "ends"), [(HalfPlane(), ([-1.0, 1.0], [1.0, 1.0])), (Ridge(), ([0.1, 0], [0.9, 0]))])
+def test_what_does_not_converge_says_so(monkeypatch, model, ends):
     monkeypatch.setattr(module, "ITERATIONS", 1)
     with pytest.raises(EvaluationFailed, match="fastest_path: an optimum within 1 iterations wanted, no start has one"):
-        fastest_path(HalfPlane(), [-1.0, 1.0], [1.0, 1.0])
+        fastest_path(model, *ends)
 
 
 class Jumping(HalfPlane):

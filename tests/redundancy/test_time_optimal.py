@@ -12,7 +12,7 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.redundancy import time_optimal
 from paretoik.redundancy.fastest_path import fastest_path, path_time
 from paretoik.redundancy.time_optimal import fastest_plan, time_optimal_control
-from tests.redundancy.test_fastest_path import Even, HalfPlane, Turned, Waves, ends
+from tests.redundancy.test_fastest_path import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; one test below makes them checked
 
@@ -42,6 +42,17 @@ def test_a_plan_of_ten_pieces_claims_nearly_what_its_path_takes(seed):
     assert plan.time_to_go == pytest.approx(true, rel=0.02)
     assert fastest * (1 - 1e-6) <= true <= 1.02 * fastest
     assert np.ptp(plan.intervals) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("model", "start", "target", "columns"), [(Waves(1), (4, 6), (35, 30), 41), (Ridge(), (4, 100), (36, 100), 201)]
+)
+def test_plans_and_control_take_as_long_as_the_best_way_along_a_lattice(model, start, target, columns):
+    """Plans begin at a fastest path, so that they cannot tell whether it is one; a lattice knows nothing of it."""
+    found = lattice_time(model, start, target, 41, columns)
+    ends = [model.lower + np.divide(end, (40, columns - 1)) * (model.upper - model.lower) for end in (start, target)]
+    plan, run = fastest_plan(model, *ends), time_optimal_control(model, *ends, period=5e-3)
+    assert [path_time(model, plan.points), plan.time_to_go, run.arrival] == pytest.approx([found] * 3, rel=0.01)
 
 
 def test_as_printed_a_plan_jumps_over_what_is_slow():
