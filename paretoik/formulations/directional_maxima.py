@@ -19,7 +19,7 @@ from pymoo.core.problem import Problem
 from paretoik.arrays import Genes
 from paretoik.errors import check_size
 from paretoik.formulations.stances import Stance, Stances
-from paretoik.redundancy.best_postures import held_still, loads, several_postures, values_at
+from paretoik.redundancy.best_postures import held_postures, held_still, loads, values_at
 from paretoik.redundancy.capability import Capability
 from paretoik.redundancy.directional import unit_directions
 from paretoik.redundancy.self_motion_curves import wrapped
@@ -91,7 +91,8 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
         self.still = held_still(arm, self.position)
         self.stances = Stances(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
-        self.bases = self.stances.bases(several_postures(arm, self.position, samples, np.random.default_rng(seed)))
+        found = held_postures(arm, actuation, self.position, samples, np.random.default_rng(seed))
+        self.bases = self.stances.bases(found)
         free = self.still.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
         low = np.concatenate([[0.0], np.full(free, -BESIDE), np.zeros(slides + count), np.full(count * free, -MIXED)])

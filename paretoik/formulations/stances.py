@@ -13,7 +13,7 @@ from paretoik.redundancy.self_motion_curves import chained, wrapped
 from paretoik.redundancy.zonotopes import fastest as highest
 from paretoik.redundancy.zonotopes import turning
 from paretoik.robot import kinematics
-from paretoik.robot.actuation import Actuation, DistributedActuation, joint_speeds, overloaded, speeds_with
+from paretoik.robot.actuation import Actuation, DistributedActuation, speeds_with
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
@@ -47,14 +47,10 @@ class Stances:
     still: MotionTask
     directions: Float[np.ndarray, "directions task"]
 
-    def bases(self, found: np.ndarray) -> np.ndarray:
-        """Return postures that can be held, not too near each other, each beside its neighbours."""
-        torque = loads(self.arm, found)
-        can = ~np.isnan(joint_speeds(self.actuation, found, torque).high).any(axis=1)
-        if not can.any():
-            raise overloaded(self.actuation, self.arm, found[0], torque[0])
+    def bases(self, found: Joints) -> Joints:
+        """Return postures that are not too near each other, each beside its neighbours."""
         kept = list[np.ndarray]()
-        for one in found[can]:
+        for one in found:
             if not kept or np.abs(wrapped(np.array(kept) - one, self.arm.periodic)).max(axis=1).min() > APART:
                 kept.append(one)
         return chained(np.array(kept), self.arm.periodic)
@@ -109,14 +105,14 @@ class Stances:
         )
 
     def _slid_past(self, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """Return by how much back sliders and rods' angles are past their bounds, as a share of the rod or in rad."""
+        """Return by how much back sliders, and sines of rods' angles, are past their bounds, as shares of the rod."""
         known = self.actuation
         if not isinstance(known, DistributedActuation):
             return np.zeros(len(q))
         back, angle = known.gears(q, front)[0], known.angles(q)
         low, high = known.back_bounds.T
         past = np.maximum(back - high, low - back) / known.rod
-        turned = np.maximum(known.least_angle - angle, angle - np.pi + known.least_angle)
+        turned = np.sin(known.least_angle) - np.sin(angle)
         found: np.ndarray = np.maximum(past, turned).max(axis=1) - ROUNDING
         return found
 

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
-from paretoik.errors import InvalidInput
-from paretoik.redundancy.best_postures import loads
+from paretoik.redundancy.best_postures import loads, within_rods
 from paretoik.redundancy.self_motion import candidates, swept
 from paretoik.redundancy.timing import timed
 from paretoik.robot.actuation import Actuation, DistributedActuation, joint_speeds, overloaded
@@ -67,7 +66,7 @@ class Ways:
         found = list[np.ndarray]()
         for place, (low, high) in ((front, known.front_bounds.T), (back, known.back_bounds.T)):
             found += [(place - high) / known.rod, (low - place) / known.rod]
-        found += [known.least_angle - angle, angle - np.pi + known.least_angle]
+        found.append(np.sin(known.least_angle) - np.sin(angle))
         return joints, np.max(found, axis=(0, 2, 3))
 
 
@@ -77,23 +76,6 @@ def spline(samples: int, coefficients: int) -> Float[np.ndarray, "time coefficie
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
     table: np.ndarray = BSpline.design_matrix(np.linspace(0.0, 1.0, samples), knots, DEGREE).toarray()
     return table
-
-
-def within_rods(arm: Arm, actuation: Actuation) -> Arm:
-    """Return the arm with joint limits no wider than what rods and sliders can reach."""
-    if not isinstance(actuation, DistributedActuation):
-        return arm
-    front, back = actuation.front_bounds[:, 1], actuation.back_bounds[:, 1]
-    most = np.arccos(np.clip((actuation.rod**2 - front**2 - back**2) / (2 * front * back), -1.0, 1.0))
-    ends = np.sort(actuation.zero + actuation.bend * np.stack([actuation.least_angle, most]), axis=0)
-    lower, upper = np.maximum(ends[0], arm.position_limits[:, 0]), np.minimum(ends[1], arm.position_limits[:, 1])
-    if (lower > upper).any():
-        j = int(np.argmax(lower > upper))
-        raise InvalidInput(
-            f"{arm.joint_names[j]}: limits that overlap with what its rod reaches wanted, "
-            f"{np.rad2deg(ends[:, j]).round(1).tolist()}°, got {np.rad2deg(arm.position_limits[j]).round(1).tolist()}°"
-        )
-    return replace(arm, position_limits=np.stack([lower, upper], axis=1))
 
 
 def ways(

@@ -96,7 +96,11 @@ class Capability:
         if isinstance(self.actuation, DistributedActuation):
             load = dynamics.inverse_dynamics(self.arm, q, np.zeros_like(q), np.zeros_like(q))
             moving = self.quantity == "velocity"
-            front = joint_speeds(self.actuation, q, load).front_high if moving else holding(self.actuation, q)[1]
+            able, front = holding(self.actuation, q)
+            if moving:
+                known = joint_speeds(self.actuation, q, load)
+                front = np.where(np.isnan(known.high), front, known.front_high)
+            front = np.where(np.isnan(able), self.actuation.front_bounds.mean(axis=1), front)
             z[self.begins["front"]] = front / self.actuation.rod
         return z
 
@@ -167,8 +171,7 @@ def geared(arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]) -> tu
         ratios.append((actuation.bend[j] * a, actuation.bend[j] * b))
         for place, (low, high) in ((front[j], actuation.front_bounds[j]), (back, actuation.back_bounds[j])):
             room += [(place - low) / rod, (high - place) / rod]
-        least = actuation.least_angle[j]
-        room += [angle - least, np.pi - least - angle]
+        room.append(np.sin(angle) - np.sin(actuation.least_angle[j]))  # away from both toggles, in any turn
     return ratios, room
 
 

@@ -42,7 +42,7 @@ def fastest(
     """
     _, bound = _facets(columns, low, high, directions)
     found: np.ndarray = bound.min(axis=-2)
-    return np.where(np.isnan(low + high).any(axis=-1)[..., None], np.nan, found)
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, found)
 
 
 def strongest(
@@ -59,7 +59,7 @@ def strongest(
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(shares > 0, high[..., None, :], low[..., None, :]) / shares
     found: np.ndarray = np.where(shares != 0, bound, np.inf).min(axis=-1)
-    return np.where(np.isnan(low + high).any(axis=-1)[..., None], np.nan, found)
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, found)
 
 
 def turning(

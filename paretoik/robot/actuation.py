@@ -28,7 +28,8 @@ SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 class MotorCurve:
     """How fast motors may run at an effort, one motor a joint.
 
-    ``stall`` (dof,) is the effort they can bear at most [N m, N], ``fastest`` (dof,) their highest speed [rad/s, m/s].
+    ``stall`` (dof,) is the effort they can bear at most [N m, N], inf for any, ``fastest`` (dof,) their highest speed
+    [rad/s, m/s].
     With t = effort / stall and u = speed / fastest, ``shape`` says where they may be: "diamond" (Eqs. 3 and 4, their
     signs put right), where the sizes of t and u sum to no more than 1; "strip", where t, u and t + u are between −1
     and 1, so that a motor which its load drives loses no speed; "box", where t and u are.
@@ -46,19 +47,23 @@ class MotorCurve:
     def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
         if shape not in SHAPES:
             raise InvalidInput(f"motor curve: shape must be one of {', '.join(SHAPES)}, got {shape!r}")
-        efforts, speeds = (np.atleast_1d(np.array(each, dtype=float)) for each in (stall, fastest))
-        for what, values in (("stall", efforts), ("fastest", speeds)):
-            if values.ndim != 1 or len(values) != len(efforts) or not np.all(values > 0):
-                raise InvalidInput(f"motor curve: {what} wants positive numbers, one a joint, got {values.tolist()}")
-            values.setflags(write=False)
+        efforts, speeds = (_positive(what, each) for what, each in (("stall", stall), ("fastest", fastest)))
+        if len(speeds) != len(efforts):
+            raise InvalidInput(f"motor curve: {len(efforts)} fastest wanted, one for each stall, got {len(speeds)}")
         if not np.isfinite(speeds).all():
             raise InvalidInput(f"motor curve: fastest wants finite speeds, got {speeds.tolist()}")
         for name, value in (("stall", efforts), ("fastest", speeds), ("shape", shape)):
             object.__setattr__(self, name, value)
 
     def speeds(self, effort: Joints) -> tuple[Joints, Joints]:
-        """Return the lowest and highest speed at efforts (*batch, dof); NaN where they are more than ``stall``."""
-        share = np.asarray(effort, dtype=float) / self.stall
+        """Return the lowest and highest speed at efforts (*batch, dof); NaN where they are more than ``stall``.
+
+        Raises InvalidInput for what is not of that shape.
+        """
+        try:
+            share = np.asarray(effort, dtype=float) / self.stall
+        except (TypeError, ValueError):
+            raise InvalidInput(f"motor curve: efforts (..., {len(self.stall)}) wanted, got {effort!r}") from None
         high, low = (
             np.maximum(0.0, 1.0 - np.abs(turned))
             if self.shape == "diamond"
@@ -102,16 +107,24 @@ class JointSpeeds:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointActuation:
-    """A motor at every joint. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3."""
+    """A motor at every joint, its curve in ``motors``. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
+
+    Raises InvalidInput where ``motors`` is no ``MotorCurve``.
+    """
 
     motors: MotorCurve
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.motors, MotorCurve):
+            raise InvalidInput(f"joint actuation: motors wants a MotorCurve, got {self.motors!r}")
 
     @classmethod
     def of(cls, arm: Arm, *, shape: MotorShape = "box") -> JointActuation:
         """Return motors with an arm's own torque and velocity limits.
 
-        Raises InvalidInput, naming the joint, where it has no velocity limit.
+        Raises InvalidInput for what is no arm, and, naming the joint, where it has no velocity limit.
         """
+        check_arm(arm)
         for name, fastest in zip(arm.joint_names, arm.velocity_limits, strict=True):
             if not np.isfinite(fastest):
                 raise InvalidInput(f"actuation of {arm.name}: {name} wants a velocity limit, has none")
@@ -152,7 +165,8 @@ class DistributedActuation:
     zero, bend
         Joint positions [rad] at which θ is 0, and the way (1 or −1) in which θ grows: θ = bend (q − zero).
     least_angle
-        θ at least [rad], 10° by default: towards 0, a toggle, the rod comes to lie along both links.
+        How far θ stays from 0 and π at least [rad], 10° by default: these are toggles, where the rod comes to lie along
+        both links.
 
     Raises InvalidInput naming what cannot be. Source: Kim, Choi & Jang 2021, section 2.1 and Table 2, for what it
     prints; the formulae are derived, and ``zero``, ``bend``, ``least_angle`` and ``back_bounds`` are not in the paper.
@@ -180,6 +194,9 @@ class DistributedActuation:
         least_angle: object = TOGGLE,
     ) -> None:
         back = front if back is None else back
+        for what, curve in (("front", front), ("back", back)):
+            if not isinstance(curve, MotorCurve):
+                raise InvalidInput(f"distributed actuation: {what} wants a MotorCurve, got {curve!r}")
         dof = len(front.stall)
         if len(back.stall) != dof or back.shape != front.shape:
             raise InvalidInput(
@@ -193,6 +210,7 @@ class DistributedActuation:
         _check_geometry(**settled)
         for name, value in {"front": front, "back": back, **settled}.items():
             object.__setattr__(self, name, value)
+        _ = self.angle_bounds  # it refuses sliders that reach none
 
     @property
     def dof(self) -> int:
@@ -207,10 +225,15 @@ class DistributedActuation:
         rows[:, compiled.STALL], rows[:, compiled.FASTEST] = self.front.stall, self.front.fastest
         rows[:, compiled.BACK_STALL], rows[:, compiled.BACK_FASTEST] = self.back.stall, self.back.fastest
         rows[:, compiled.ROD], rows[:, compiled.ZERO], rows[:, compiled.BEND] = self.rod, self.zero, self.bend
-        rows[:, compiled.LEAST] = self.least_angle
+        rows[:, compiled.ANGLE : compiled.ANGLE + 2] = self.angle_bounds
         rows[:, compiled.FRONT : compiled.FRONT + 2] = self.front_bounds
         rows[:, compiled.BACK : compiled.BACK + 2] = self.back_bounds
         return rows
+
+    @cached_property
+    def angle_bounds(self) -> Float[np.ndarray, "dof 2"]:
+        """The least and the largest rod's angle θ [rad] that sliders within their bounds can give."""
+        return np.array([_reached(*each) for each in zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)])
 
     def angles(self, q: Joints) -> Joints:
         """Return the rods' angles θ (*batch, dof) [rad] at joint positions, as they are: not brought to one turn."""
@@ -263,8 +286,15 @@ def holding(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
     return found[..., 0], found[..., 1]
 
 
+def check_arm(arm: object) -> None:
+    """Raise InvalidInput for what is no arm."""
+    if not isinstance(arm, Arm):
+        raise InvalidInput(f"arm: an Arm wanted, got {arm!r}")
+
+
 def check_actuation(actuation: object, arm: Arm) -> None:
-    """Raise InvalidInput unless ``actuation`` is one, and drives as many joints as the arm has."""
+    """Raise InvalidInput unless ``arm`` is one, and ``actuation`` drives as many joints as it has."""
+    check_arm(arm)
     if not isinstance(actuation, JointActuation | DistributedActuation):
         raise InvalidInput(f"actuation: a JointActuation or DistributedActuation wanted, got {actuation!r}")
     if actuation.dof != arm.dof:
@@ -283,10 +313,10 @@ def overloaded(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Inf
     if np.isnan(can[worst]):
         assert isinstance(actuation, DistributedActuation)
         angle = np.rad2deg(np.mod(actuation.angles(q)[worst] + np.pi, 2 * np.pi) - np.pi)
-        least = np.rad2deg(actuation.least_angle[worst])
+        least, most = np.rad2deg(actuation.angle_bounds[worst])
         return Infeasible(
-            f"{name}: a rod's angle that its sliders can reach wanted (from {least:.3g}° on, 0 being a toggle), "
-            f"got {angle:.4g}°",
+            f"{name}: a rod's angle that its sliders can reach wanted, {least:.4g}° to {most:.4g}° (0 and 180° are "
+            f"toggles), got {angle:.4g}°",
             limit=f"angle of {name}",
         )
     return Infeasible(
@@ -304,6 +334,40 @@ def _best(actuation: Actuation, q: Joints, torque: Joints, what: int) -> np.ndar
     found = np.empty((q.size // actuation.dof, actuation.dof, 2))
     compiled.joints(actuation.table, *(each.reshape(-1, actuation.dof) for each in (q, torque)), what, found)
     return found.reshape(*q.shape, 2)
+
+
+def _positive(what: str, value: object) -> Float[np.ndarray, " dof"]:
+    """Return positive numbers, one a joint, inf among them; raise InvalidInput for what is none."""
+    try:
+        found = np.atleast_1d(np.array(value, dtype=float))
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.ndim != 1 or not len(found) or not np.all(found > 0) or np.iscomplexobj(value):
+        raise InvalidInput(f"motor curve: {what} wants positive numbers, one a joint, got {value!r}")
+    found.setflags(write=False)
+    return found
+
+
+def _reached(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tuple[float, float]:
+    """Return the least and largest θ that sliders within bounds give, toggles left out; raise InvalidInput for none.
+
+    cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other less c², and
+    falls from there: it is least at a corner, and most at a corner or such a place.
+    """
+    places = [(s, b) for s in front for b in back]
+    for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
+        tops = [np.clip(np.sqrt(max(one * one - rod * rod, 0.0)), low, high) for one in fixed]
+        places += [(b, s) if turned else (s, b) for s, b in zip(fixed, tops, strict=True)]
+    cosines = [(rod * rod - s * s - b * b) / (2 * s * b) for s, b in places]
+    ends = np.arccos(np.clip([max(cosines), min(cosines)], -1.0, 1.0))
+    fits = min(cosines) <= 1.0 and max(cosines) >= -1.0
+    low, high = max(float(ends[0]), least), min(float(ends[1]), np.pi - least)
+    if not fits or low > high:
+        raise InvalidInput(
+            f"distributed actuation: sliders that reach a rod's angle away from its toggles wanted, got front "
+            f"{front.tolist()} m and back {back.tolist()} m with a rod of {rod:g} m"
+        )
+    return low, high
 
 
 def _spread(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:

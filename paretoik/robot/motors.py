@@ -12,11 +12,12 @@ import numpy as np
 from paretoik.calculus.compiling import compiled
 
 DIAMOND, STRIP, BOX = range(3)
-SHAPE, STALL, FASTEST, BACK_STALL, BACK_FASTEST, ROD, ZERO, BEND, LEAST, FRONT, BACK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11
-COLUMNS = 13  # FRONT and BACK are two each: lower and upper
+SHAPE, STALL, FASTEST, BACK_STALL, BACK_FASTEST, ROD, ZERO, BEND, ANGLE, FRONT, BACK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12
+COLUMNS = 14  # ANGLE, FRONT and BACK are two each: lower and upper
 ROUNDING = 1e-9  # of what a motor can bear: an effort at its very limit is one
 SPEED, HOLD = range(2)  # what is to be most
-PIECES = 12  # that each feasible stretch of a slider is looked at in
+PIECES = 12  # that each bearable stretch of a slider is looked at in
+BISECTIONS = 50  # to where a stretch begins or ends to be bearable
 GOLDEN = 0.6180339887498949
 HALVINGS = 44  # of golden sections: to 1e-9 of a piece, where a smooth maximum is flat to 1e-18
 
@@ -81,6 +82,13 @@ def _stretches(row, sine, cosine, ends):
 
 
 @compiled
+def bent(row, q):
+    """Return the rod's angle θ, between −π and π."""
+    angle = row[BEND] * (q - row[ZERO])
+    return angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi))
+
+
+@compiled
 def joint(row, q, torque, what, ends):
     """Return (highest speed, or torque it can hold; front slider) of a joint at its best; NaN where there is none.
 
@@ -88,9 +96,8 @@ def joint(row, q, torque, what, ends):
     """
     if row[ROD] == 0.0:
         return (row[STALL] if what == HOLD else motor(row[SHAPE], row[STALL], row[FASTEST], torque)), 0.0
-    angle = row[BEND] * (q - row[ZERO])
-    angle -= 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi))
-    if not row[LEAST] <= angle < np.pi:
+    angle = bent(row, q)
+    if not row[ANGLE] <= angle <= row[ANGLE + 1]:
         return np.nan, 0.0
     sine, cosine = np.sin(angle), np.cos(angle)
     best, place = np.nan, 0.0
@@ -99,37 +106,69 @@ def joint(row, q, torque, what, ends):
         middle = gears(sine, cosine, 0.5 * (low + high), row[ROD])[0]
         if high <= low or not row[BACK] <= middle <= row[BACK + 1]:
             continue
-        value, front = _stretch(row, sine, cosine, torque, what, low, high)
-        if value != value and what == SPEED:  # it may be able to bear the torque, but hardly anywhere
-            hold, front = _stretch(row, sine, cosine, torque, HOLD, low, high)
-            if hold >= abs(torque):
-                value = slid(row, sine, cosine, torque, front, what)
-                for end in (max(front - (high - low) / PIECES, low), min(front + (high - low) / PIECES, high)):
-                    more, at = _within(row, sine, cosine, torque, what, front, end)
-                    if more > value or value != value:
-                        value, front = more, at
+        if what == HOLD:
+            value, front = _within(row, sine, cosine, torque, what, low, high)
+            for end in (low, high):
+                more = slid(row, sine, cosine, torque, end, what)
+                if more > value:
+                    value, front = more, end
+        else:
+            low, high = _bearable(row, sine, cosine, torque, low, high)
+            if low != low:
+                continue
+            value, front = _stretch(row, sine, cosine, torque, what, low, high)
         if not value <= best:
             best, place = value, front
     return best, place
 
 
 @compiled
-def _stretch(row, sine, cosine, torque, what, low, high):
-    """Return (value, front slider) of the most in a stretch: searched about every place that its neighbours are below.
+def _bearable(row, sine, cosine, torque, low, high):
+    """Return from where to where in a stretch the sliders can bear a torque; NaN where nowhere.
 
-    Of places evenly spaced. One that cannot bear the torque is below all others.
+    What they can hold rises to one maximum along a stretch and falls: |A| and |B| fall and rise.
+    """
+    able_low = slid(row, sine, cosine, torque, low, HOLD) >= abs(torque)
+    able_high = slid(row, sine, cosine, torque, high, HOLD) >= abs(torque)
+    if able_low and able_high:
+        return low, high
+    top = low if able_low else high
+    if not (able_low or able_high):
+        hold, top = _within(row, sine, cosine, torque, HOLD, low, high)
+        if not hold >= abs(torque):
+            return np.nan, np.nan
+    ends = np.array([low, high])
+    for k in range(2):
+        if (able_low, able_high)[k]:
+            continue
+        inside, outside = top, ends[k]
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (inside + outside)
+            if slid(row, sine, cosine, torque, middle, HOLD) >= abs(torque):
+                inside = middle
+            else:
+                outside = middle
+        ends[k] = inside
+    return ends[0], ends[1]
+
+
+@compiled
+def _stretch(row, sine, cosine, torque, what, low, high):
+    """Return (value, front slider) of the most in a stretch that can bear the torque.
+
+    Of places evenly spaced, it is searched about every one that its neighbours are not above.
     """
     step = (high - low) / PIECES
-    best, place = np.nan, low
-    before, value = np.nan, slid(row, sine, cosine, torque, low, what)
+    best, place = slid(row, sine, cosine, torque, low, what), low
+    before, value = -np.inf, best
     for k in range(PIECES + 1):
-        after = slid(row, sine, cosine, torque, low + (k + 1) * step, what) if k < PIECES else np.nan
-        if value == value and not before > value and not after > value:
+        after = slid(row, sine, cosine, torque, low + (k + 1) * step, what) if k < PIECES else -np.inf
+        if before <= value >= after:
             first, last = low + max(k - 1, 0) * step, low + min(k + 1, PIECES) * step
             more, at = _within(row, sine, cosine, torque, what, first, last)
-            if value > more or more != more:
+            if value > more:
                 more, at = value, low + k * step
-            if not more <= best:
+            if more > best:
                 best, place = more, at
         before, value = value, after
     return best, place
@@ -137,11 +176,11 @@ def _stretch(row, sine, cosine, torque, what, low, high):
 
 @compiled
 def _within(row, sine, cosine, torque, what, low, high):
-    """Return (value, front slider) of the most between two places, by golden sections; towards ``low`` from NaN."""
+    """Return (value, front slider) of the most between two places, by golden sections."""
     a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_a, at_b = slid(row, sine, cosine, torque, a, what), slid(row, sine, cosine, torque, b, what)
     for _ in range(HALVINGS):
-        if at_a > at_b or at_b != at_b:
+        if at_a > at_b:
             high, b, at_b = b, a, at_a
             a = high - GOLDEN * (high - low)
             at_a = slid(row, sine, cosine, torque, a, what)
@@ -149,9 +188,7 @@ def _within(row, sine, cosine, torque, what, low, high):
             low, a, at_a = a, b, at_b
             b = low + GOLDEN * (high - low)
             at_b = slid(row, sine, cosine, torque, b, what)
-    if at_a >= at_b or at_b != at_b:
-        return at_a, a
-    return at_b, b
+    return (at_a, a) if at_a >= at_b else (at_b, b)
 
 
 @compiled

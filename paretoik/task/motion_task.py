@@ -186,15 +186,16 @@ def motion_task(
     end_velocity: float | None = None,
     cyclic: bool = False,
     differences: Differences = "backward",
+    redundant: bool = True,
 ) -> MotionTask:
-    """Check everything that a motion problem is made of and return it.
+    """Check everything that a motion problem is made of and return it; ``redundant`` refuses tasks that take all joints.
 
     Raises InvalidInput, naming the thing, for each part that cannot be used.
     """
     if not isinstance(arm, Arm):
         raise InvalidInput(f"arm: an Arm wanted, such as tringali_3r() or Arm.from_urdf(...), got {arm!r}")
     settled = tuple(_task(given).settled(arm) for given in (tasks if isinstance(tasks, Sequence) else [tasks]))
-    _check_tasks(arm, settled)
+    _check_tasks(arm, settled, redundant)
     _check_decorated("objective", objectives, Objective)
     _check_decorated("constraint", constraints, Constraint)
     if not objectives:
@@ -239,7 +240,7 @@ def _task(given: object) -> Task:
     return Task(given) if isinstance(given, Path) else given
 
 
-def _check_tasks(arm: Arm, tasks: tuple[Task, ...]) -> None:
+def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     if not tasks:
         raise InvalidInput("wants at least one path or task, got none")
     times = tasks[0].path.times
@@ -247,10 +248,9 @@ def _check_tasks(arm: Arm, tasks: tuple[Task, ...]) -> None:
         if not np.array_equal(task.path.times, times):
             raise InvalidInput(f"task {i}: must be sampled at the same times as task 1")
     rows = sum(task.rows for task in tasks)
-    if rows >= arm.dof:
-        raise InvalidInput(
-            f"{arm.name} is not redundant for this task: {arm.dof} joints for {rows} equations; ask for fewer axes"
-        )
+    if rows > arm.dof - redundant:
+        wish = "is not redundant for this task" if redundant else "has too few joints for this task"
+        raise InvalidInput(f"{arm.name} {wish}: {arm.dof} joints for {rows} equations; ask for fewer axes")
 
 
 def _check_decorated(kind: str, given: Sequence[Objective] | Sequence[Constraint], wanted: type) -> None:

@@ -78,14 +78,8 @@ class Assumed:
         if not self.joint_ranges:
             return self.free
         known = self.sliders
-        ends = np.stack([known.least_angle, np.full(3, reach(known))]) * known.bend + known.zero
+        ends = known.angle_bounds.T * known.bend + known.zero
         return replace(self.free, position_limits=np.sort(ends, axis=0).T)
-
-
-def reach(sliders: pk.DistributedActuation) -> float:
-    """Return the largest angle [rad] that rods and sliders allow: c² = s² + s_b² + 2 s s_b cos θ, both farthest out."""
-    front, back, rod = sliders.front_bounds[0, 1], sliders.back_bounds[0, 1], sliders.rod[0]
-    return float(np.arccos((rod**2 - front**2 - back**2) / (2 * front * back)))
 
 
 def gains(assumed: Assumed, names: Sequence[str], directions: int = DIRECTIONS) -> np.ndarray:
