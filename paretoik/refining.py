@@ -67,6 +67,9 @@ def _smooth_refined(front: Front, problem: Any, observe: Observed | None) -> Fro
     """Return the front of a smooth program's points, each no worse than it was."""
     if front.genes is None or tuple(problem.names) != tuple(front.names):
         raise InvalidInput(f"refine: a front of {', '.join(problem.names)} with its genes wanted, got another")
+    known = front.provenance.get("fingerprint")
+    if known is not None and known != fingerprint(problem):
+        raise InvalidInput("refine: the problem that the front solves wanted, but its fingerprint is another")
     ranges = spans(front)
     own = np.array(front.genes)
     begun = problem.unknowns(own)
@@ -93,10 +96,13 @@ def smooth_certified(
     for i, own in (given or {}).items():
         genes[i] = own
     F, G = problem.evaluate(genes, return_values_of=["F", "G"])
+    sketch = problem.sketch()
+    apart = (np.abs(F - z @ sketch.costs.T) > ALIKE * ranges).any(axis=1)
+    z = np.where(apart[:, None], problem.unknowns(genes), z)  # what is certified is what is reported
     kept = front_rows(F / ranges)
     between = np.maximum(problem.between(genes[kept]), G[kept].max(axis=1))
     signs = np.where(problem.maximised, -1.0, 1.0)
-    certificates = smooth_front.certified(problem.sketch(), z[kept], ranges, signs, between)
+    certificates = smooth_front.certified(sketch, z[kept], ranges, signs, between)
     return Front(
         ids=ids[kept],
         objectives=F[kept] * signs,

@@ -167,6 +167,8 @@ def solve(
             front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder), improver)
             if not refine or front.provenance["status"] in SIGNALS:
                 return front
+            if folder is not None:
+                front.save(folder)  # polishing takes its time, and what was found is not to be lost
             front = refined(front, observe=_until(interruption, observe_refining))
             ended = front.provenance["status"] if interruption.signal is None else interruption.signal.name
             return replace(front, provenance={**front.provenance, "status": ended})
@@ -178,7 +180,7 @@ def solve(
         stack.callback(recorder.close)
         try:
             front = searched(recorder)
-        except ParetoikError as error:
+        except Exception as error:
             write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
             raise
         front.save(folder)

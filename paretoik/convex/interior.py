@@ -33,6 +33,7 @@ SMALL = 1e-4  # of the first violation, up to where it may
 SHORTEST = 1e-10  # share of a step
 LIFTED, HIGHEST = 1e-6, 1e8  # first and last multiple of the identity that makes second derivatives positive
 CENTRED = 1e10  # times: how far a multiplier may be from barrier over slack
+FAR = 1e6  # violation of a row that is not finite
 RETURNS, LOOKED, NEARER = 8, 60, 0.9  # ways back at most, evaluations of each, and what one has to leave of violations
 
 
@@ -85,7 +86,10 @@ def approached(
     caps: Caps | None = None,
     iterations: int = 300,
 ) -> Minimum:
-    """Return a local minimum of cost · z below caps, complementary to ``LAST``, from any place."""
+    """Return a local minimum of cost · z below caps, complementary to ``LAST``, from any place.
+
+    Raises EvaluationFailed where the program is not finite.
+    """
     size = float(np.linalg.norm(cost)) or 1.0
     cost, barrier, done, returns = cost / size, BARRIER, 0, 0
     it = _fresh(local(program, z, caps), cost, barrier)
@@ -194,7 +198,7 @@ def _back(program: Rows, it: _Iterate, caps: Caps | None, barrier: float) -> Loc
 
     def lacking(z: np.ndarray) -> np.ndarray:
         equal, room = rows_of(program, z, caps)
-        return np.nan_to_num(np.concatenate([equal, np.minimum(room - least, 0.0)]), nan=1.0 / least)
+        return np.nan_to_num(np.concatenate([equal, np.minimum(room - least, 0.0)]), nan=FAR, posinf=FAR, neginf=-FAR)
 
     def slopes(z: np.ndarray) -> np.ndarray:
         equal, room = rows_of(program, z, caps)
@@ -202,6 +206,9 @@ def _back(program: Rows, it: _Iterate, caps: Caps | None, barrier: float) -> Loc
         table[len(equal) :][room >= least] = 0.0
         return table
 
-    end = least_squares(lacking, it.at.z, slopes, max_nfev=LOOKED)
+    try:
+        end = least_squares(lacking, it.at.z, slopes, max_nfev=LOOKED)
+    except (ValueError, LinAlgError):  # a slope was not finite
+        return None
     before = np.linalg.norm(lacking(it.at.z))
     return local(program, end.x, caps) if np.linalg.norm(end.fun) < NEARER * before else None

@@ -76,8 +76,13 @@ class Local:
 
 
 def local(program: Rows, z: Float[np.ndarray, " unknowns"], caps: Caps | None = None) -> Local:
-    """Return the program to first order; caps come after its own inequalities."""
+    """Return the program to first order; caps come after its own inequalities.
+
+    Raises EvaluationFailed where a row or a slope is not finite.
+    """
     (equal, room), table = rows_of(program, z, caps), slopes_of(program, z, caps)
+    if not (np.isfinite(equal).all() and np.isfinite(room).all() and np.isfinite(table).all()):
+        raise EvaluationFailed("program: finite rows and slopes wanted, got others")
     rows = len(equal)
     held = table[:rows].any(axis=0)  # all others are free, and stay what they are
     turned, upper = np.linalg.qr(table[:rows, held].T, mode="complete")
@@ -101,7 +106,8 @@ def minimised(
 ) -> Minimum:
     """Return a local minimum of cost · z below caps, from a place that is near the equalities.
 
-    ``limits`` are multipliers of inequalities and caps to begin with, none by default.
+    ``limits`` are multipliers of inequalities and caps to begin with, none by default. Raises EvaluationFailed where
+    the program is not finite.
     """
     longest, worth = radius, float(np.linalg.norm(cost))
     at, price, converged, done = local(program, z, caps), PRICE * worth, False, 0

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
-from paretoik.errors import check_size
+from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.stances import Stance, Stances
 from paretoik.redundancy.best_postures import held_postures, held_still, loads, values_at
 from paretoik.redundancy.capability import Capability
@@ -33,8 +33,8 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
 from paretoik.task.retraction import ACCEPTED, retract
 
-BESIDE = 0.5  # rad or m: how far from its base a posture may be, along each direction of self-motion
-MIXED = 0.5  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
+BESIDE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
+MIXED = 1.0  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
 
 
 class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -81,7 +81,9 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         check_actuation(actuation, arm)
         check_size("samples", samples, 1)
         check_size("seed", seed, 0)
-        self.arm, self.actuation, self.power = arm, actuation, bool(power)
+        if not isinstance(power, bool):
+            raise InvalidInput(f"power: True or False wanted, got {power!r}")
+        self.arm, self.actuation, self.power = arm, actuation, power
         task = 2 if arm.is_planar else 3
         self.position = finite_array("position", position, (task,))  # type: ignore[arg-type]  # it refuses what is none
         self.directions = unit_directions(directions, task)
@@ -164,7 +166,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         return z / asked.scale(self.size)
 
     def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Genes:
-        """Return the genes of unknowns."""
+        """Return the genes of unknowns, or the nearest within their bounds."""
         parts = [self._asked.parts(one, self.size) for one in z]
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
         apart = wrapped(q[:, None] - self.bases, self.arm.periodic)
@@ -182,7 +184,9 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         most, span, free = self.stances.fastest(q, front)
         pace = np.clip(speeds / np.where(most.speeds > 0, most.speeds, 1.0), 0.0, 1.0)
         left = (dq - pace[..., None] * most.dq) / span[:, None, None]
-        return np.concatenate([*genes, pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)], axis=1)
+        genes += [pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)]
+        found: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
+        return found
 
     def between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return 0 (points,): a posture has nothing between samples."""

@@ -33,8 +33,9 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ACCEPTED, retract
 
 BESIDE = 1.5  # rad or m: how far from its base a coefficient may be
+OVER = 0.5  # of a slider's way: how far a coefficient may be past it, where samples are within
 SHORTEST = 1e-6  # s: an interval in which nothing moves
-BETWEEN = 4  # times finer than the samples
+BETWEEN = 8  # times finer than the samples
 
 
 class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -101,8 +102,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
         slides = self.ways.size * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(self.ways.size, -BESIDE), np.zeros(slides)])
-        high = np.concatenate([[1.0], np.full(self.ways.size, BESIDE), np.ones(slides)])
+        low = np.concatenate([[0.0], np.full(self.ways.size, -BESIDE), np.full(slides, -OVER)])
+        high = np.concatenate([[1.0], np.full(self.ways.size, BESIDE), np.full(slides, 1.0 + OVER)])
         super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
@@ -155,7 +156,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self._journey.unknowns(q, front, timing.intervals, timing.work)
 
     def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Genes:
-        """Return the genes of unknowns."""
+        """Return the genes of unknowns, or the nearest within their bounds."""
         q, front = self._journey.coefficients(z)
         away = q[:, None] - self.ways.q
         which = np.abs(away).max(axis=(2, 3)).argmin(axis=1)
@@ -163,13 +164,14 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         if isinstance(self.actuation, DistributedActuation):
             low, high = self.actuation.front_bounds.T
             share = (front - low) / np.where(high > low, high - low, 1.0)
-            genes.append(np.clip(share, 0.0, 1.0).reshape(len(q), -1))
-        return np.concatenate(genes, axis=1)
+            genes.append(share.reshape(len(q), -1))
+        found: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
+        return found
 
     def between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return how much longer than an interval motors need for it, over the mean one, or how overloaded they are.
 
-        The most of both, intervals cut in four and timed anew; 0 (points,) where motors can do it all.
+        The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
         """
         q, front, _ = self.profiles(genes)
         fine = self.ways.finer(BETWEEN)

@@ -209,9 +209,12 @@ def climbed(
     """
     program, cost = asked.program(position, direction[None], size), np.zeros(asked.unknowns)
     cost[asked.begins["values"]] = -1.0
-    end = approached(program, cost, asked.begun(start))
-    if not end.converged:
-        end = minimised(program, cost, end.z if end.violation <= HELD else asked.begun(start))
+    try:
+        end = approached(program, cost, asked.begun(start))
+        if not end.converged:
+            end = minimised(program, cost, end.z if end.violation <= HELD else asked.begun(start))
+    except EvaluationFailed:  # rods that do not reach
+        return None
     return asked.parts(end.z, size)["q"] if end.violation <= HELD else None
 
 

@@ -1,8 +1,8 @@
 """The nonlinear program of a motion from point to point: splines of joints and sliders, intervals, and work.
 
 Unknowns are the coefficients, the time of every interval and the work of every motor in it; the sums of times and of
-work are what is weighed. Ends are where they must be, motors keep to their curves from sample to sample, and positions
-to their bounds at the samples: the same few rows again and again.
+work are what is weighed. Ends are where they must be, motors keep to their curves from sample to sample, and hold the
+arm and positions keep to their bounds at the samples: the same few rows again and again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from paretoik.convex.assembled import Assembled, Part
 from paretoik.convex.smooth import Smooth, smooth
 from paretoik.redundancy.capability import backs, geared
 from paretoik.robot import dynamics, kinematics
-from paretoik.robot.actuation import Actuation, DistributedActuation
+from paretoik.robot.actuation import Actuation, DistributedActuation, MotorCurve
 from paretoik.robot.arm import Arm
 
 REACH = 5  # coefficients of a cubic spline that two samples beside each other may hang on
@@ -130,11 +130,17 @@ def _end(arm: Arm, task: int) -> Smooth:
 
 @lru_cache(maxsize=32)
 def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
-    """Return the program of the bounds at one sample."""
+    """Return the program of the bounds at one sample, and of motors that hold the arm there."""
 
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
         q, front = _at(arm, actuation, z, known)
-        return [], geared(arm, actuation, q, front)[1]
+        load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
+        ratios, room = geared(arm, actuation, q, front)
+        for m, curve in enumerate(_curves(actuation)):
+            for j in np.flatnonzero(np.isfinite(curve.stall)):
+                share = ratios[j][m] * load[j] / curve.stall[j]
+                room += [1.0 - share, 1.0 + share]
+        return [], room
 
     return smooth(_size(arm, actuation, reach), reach, rows)
 
@@ -142,7 +148,7 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
 @lru_cache(maxsize=32)
 def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, toil: float) -> Smooth:
     """Return the program of the motors between two samples."""
-    curves = (actuation.front, actuation.back) if isinstance(actuation, DistributedActuation) else (actuation.motors,)
+    curves = _curves(actuation)
     size, dof = _size(arm, actuation, reach), arm.dof
 
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
@@ -165,6 +171,10 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, toil: flo
         return [], room
 
     return smooth(size + 1 + len(curves) * dof, 2 * reach, rows)
+
+
+def _curves(actuation: Actuation) -> tuple[MotorCurve, ...]:
+    return (actuation.front, actuation.back) if isinstance(actuation, DistributedActuation) else (actuation.motors,)
 
 
 def _size(arm: Arm, actuation: Actuation, reach: int) -> int:

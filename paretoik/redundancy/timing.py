@@ -25,7 +25,8 @@ class Timing:
 
     ``intervals`` (*batch, intervals) [s], NaN where a motor cannot bear its effort; ``travel`` and ``effort``
     (*batch, intervals, motors, dof) [rad or m, N m or N] and ``work``, their product without signs [J]; ``overload``
-    (*batch,) is by how much the worst effort is more than its motor can bear, as a share, negative where it is not.
+    (*batch,) is by how much the worst effort, there or at a sample, is more than its motor can bear, as a share,
+    negative where it is not.
     """
 
     intervals: Float[np.ndarray, "*batch intervals"]
@@ -52,16 +53,18 @@ class Timing:
 def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
     """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof)."""
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
-    load = dynamics.inverse_dynamics(arm, middle, np.zeros_like(middle), np.zeros_like(middle))
+    load, still = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
     curves: tuple[MotorCurve, ...]
     if isinstance(actuation, DistributedActuation):
         back = actuation.gears(q, front)[0]
         ratios = actuation.gears(middle, (front[..., 1:, :] + front[..., :-1, :]) / 2)[1:]
         effort = np.stack([ratio * load for ratio in ratios], axis=-2)
         travel = np.stack([np.diff(front, axis=-2), np.diff(back, axis=-2)], axis=-2)
+        held = np.stack([ratio * still for ratio in actuation.gears(q, front)[1:]], axis=-2)
         curves = (actuation.front, actuation.back)
     else:
         effort, travel, curves = load[..., None, :], np.diff(q, axis=-2)[..., None, :], (actuation.motors,)
+        held = still[..., None, :]
     shares, times = list[np.ndarray](), list[np.ndarray]()
     for m, curve in enumerate(curves):
         low, high = curve.speeds(effort[..., m, :])
@@ -69,10 +72,10 @@ def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> T
         with np.errstate(divide="ignore", invalid="ignore"):
             times.append(np.where(np.abs(way) <= STILL, 0.0, way / np.where(way > 0, high, low)))
         times[-1] = np.where(np.isnan(high), np.nan, times[-1])
-        shares.append(np.abs(effort[..., m, :]) / curve.stall)
+        shares += [np.abs(each[..., m, :]).max(axis=-2) / curve.stall for each in (effort, held)]
     return Timing(
         intervals=np.stack(times, axis=-1).max(axis=(-1, -2)),
         travel=travel,
         effort=effort,
-        overload=np.stack(shares, axis=-1).max(axis=(-1, -2, -3)) - 1.0,
+        overload=np.stack(shares, axis=-1).max(axis=(-1, -2)) - 1.0,
     )

@@ -7,10 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.convex.interior import approached
 from paretoik.convex.sequential import Caps
 from paretoik.errors import EvaluationFailed
-from paretoik.refinement.smooth_front import Sketch
+from paretoik.refinement.smooth_front import Sketch, least
 from paretoik.refinement.spreading import SAME, fill_gaps, front_rows, known, spread_rows
 
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
@@ -93,8 +92,7 @@ class _Found:
         """Return the best point below caps that starts lead to, None where they lead to none."""
         cost, others = self.shares[main] + WEIGHT * self.shares.sum(axis=0), np.isfinite(caps)
         below = Caps(rows=self.shares[others], most=caps[others])
-        ends = [approached(self.sketch.program, cost, z, caps=below) for z in starts]
-        kept = [end.z for end in ends if end.converged]
+        kept = [end.z for z in starts if (end := least(self.sketch, cost, z, below)) is not None]
         return min(kept, key=lambda z: float(cost @ z)) if kept else None
 
     def front(self) -> tuple[np.ndarray, np.ndarray]:
@@ -116,18 +114,18 @@ def _alone(sketch: Sketch, starts: np.ndarray) -> list[np.ndarray]:
     shares = sketch.costs / np.where(sizes > 0, sizes, 1.0)[:, None]
     for own in shares:
         cost = own + FIRST_WEIGHT * shares.sum(axis=0)
-        ends = [approached(sketch.program, cost, start) for start in starts]
-        kept = sorted((end for end in ends if end.converged), key=lambda end: float(cost @ end.z))  # noqa: B023
+        ends = [end.z for start in starts if (end := least(sketch, cost, start)) is not None]
+        kept = [ends[i] for i in np.argsort([cost @ z for z in ends], kind="stable")]
         if not kept:
             raise EvaluationFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
-        pool.append(np.array([end.z for end in kept]))
+        pool.append(np.array(kept))
     return pool
 
 
 def _finished(shares: np.ndarray, sketch: Sketch, main: int, z: np.ndarray) -> np.ndarray:
     """Return what is as good in one objective as z can be, and in the others as good as they can be there."""
-    best = approached(sketch.program, shares[main] + YIELD * shares.sum(axis=0), z)
-    z = best.z if best.converged else z
+    best = least(sketch, shares[main] + YIELD * shares.sum(axis=0), z)
+    z = z if best is None else best.z
     others = shares.sum(axis=0) - shares[main]
-    end = approached(sketch.program, others, z, caps=Caps(rows=shares[[main]], most=shares[[main]] @ z + YIELD))
-    return end.z if end.converged else z
+    end = least(sketch, others, z, Caps(rows=shares[[main]], most=shares[[main]] @ z + YIELD))
+    return z if end is None else end.z

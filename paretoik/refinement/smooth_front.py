@@ -16,6 +16,7 @@ from paretoik.convex.criticality import Criticality, criticality
 from paretoik.convex.interior import approached
 from paretoik.convex.sequential import Caps, Local, Minimum, local, minimised
 from paretoik.convex.smooth import Rows
+from paretoik.errors import EvaluationFailed
 from paretoik.front.certificates import Certificates
 from paretoik.refinement.exchange import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
 
@@ -62,14 +63,23 @@ class SmoothProblem(Protocol):
 def least(
     sketch: Sketch, cost: Float[np.ndarray, " unknowns"], z: Float[np.ndarray, " unknowns"], caps: Caps | None = None
 ) -> Minimum | None:
-    """Return a local minimum of a cost below caps from a place; None where its limits are not kept.
+    """Return the local minimum of a cost below caps that interior points lead to; None where they lead to none."""
+    try:
+        end = approached(sketch.program, cost, z, caps=caps)
+    except EvaluationFailed:
+        return None
+    return end if end.converged and end.violation <= HELD else None
 
-    By interior points, and by quadratic programs where these do not end.
-    """
-    end = approached(sketch.program, cost, z, caps=caps)
-    if not end.converged:
-        again = minimised(sketch.program, cost, end.z if end.violation <= HELD else z, caps=caps, limits=None)
-        end = again if end.violation > HELD or again.converged else end
+
+def _surely(sketch: Sketch, cost: np.ndarray, z: np.ndarray, caps: Caps) -> Minimum | None:
+    """Return the same, by quadratic programs from the same place where interior points lead to none."""
+    end = least(sketch, cost, z, caps)
+    if end is not None:
+        return end
+    try:
+        end = minimised(sketch.program, cost, z, caps=caps)
+    except EvaluationFailed:
+        return None
     return end if end.violation <= HELD else None
 
 
@@ -90,13 +100,12 @@ def polished(
     shares = sketch.costs / ranges[:, None]
     rows = shares[1:] - shares[0]
     for i, one in enumerate(z):
-        at = local(sketch.program, one)
-        if at.violation <= HELD and _critical(sketch, at, ranges).value <= SETTLED:
+        if _settled(sketch, one, ranges):
             good[i] = True
         else:
-            ahead = least(sketch, shares[0], one, Caps(rows=rows, most=rows @ one))
+            ahead = _surely(sketch, shares[0], one, Caps(rows=rows, most=rows @ one))
             begun = one if ahead is None else ahead.z
-            end = least(sketch, shares.sum(axis=0), begun, Caps(rows=shares, most=shares @ begun))
+            end = _surely(sketch, shares.sum(axis=0), begun, Caps(rows=shares, most=shares @ begun))
             good[i] = end is not None and end.converged
             if end is not None:
                 found[i] = end.z
@@ -130,6 +139,14 @@ def certified(
         exchange_intervals=exchange_intervals(ratios, ranges, signs),
         status=np.array([status for _, _, status, _ in every], dtype=np.str_),
     )
+
+
+def _settled(sketch: Sketch, z: np.ndarray, ranges: np.ndarray) -> bool:
+    try:
+        at = local(sketch.program, z)
+    except EvaluationFailed:
+        return False
+    return at.violation <= HELD and _critical(sketch, at, ranges).value <= SETTLED
 
 
 def _certified(sketch: Sketch, z: np.ndarray, ranges: np.ndarray) -> tuple[Local, Criticality, str, np.ndarray]:

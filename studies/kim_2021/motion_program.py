@@ -72,9 +72,13 @@ def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionP
         for a in range(2)
     ]
     rows = list[Any]()
-    if slid is not None:
-        for k in range(samples):
+    for k in range(samples):
+        load = linkage(moved[:, k])[2]
+        if slid is not None:
             rows += _bounds(motors, moved[:, k], slid[:, k])
+        for j in range(JOINTS):
+            pairs = [(load[j], motors.motors)] if slid is None else _efforts(motors, j, moved[j, k], slid[j, k], load[j])
+            rows += [1 + sign * effort / curve.stall[j] for effort, curve in pairs for sign in (-1.0, 1.0)]
     for k in range(samples - 1):
         middle = (moved[:, k] + moved[:, k + 1]) / 2
         load, last = linkage(middle)[2], STEP * steps[k]
@@ -128,10 +132,15 @@ def _bounds(motors: Any, q: Any, front: Any) -> list[Any]:
 def _sliders(motors: Any, j: int, q: Any, front: Any, load: Any, work: Any) -> list[tuple[Any, Any, Any, Any]]:
     """Return effort, way, curve and work of both sliders of a joint between two samples."""
     places = [_place(motors, j, q[k], front[k]) for k in range(2)]
-    angle, s, back = _place(motors, j, (q[0] + q[1]) / 2, (front[0] + front[1]) / 2)
+    pairs = _efforts(motors, j, (q[0] + q[1]) / 2, (front[0] + front[1]) / 2, load)
+    return [
+        (effort, places[1][m + 1] - places[0][m + 1], curve, work[m]) for m, (effort, curve) in enumerate(pairs)
+    ]
+
+
+def _efforts(motors: Any, j: int, q: Any, front: Any, load: Any) -> list[tuple[Any, Any]]:
+    """Return effort and curve of both sliders of a joint."""
+    angle, s, back = _place(motors, j, q, front)
     a = (s + back * ca.cos(angle)) / (s * back * ca.sin(angle))
     b = (back + s * ca.cos(angle)) / (s * back * ca.sin(angle))
-    found = []
-    for m, (gear, curve) in enumerate(((a, motors.front), (b, motors.back))):
-        found.append((motors.bend[j] * gear * load, places[1][m + 1] - places[0][m + 1], curve, work[m]))
-    return found
+    return [(motors.bend[j] * gear * load, curve) for gear, curve in ((a, motors.front), (b, motors.back))]
