@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -123,7 +124,7 @@ def solve(
             from paretoik.loading import load_problem
 
             opened = load_problem(problem)
-        with _progress(_course(opened, generations), time_limit, quiet) as observe:
+        with _progress(_course(opened, generations), time_limit, quiet) as (observe, polished):
             front = solving.solve(
                 opened,
                 population=population,
@@ -135,6 +136,7 @@ def solve(
                 overwrite=overwrite,
                 reference=problem,
                 observe=observe,
+                observe_refining=polished,
             )
     if as_json:
         _print_json({**front.provenance, "out": out, "front": entries(front)})
@@ -165,7 +167,7 @@ def select(
         front = solving.load_front(run)
         loop = solving.reweighed(front, preference)
         if loop is not None:
-            with _progress(_course(loop, None), None, quiet) as observe:
+            with _progress(_course(loop, None), None, quiet) as (observe, _):
                 front = solving.solve(
                     loop,
                     out=out,
@@ -253,11 +255,16 @@ def _course(problem: Any, generations: int | None) -> tuple[str, int]:
 
 
 @contextmanager
-def _progress(course: tuple[str, int], time_limit: float | None, quiet: bool) -> Iterator[Observer | None]:
-    """Yield an observer that draws a bar on stderr, or, where that is no terminal, prints a line now and then."""
+def _progress(
+    course: tuple[str, int], time_limit: float | None, quiet: bool
+) -> Iterator[tuple[Observer | None, Callable[[int, int], None] | None]]:
+    """Yield observers of generations and of points polished.
+
+    They draw a bar on stderr, or, where that is no terminal, print a line now and then.
+    """
     console = Console(stderr=True)
     if quiet:
-        yield None
+        yield None, None
     elif console.is_terminal:
         from rich import progress as rich
 
@@ -266,23 +273,35 @@ def _progress(course: tuple[str, int], time_limit: float | None, quiet: bool) ->
             job = bar.add_task(
                 "{} 0/{}: preparing, the first time for a minute or two".format(*course), total=course[1]
             )
-            yield lambda generation, progress: bar.update(
-                job, completed=generation.number, description=_state(generation, progress, course, time_limit)
+            yield (
+                lambda generation, progress: bar.update(
+                    job, completed=generation.number, description=_state(generation, progress, course, time_limit)
+                ),
+                lambda done, wanted: bar.update(job, completed=done, total=wanted, description=_polished(done, wanted)),
             )
     else:
-        yield _printer(lambda generation, progress: _state(generation, progress, course, time_limit))
+        say = _Printer()
+        yield (
+            lambda generation, progress: say(lambda: _state(generation, progress, course, time_limit)),
+            lambda done, wanted: say(lambda: _polished(done, wanted)),
+        )
 
 
-def _printer(state: Callable[[Generation, Progress], str]) -> Observer:
-    due = 0.0
+class _Printer:
+    """Prints a line on stderr, but not more often than every few seconds."""
 
-    def observe(generation: Generation, progress: Progress) -> None:
-        nonlocal due
-        if progress.seconds >= due:
-            due = progress.seconds + SECONDS_BETWEEN_LINES
-            print(state(generation, progress), file=sys.stderr, flush=True)
+    def __init__(self) -> None:
+        self.due = 0.0
 
-    return observe
+    def __call__(self, text: Callable[[], str]) -> None:
+        now = time.monotonic()
+        if now >= self.due:
+            self.due = now + SECONDS_BETWEEN_LINES
+            print(text(), file=sys.stderr, flush=True)
+
+
+def _polished(done: int, wanted: int) -> str:
+    return f"polishing, point {done}/{wanted}"
 
 
 def _state(generation: Generation, progress: Progress, course: tuple[str, int], time_limit: float | None) -> str:

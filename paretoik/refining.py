@@ -74,10 +74,14 @@ def _smooth_refined(front: Front, problem: Any, observe: Observed | None) -> Fro
     own = np.array(front.genes)
     begun = problem.unknowns(own)
     z, good = smooth_front.polished(problem.sketch(), begun, ranges, observe)
-    worse = (front.minimised + ALIKE * ranges < problem.evaluate(problem.genes_of(z), return_values_of=["F"])).any(axis=1)
+    worse = (front.minimised + ALIKE * ranges < problem.evaluate(problem.genes_of(z), return_values_of=["F"])).any(
+        axis=1
+    )
     z[worse], good[worse] = begun[worse], False
     settings = {**front.provenance, "refined": {"points": len(front), "converged": int(good.sum())}}
-    return smooth_certified(problem, z, front.ids, ranges, settings, {i: own[i] for i in np.flatnonzero(worse)})
+    return smooth_certified(
+        problem, z, front.ids, ranges, settings, {i: own[i] for i in np.flatnonzero(worse).tolist()}
+    )
 
 
 def smooth_certified(

@@ -90,8 +90,9 @@ def solve(
     refine
         Whether gradients help: every ten generations a few iterations at the ends, in the widest gaps and in every
         branch, up to 30 % of the evaluations; at the end every point is polished to a local optimum and certified,
-        as far as no signal ended the search or the polishing. For a ``Tracking``, as with ``refine(front)``; of ``DirectionalMaxima`` and
-        ``PointToPoint`` only what the search found is polished at the end.
+        as far as no signal ended the search or the polishing, which comes after ``time_limit``. For a ``Tracking``, as
+        with ``refine(front)``; of ``DirectionalMaxima`` and ``PointToPoint`` only what the search found is polished at
+        the end.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -306,9 +307,7 @@ def _searched(
     )
 
 
-def _until(
-    interruption: Interruption, observe: Callable[[int, int], object] | None
-) -> Callable[[int, int], bool]:
+def _until(interruption: Interruption, observe: Callable[[int, int], object] | None) -> Callable[[int, int], bool]:
     """Return an observer that also says when a signal came."""
 
     def watch(done: int, wanted: int) -> bool:

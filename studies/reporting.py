@@ -1,16 +1,23 @@
-"""What all studies share: rows of a table, their printing, their JSON, and p-values of several tests."""
+"""What all studies share: rows of a table, their printing, their JSON, figures, and p-values of several tests."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import matplotlib
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
 from rich.table import Table
+
+from paretoik.review.plots import STYLE
 
 REPORTED = Path(__file__).parent / "reported"
 WIDTH = 180  # of what is printed into a file or a pipe
@@ -53,6 +60,16 @@ def _record(row: Row) -> dict[str, str | float | None]:
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in asdict(row).items()
     }
+
+
+@contextmanager
+def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
+    """Give a figure of so many inches, and write it into a file."""
+    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
+        figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.savefig(file)
 
 
 def holm(p: Sequence[float]) -> np.ndarray:

@@ -104,7 +104,14 @@ def ways(
         low, high = actuation.front_bounds.T
         front = low + (table @ shares) * (high - low)
     empty = Ways(
-        arm=arm, actuation=actuation, q=fitted, shares=shares, spline=table, across=_across(task, fitted), pace=1.0, toil=1.0
+        arm=arm,
+        actuation=actuation,
+        q=fitted,
+        shares=shares,
+        spline=table,
+        across=_across(task, fitted),
+        pace=1.0,
+        toil=1.0,
     )
     with np.errstate(invalid="ignore"):
         timing, past = timed(arm, actuation, q, front), empty.past(q, front)
@@ -116,7 +123,9 @@ def ways(
     rows = _apart(fitted, order, bases)
     pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
     toil = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
-    return replace(empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace, toil=max(toil, TOIL))
+    return replace(
+        empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace, toil=max(toil, TOIL)
+    )
 
 
 def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:

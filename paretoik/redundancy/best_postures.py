@@ -303,8 +303,9 @@ def within_rods(arm: Arm, actuation: Actuation) -> Arm:
     lower, upper = arm.position_limits.T
     ends = np.sort(actuation.zero + actuation.bend * actuation.angle_bounds.T, axis=0)
     middle = ends.mean(axis=0)
-    wanted = np.where(np.isfinite(lower), lower, middle - np.pi) / 2 + np.where(np.isfinite(upper), upper, middle + np.pi) / 2
-    ends = ends + 2 * np.pi * np.round((wanted - middle) / (2 * np.pi))
+    below = np.where(np.isfinite(lower), lower, middle - np.pi)
+    above = np.where(np.isfinite(upper), upper, middle + np.pi)
+    ends = ends + 2 * np.pi * np.round(((below + above) / 2 - middle) / (2 * np.pi))
     low, high = np.maximum(ends[0], lower), np.minimum(ends[1], upper)
     if (low > high).any():
         j = int(np.argmax(low > high))

@@ -74,11 +74,15 @@ def directional_maxima(
     """Return the most that the arm can do along each direction while its tool is at a position.
 
     Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
-    tool can exert at rest, in postures that can be held without them. In a posture both are exact: a closed form, the
-    facet of a zonotope (a linear program finds the same). Of the postures, planar arms with three joints are looked at
-    on every branch, all around, to grid resolution and then exactly: 360 places on each curve. Other arms start from
-    ``samples`` postures and climb by sequential quadratic programming over posture, sliders and speeds at once: the
-    best of what was found.
+    tool can exert at rest, in postures that can be held without them. In a posture with its sliders both are exact: a
+    closed form, the facet of a zonotope (a linear program finds the same). Sliders are searched where they can bear
+    their load, in 12 pieces of each stretch and by golden sections.
+
+    Postures of planar arms with three joints are looked at on every branch, all around, at 360 places on each curve and
+    wherever limits begin or end to be kept, and searched by golden sections from there: what has two maxima within a
+    degree may be missed. Other arms start from ``samples`` postures and climb, over posture, sliders and speeds at
+    once, by interior points from several of them, until the most was reached often: the best of what was found, no
+    proof. An arm without redundancy has few postures, and is as welcome.
 
     These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
     joints fast and soon have no way left, and each direction has a posture and gears of its own.
@@ -91,18 +95,22 @@ def directional_maxima(
     position
         Of the tool, (2,) for planar arms, else (3,) [m].
     directions
-        How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task) of any length.
+        How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task), however long.
     quantity
         "velocity" or "force".
     samples, seed
-        Postures to start from, and the seed of their chance; planar arms with three joints need none.
+        Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
+        three joints need none.
 
     Raises
     ------
     InvalidInput
         Naming what cannot be used; OutOfReach where no posture reaches the position.
     Infeasible
-        Where no posture can be held: naming the joint, its torque and what its motor can hold, or the rod's angle.
+        Where no posture was found that can be held: naming the joint, its torque and what its motor can hold, or the
+        rod's angle, of the best one looked at.
+    EvaluationFailed
+        Where no posture was found that reaches the position.
 
     Source: Kim, Choi & Jang 2021, Eq. 1.
     """
@@ -134,7 +142,12 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
         return np.stack([around * np.cos(turn), around * np.sin(turn), height], axis=1)
     given = finite_array("directions", directions)  # type: ignore[arg-type]  # it refuses what is none
     if given.ndim != 2 or given.shape[1] != task or not len(given):
-        raise InvalidInput(f"directions: a number, or vectors of shape (directions, {task}) wanted, got {given.shape}")
+        fact = f"{directions!r}" if given.ndim == 0 else f"shape {given.shape}"
+        raise InvalidInput(
+            f"directions: a whole number, or vectors (directions, {task}), at least one, wanted, got {fact}"
+        )
+    size = np.abs(given).max(axis=1, keepdims=True)
+    given = given / np.where(size > 0, size, 1.0)  # their squares may be too large or too small
     length = np.linalg.norm(given, axis=1, keepdims=True)
     if not length.all():
         raise InvalidInput(f"directions: vectors longer than 0 wanted, got one of 0 at index {int(np.argmin(length))}")

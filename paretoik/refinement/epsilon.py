@@ -67,7 +67,8 @@ def epsilon_points(
     for got in between:
         found.add_all(got)
     if len(ranges) == 2:  # half of the points along every branch, evenly in the second objective
-        found.traced(np.linspace(*found.values[:2, 1], max(points // 2, 6) + 1)[1:-1])
+        high, low = found.values[0, 1], found.values[1, 1]
+        found.traced(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
     fill_gaps(lambda: found.front()[1], found.add, points)
     if task.redundancy > 1:
         _settle(found, points)

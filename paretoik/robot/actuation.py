@@ -233,7 +233,12 @@ class DistributedActuation:
     @cached_property
     def angle_bounds(self) -> Float[np.ndarray, "dof 2"]:
         """The least and the largest rod's angle θ [rad] that sliders within their bounds can give."""
-        return np.array([_reached(*each) for each in zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)])
+        return np.array(
+            [
+                _reached(*each)
+                for each in zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)
+            ]
+        )
 
     def angles(self, q: Joints) -> Joints:
         """Return the rods' angles θ (*batch, dof) [rad] at joint positions, as they are: not brought to one turn."""
@@ -342,7 +347,7 @@ def _positive(what: str, value: object) -> Float[np.ndarray, " dof"]:
         found = np.atleast_1d(np.array(value, dtype=float))
     except (TypeError, ValueError):
         found = np.empty(0)
-    if found.ndim != 1 or not len(found) or not np.all(found > 0) or np.iscomplexobj(value):
+    if found.ndim != 1 or not len(found) or not np.all(found > 0) or np.iscomplexobj(np.asarray(value)):
         raise InvalidInput(f"motor curve: {what} wants positive numbers, one a joint, got {value!r}")
     found.setflags(write=False)
     return found

@@ -188,9 +188,10 @@ def motion_task(
     differences: Differences = "backward",
     redundant: bool = True,
 ) -> MotionTask:
-    """Check everything that a motion problem is made of and return it; ``redundant`` refuses tasks that take all joints.
+    """Check everything that a motion problem is made of and return it.
 
-    Raises InvalidInput, naming the thing, for each part that cannot be used.
+    ``redundant`` refuses tasks that leave no joint over. Raises InvalidInput, naming the thing, for each part that
+    cannot be used.
     """
     if not isinstance(arm, Arm):
         raise InvalidInput(f"arm: an Arm wanted, such as tringali_3r() or Arm.from_urdf(...), got {arm!r}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from studies.kim_2021.energies import posture_rows, postures, table_4
 from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
-from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, time_energy, time_energy_rows
+from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_rows, raced, time_energy, time_energy_rows
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.racing import polygon_race, step_race
@@ -39,15 +39,14 @@ class Effort:
     positions: int = 3
     rounds: int = 96
     steps: int = 100
-    points: int = 5
-    moments: int = 15
-    generations: int = 100
-    iterations: int = 150
+    points: int = 12
+    moments: int = 17
+    searches: int = 24
 
 
 QUICK = Effort(
     angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=12, cell=0.3, random=100, paths=50, starts=2, positions=1,
-    rounds=16, steps=20, points=2, generations=20, iterations=40, moments=9,
+    rounds=16, steps=20, points=3, moments=9, searches=4,
 )  # fmt: skip
 
 
@@ -81,16 +80,11 @@ def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     rows += many_starts(effort.starts, rng, positions=effort.positions)
     rows += random_paths(trajectories, effort.paths, rng)
     fronts = [
-        time_energy(
-            name,
-            points=effort.points,
-            generations=effort.generations,
-            iterations=effort.iterations,
-            samples=effort.moments,
-        )
-        for name in MECHANISMS
+        time_energy(name, points=effort.points, starts=effort.searches, samples=effort.moments) for name in MECHANISMS
     ]
     rows += [row for one in fronts for row in time_energy_rows(one)]
+    races = [raced(one, starts=effort.searches // 2, samples=effort.moments) for one in fronts]
+    rows += [row for one in races for row in race_rows(one)]
     rows += polygon_race(rounds=effort.rounds)
     for one in trajectories.values():
         rows += step_race(one, steps=effort.steps)

@@ -28,8 +28,6 @@ class MotionProgram:
     """
 
     solver: Any
-    lower: Float[np.ndarray, " unknowns"]
-    upper: Float[np.ndarray, " unknowns"]
     equalities: int
     inequalities: int
     rod: Float[np.ndarray, " 3"] | None
@@ -42,7 +40,7 @@ class MotionProgram:
         rows = np.zeros(self.equalities + self.inequalities + 1)
         upper = np.concatenate([rows[: self.equalities], np.full(self.inequalities, np.inf), [longest]])
         lower = np.concatenate([rows[:-1], [-np.inf]])
-        found = self.solver(x0=start, p=np.array(weights), lbx=self.lower, ubx=self.upper, lbg=lower, ubg=upper)
+        found = self.solver(x0=start, p=np.array(weights), lbg=lower, ubg=upper)
         z = np.array(found["x"])[:, 0]
         success = self.solver.stats()["return_status"] == "Solve_Succeeded"
         return z, np.array(self.values(z))[:, 0], success
@@ -57,14 +55,13 @@ class MotionProgram:
 
 def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionProgram:
     """Return the program of a problem with the paper's arm and diamonds, for IPOPT to solve within a tolerance."""
-    motors, spline = problem.actuation, problem.ways.spline
+    motors: Any = problem.actuation
+    spline = problem.ways.spline
     samples, coefficients = spline.shape
     sliding = isinstance(motors, pk.DistributedActuation)
     kinds = 2 if sliding else 1
-    q = ca.SX.sym("q", JOINTS, coefficients)
-    front = ca.SX.sym("front", JOINTS, coefficients * (kinds - 1))
-    steps = ca.SX.sym("steps", samples - 1)
-    work = ca.SX.sym("work", JOINTS * kinds, samples - 1)
+    q, front = ca.SX.sym("q", JOINTS, coefficients), ca.SX.sym("front", JOINTS, coefficients * (kinds - 1))
+    steps, work = ca.SX.sym("steps", samples - 1), ca.SX.sym("work", JOINTS * kinds, samples - 1)
     moved, slid = q @ ca.DM(spline).T, (front @ ca.DM(spline).T if sliding else None)
     equal = [
         (linkage(moved[:, k])[0][a] - place[a]) / LENGTHS[0]
@@ -73,29 +70,13 @@ def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionP
     ]
     rows = list[Any]()
     for k in range(samples):
-        load = linkage(moved[:, k])[2]
-        if slid is not None:
-            rows += _bounds(motors, moved[:, k], slid[:, k])
-        for j in range(JOINTS):
-            pairs = [(load[j], motors.motors)] if slid is None else _efforts(motors, j, moved[j, k], slid[j, k], load[j])
-            rows += [1 + sign * effort / curve.stall[j] for effort, curve in pairs for sign in (-1.0, 1.0)]
+        rows += _held(motors, moved[:, k], None if slid is None else slid[:, k])
     for k in range(samples - 1):
-        middle = (moved[:, k] + moved[:, k + 1]) / 2
-        load, last = linkage(middle)[2], STEP * steps[k]
-        for j in range(JOINTS):
-            if slid is None:
-                pairs = [(load[j], moved[j, k + 1] - moved[j, k], motors.motors, work[j, k])]
-            else:
-                pairs = _sliders(motors, j, moved[j, k : k + 2], slid[j, k : k + 2], load[j], work[j::JOINTS, k])
-            for effort, way, curve, spent in pairs:
-                share, travel = effort / curve.stall[j], way / (curve.fastest[j] * STEP)
-                rows += diamond(share * steps[k], travel, steps[k])
-                rows += [spent - sign * effort * way / WORK for sign in (-1.0, 1.0)]
-        rows.append(last / STEP)
+        pair = None if slid is None else slid[:, k : k + 2]
+        rows += _driven(motors, moved[:, k : k + 2], pair, steps[k], work[:, k])
     weights = ca.SX.sym("weights", 2)
     duration, energy = STEP * ca.sum1(steps), WORK * ca.sum1(ca.vec(work))
     unknowns = ca.vertcat(ca.vec(q), ca.vec(front), steps, ca.vec(work))
-    lower, upper = np.full(unknowns.shape[0], -np.inf), np.full(unknowns.shape[0], np.inf)
     program = {
         "x": unknowns,
         "p": weights,
@@ -104,13 +85,35 @@ def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionP
     }
     return MotionProgram(
         solver=ca.nlpsol("motion", "ipopt", program, {**QUIET, **toleranced(tolerance), "ipopt.max_iter": 1000}),
-        lower=lower,
-        upper=upper,
         equalities=len(equal),
         inequalities=len(rows),
         rod=motors.rod if sliding else None,
         values=ca.Function("values", [unknowns], [ca.vertcat(duration, energy)]),
     )
+
+
+def _held(motors: Any, q: Any, front: Any) -> list[Any]:
+    """Return rows for sliders within their bounds, and for motors that hold the arm still."""
+    load = linkage(q)[2]
+    rows = [] if front is None else _bounds(motors, q, front)
+    for j in range(JOINTS):
+        pairs = [(load[j], motors.motors)] if front is None else _efforts(motors, j, q[j], front[j], load[j])
+        rows += [1 + sign * effort / curve.stall[j] for effort, curve in pairs for sign in (-1.0, 1.0)]
+    return rows
+
+
+def _driven(motors: Any, q: Any, front: Any, step: Any, work: Any) -> list[Any]:
+    """Return rows for motors within their diamonds, and for their work, between two samples."""
+    load, rows = linkage((q[:, 0] + q[:, 1]) / 2)[2], [step]
+    for j in range(JOINTS):
+        if front is None:
+            known = [(load[j], q[j, 1] - q[j, 0], motors.motors, work[j])]
+        else:
+            known = _sliders(motors, j, q[j, :], front[j, :], load[j], work[j::JOINTS])
+        for effort, way, curve, spent in known:
+            rows += diamond(effort / curve.stall[j] * step, way / (curve.fastest[j] * STEP), step)
+            rows += [spent - sign * effort * way / WORK for sign in (-1.0, 1.0)]
+    return rows
 
 
 def _place(motors: Any, j: int, q: Any, front: Any) -> tuple[Any, Any, Any]:
@@ -133,9 +136,7 @@ def _sliders(motors: Any, j: int, q: Any, front: Any, load: Any, work: Any) -> l
     """Return effort, way, curve and work of both sliders of a joint between two samples."""
     places = [_place(motors, j, q[k], front[k]) for k in range(2)]
     pairs = _efforts(motors, j, (q[0] + q[1]) / 2, (front[0] + front[1]) / 2, load)
-    return [
-        (effort, places[1][m + 1] - places[0][m + 1], curve, work[m]) for m, (effort, curve) in enumerate(pairs)
-    ]
+    return [(effort, places[1][m + 1] - places[0][m + 1], curve, work[m]) for m, (effort, curve) in enumerate(pairs)]
 
 
 def _efforts(motors: Any, j: int, q: Any, front: Any, load: Any) -> list[tuple[Any, Any]]:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from paretoik.review.plots import ACCENTS, INK, QUIET, STYLE
+from paretoik.review.plots import ACCENTS, INK, QUIET
 from studies.kim_2021.energies import Driven, Postures
 from studies.kim_2021.polygons import Polygons
 from studies.kim_2021.setting import POSITIONS
 from studies.kim_2021.trajectories import Trajectory
+from studies.reporting import drawing
 
 COLOURS = {"DAM": ACCENTS[0], "JAM": ACCENTS[1]}
 JOINTS = (INK, ACCENTS[1], ACCENTS[0])
@@ -39,16 +36,6 @@ def draw(
     with drawing(drawn[3], (9.0, 8.4)) as figure:
         _efforts(figure, postures)
     return drawn
-
-
-@contextmanager
-def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Give a figure of so many inches, and write it into a file."""
-    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
-        figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
-        FigureCanvasAgg(figure)
-        yield figure
-        figure.savefig(file)
 
 
 def _closed(points: np.ndarray) -> np.ndarray:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from paretoik.review.loop_plots import obstacle_patches
-from paretoik.review.plots import ACCENTS, INK, STYLE, stroboscopic
+from paretoik.review.plots import ACCENTS, INK, stroboscopic
 from problems.marcos_2012 import DISTANCES
 from studies.marcos_2012.loops import Cell, Followed
+from studies.reporting import drawing
 
 MOTIONS = {False: (2, 3), True: (6, 7)}  # figures of arms and joints, by whether there are obstacles
 FRONTS = {(False, 0.7): 4, (False, 2.0): 5, (True, 0.7): 8, (True, 2.0): 9}
@@ -34,25 +32,18 @@ def draw(folder: Path, found: Sequence[Followed]) -> list[Path]:
     for blocked, (arms, joints) in MOTIONS.items():
         pair = wanted(DISTANCES[0], blocked, ENDS)
         if len(pair) == len(ENDS):
-            with _figure(folder / f"figure_{arms}.png", (8.0, 4.0), drawn) as figure:
+            drawn.append(folder / f"figure_{arms}.png")
+            with drawing(drawn[-1], (8.0, 4.0)) as figure:
                 _arms(figure, pair)
-            with _figure(folder / f"figure_{joints}.png", (8.0, 3.4), drawn) as figure:
+            drawn.append(folder / f"figure_{joints}.png")
+            with drawing(drawn[-1], (8.0, 3.4)) as figure:
                 _joints(figure, pair)
     for (blocked, distance), number in FRONTS.items():
         for one in wanted(distance, blocked, ENDS[:1]):
-            with _figure(folder / f"figure_{number}.png", (8.0, 3.4), drawn) as figure:
+            drawn.append(folder / f"figure_{number}.png")
+            with drawing(drawn[-1], (8.0, 3.4)) as figure:
                 _fronts(figure, one)
     return drawn
-
-
-@contextmanager
-def _figure(file: Path, size: tuple[float, float], drawn: list[Path]) -> Iterator[Figure]:
-    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
-        figure = Figure(figsize=size, dpi=125, layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure
-        figure.savefig(file)
-        drawn.append(file)
 
 
 def _arms(figure: Figure, pair: Sequence[Followed]) -> None:

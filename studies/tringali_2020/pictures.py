@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from paretoik.review.plots import ACCENTS, INK, QUIET, STYLE, stroboscopic
+from paretoik.review.plots import ACCENTS, INK, QUIET, stroboscopic
+from studies.reporting import drawing
 from studies.tringali_2020.candidates import FITTED_FROM, Decline
 from studies.tringali_2020.reported import paper
 from studies.tringali_2020.simulations import Simulation
@@ -43,7 +40,7 @@ def draw(
 
     def write(number: int, masses: str, size: tuple[float, float], paint: Callable[[Figure], None]) -> None:
         drawn.append(folder / f"figure_{number:02d}_{masses}.png")
-        with _figure(drawn[-1], size) as figure:
+        with drawing(drawn[-1], size) as figure:
             paint(figure)
 
     for decline in falling:
@@ -57,15 +54,6 @@ def draw(
     for trade_off in trades:
         write(14, trade_off.masses, (6.6, 4.6), partial(_front, trade_off=trade_off))
     return drawn
-
-
-@contextmanager
-def _figure(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
-        figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
-        FigureCanvasAgg(figure)
-        yield figure
-        figure.savefig(file)
 
 
 def _candidates(figure: Figure, decline: Decline) -> None:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from paretoik.review.plots import INK, QUIET, STYLE, stroboscopic
+from paretoik.review.plots import INK, QUIET, stroboscopic
+from studies.reporting import drawing
 from studies.tringali_2021.trajectories import FAST, METHODS, Trajectory, spectral_radius
 
 JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as the paper has them
@@ -26,27 +23,18 @@ def draw(folder: Path, trajectories: Sequence[Trajectory]) -> list[Path]:
     for masses in dict.fromkeys(one.masses for one in trajectories):
         own = [one for one in trajectories if one.masses == masses]
         drawn.append(folder / f"figure_03_{masses}.png")
-        with _figure(drawn[-1], (8.0, 6.0)) as figure:
+        with drawing(drawn[-1], (8.0, 6.0)) as figure:
             _energies(figure, own)
         for one in own:
             for first, other in ((3, "LSV"), (8, "global")):
                 drawn.append(folder / f"figure_{first + one.number:02d}_{masses}.png")
-                with _figure(drawn[-1], (8.0, 9.0 if other == "LSV" else 6.4)) as figure:
+                with drawing(drawn[-1], (8.0, 9.0 if other == "LSV" else 6.4)) as figure:
                     _beside(figure, one, other, speeds=other == "LSV")
             if one.number == max(each.number for each in own):
                 drawn.append(folder / f"figure_08_{masses}.png")
-                with _figure(drawn[-1], (6.0, 4.0)) as figure:
+                with drawing(drawn[-1], (6.0, 4.0)) as figure:
                     _radii(figure, one)
     return drawn
-
-
-@contextmanager
-def _figure(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
-        figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
-        FigureCanvasAgg(figure)
-        yield figure
-        figure.savefig(file)
 
 
 def _energies(figure: Figure, trajectories: Sequence[Trajectory]) -> None:

@@ -5,9 +5,9 @@ import paretoik as pk
 from paretoik.front.indicators import hypervolume
 from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.epsilon import _Found, _settle
-from paretoik.refinement.spreading import front_rows, spread_rows
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
+from paretoik.refinement.spreading import front_rows, spread_rows
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import retract, task_errors
 from problems import tringali_2020
