@@ -122,6 +122,8 @@ def solve(
             raise InvalidInput(f"{name}: wants a search for a front, got a closed loop, which is followed step by step")
         loop = problem.changed(population=population, generations=generations, seed=seed)
         return follow(loop, out=out, time_limit=time_limit, overwrite=overwrite, reference=reference, observe=observe)
+    if not hasattr(problem, "n_obj"):
+        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
     population = POPULATION if population is None else population
     generations = GENERATIONS if generations is None else generations
     seed = 0 if seed is None else seed

@@ -54,8 +54,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     samples, coefficients
         Of a motion, and of its spline for each joint and slider.
     bases, seed
-        The most ways to begin with, straight ahead in different postures, and the seed of their chance; part of the
-        problem.
+        The most ways to begin with, straight ahead (or bowed, where that is out of reach) in different postures, and
+        the seed of their chance; part of the problem.
 
     Genes: place among the bases, how far each coefficient of each joint is from the base's, and those of the front
     sliders as shares of their way.
@@ -63,7 +63,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     Raises
     ------
     InvalidInput
-        Naming what cannot be used; OutOfReach where a position between them cannot be reached.
+        Naming what cannot be used; OutOfReach where start or target, or what lies between them, cannot be reached.
     Infeasible
         Where no way can be held, naming joint, torque and limit.
     """
@@ -93,6 +93,10 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         if coefficients > samples:
             raise InvalidInput(f"coefficients: at most {samples} wanted, one a sample, got {coefficients}")
         task = 2 if arm.is_planar else 3
+        if arm.dof <= task:
+            raise InvalidInput(
+                f"{arm.name}: more than {task} joints wanted, so that there are ways to choose, got {arm.dof}"
+            )
         given: dict[str, Any] = {"start": start, "target": target}
         ends = [finite_array(name, place, (task,)) for name, place in given.items()]
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:

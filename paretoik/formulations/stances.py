@@ -47,7 +47,7 @@ class Stances:
     still: MotionTask
     directions: Float[np.ndarray, "directions task"]
 
-    def bases(self, found: Joints) -> Joints:
+    def bases(self, found: Float[np.ndarray, "found dof"]) -> Float[np.ndarray, "bases dof"]:
         """Return postures that are not too near each other, each beside its neighbours."""
         kept = list[np.ndarray]()
         for one in found:

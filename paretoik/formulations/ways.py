@@ -8,18 +8,20 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
-from paretoik.redundancy.best_postures import loads, within_rods
+from paretoik.errors import Infeasible, OutOfReach
+from paretoik.redundancy.best_postures import held_postures, loads, within_rods
 from paretoik.redundancy.self_motion import candidates, swept
 from paretoik.redundancy.timing import timed
 from paretoik.robot.actuation import Actuation, DistributedActuation, joint_speeds, overloaded
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
-from paretoik.task.path import line
+from paretoik.task.path import line, waypoints
 from paretoik.task.retraction import task_errors
 
 ROLL_OUTS = 256
 DEGREE = 3
+BOWS = (0.5, 1.0, 2.0)  # of the way: how far lines are bowed sideways
 PLACES = 5  # of sliders that stay where they are
 TOIL = 1e-6  # J: what work is counted in at least, without gravity there is none
 APART = 0.2  # rad or m: ways whose coefficients are nearer than this are one
@@ -89,14 +91,14 @@ def ways(
     bases: int,
     seed: int,
 ) -> Ways:
-    """Return at most so many ways straight from start to target that motors can hold, quick ones first.
+    """Return at most so many ways from start to target that motors can hold, quick ones first.
 
-    Raises OutOfReach and Infeasible, the latter naming a joint, where there are none.
+    Straight ahead; where that cannot be followed, bowed sideways. Raises OutOfReach and Infeasible, the latter naming a
+    joint, where there are none.
     """
     kept, rng, table = within_rods(arm, actuation), np.random.default_rng(seed), spline(samples, coefficients)
-    path = line(start, target, duration=1.0, samples=samples, timing="uniform")
-    task = motion_task(kept, path, objectives=[joint_travel])
-    fitted = _fitted(table, np.concatenate([candidates(task, ROLL_OUTS, rng), swept(task, ROLL_OUTS, rng)]))
+    task, led = _led(kept, actuation, start, target, samples, rng)
+    fitted = _fitted(table, led)
     shares = _shares(actuation, arm, table, fitted)
     fitted = np.repeat(fitted, len(shares) // len(fitted), axis=0)
     q, front = table @ fitted, np.zeros((len(fitted), samples, arm.dof))
@@ -126,6 +128,40 @@ def ways(
     return replace(
         empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace, toil=max(toil, TOIL)
     )
+
+
+def _led(
+    arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
+) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
+    """Return the first of a straight and several bowed lines that can be followed, and motions that follow it."""
+    lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
+    sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
+    for bow in BOWS:
+        middles = [(start + target) / 2 + bow * side for side in (*sideways, *-sideways)]
+        lines += [
+            waypoints(np.stack([start, middle, target]), duration=1.0, samples=samples, timing="uniform")
+            for middle in middles
+        ]
+    for name, place in (("start", start), ("target", target)):
+        try:
+            held_postures(arm, actuation, place, ROLL_OUTS, rng)
+        except (OutOfReach, Infeasible) as fault:
+            raise _said(f"{name}: {fault}", fault) from fault
+    faults = list[OutOfReach | Infeasible]()
+    for path in lines:
+        task = motion_task(arm, path, objectives=[joint_travel])
+        try:
+            return task, np.concatenate([candidates(task, ROLL_OUTS, rng), swept(task, ROLL_OUTS, rng)])
+        except (OutOfReach, Infeasible) as fault:
+            faults.append(fault)
+    raise _said(f"start to target: no way was found, straight or bowed; straight, the {faults[0]}", faults[0])
+
+
+def _said(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
+    """Return an error again in other words."""
+    if isinstance(fault, OutOfReach):
+        return OutOfReach(text, sample=fault.sample)
+    return Infeasible(text, limit=fault.limit, violation=fault.violation)
 
 
 def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:

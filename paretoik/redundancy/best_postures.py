@@ -347,8 +347,8 @@ def _out_of_reach(table: tuple[np.ndarray, ...], position: np.ndarray) -> OutOfR
     lengths, base = table[0], table[3][:2]
     least = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
     return OutOfReach(
-        f"position: {position.tolist()} m is {np.linalg.norm(position - base):.4g} m from the first joint, "
-        f"the arm reaches from {least:.4g} m to {float(lengths.sum()):.4g} m",
+        f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+        f"the arm reaches from {least:.10g} m to {float(lengths.sum()):.10g} m",
         sample=0,
     )
 

@@ -64,13 +64,16 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = PRECIS
     EvaluationFailed
         Where the time has not settled when the samples are as fine as they get: the model jumps.
     """
+    check_model(model)
     task, corners = len(model.lower), finite_array("points", points)
     if corners.ndim != 2 or corners.shape[1] != task or len(corners) == 0:
         raise InvalidInput(f"points: must have shape (n, {task}) with n at least 1, got shape {corners.shape}")
-    if not tolerance > 0:
+    if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance: must be above 0, got {tolerance}")
     outside = int(np.argmax(_outside(model, corners).any(axis=1)))
     check_inside(model, f"points[{outside}]", corners[outside])
+    if len(corners) == 1:
+        return 0.0
     return float(_piece_times(model, corners, tolerance).sum())
 
 
@@ -102,8 +105,15 @@ def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, inte
     return FastestPath(points=optima[best], times=np.append(0.0, np.cumsum(times[best])))
 
 
+def check_model(model: object) -> None:
+    """Raise InvalidInput for what is no model of speeds."""
+    if not all(hasattr(model, name) for name in ("lower", "upper", "roots")):
+        raise InvalidInput(f"model: a model of speeds wanted, such as fit_ellipsoids returns, got {model!r}")
+
+
 def check_ends(model: SpeedModel, start: ArrayLike, target: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Return both as arrays (task,); raise InvalidInput where they are not finite or outside the model's box."""
+    check_model(model)
     found = [finite_array(name, end, np.shape(model.lower)) for name, end in (("start", start), ("target", target))]
     check_inside(model, "start", found[0])
     check_inside(model, "target", found[1])

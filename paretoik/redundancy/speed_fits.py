@@ -28,6 +28,7 @@ from paretoik.redundancy.speed_models import (
     speeds_along,
     symmetric,
 )
+from paretoik.robot.pose import finite_array
 
 Places: TypeAlias = Float[np.ndarray, "samples task"]
 Ways: TypeAlias = Float[np.ndarray, "directions task"]
@@ -103,7 +104,7 @@ def fit_ellipsoids(
     that do not determine the model; EvaluationFailed where no least squares are found.
     Source: Kim, Choi & Jang 2021, Eq. 5, with the logarithm of S in place of radii and an angle.
     """
-    if not (np.isfinite(margin) and margin >= 0.0) or (margin > 0.0 and not safe):
+    if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
         raise InvalidInput(f"margin: a finite number from 0 on wanted, and 0 unless safe, got {margin!r}")
     positions, directions, speeds = checked(positions, directions, speeds)
     blank = _blank(positions, degree)

@@ -288,6 +288,8 @@ def rank(matrix: np.ndarray) -> int:
 def _table(name: str, numbers: object, *, finite: bool = True) -> np.ndarray:
     try:
         found: np.ndarray = np.array(numbers, dtype=float)
+        if np.iscomplexobj(np.asarray(numbers)):
+            raise TypeError
     except (TypeError, ValueError):
         raise InvalidInput(f"{name}: a table of numbers wanted, got {type(numbers).__name__}") from None
     if found.ndim != 2 or not found.size:

@@ -245,7 +245,7 @@ def time_optimal_control(
 
 def _check_settings(*, period: float, gain: float, tolerance: float) -> None:
     for name, value in (("period", period), ("gain", gain), ("tolerance", tolerance)):
-        if not 0 < value < np.inf:
+        if not 0 < finite_array(name, value, ()) < np.inf:
             raise InvalidInput(f"{name}: a finite number above 0 wanted, got {value}")
     if gain * period > 1.0 + BEYOND:
         raise InvalidInput(f"gain: at most 1 / period = {1 / period:g} 1/s wanted, got {gain:g}: it overshoots")

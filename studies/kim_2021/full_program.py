@@ -1,6 +1,7 @@
 """Equation 1 as one nonlinear program, for CasADi and IPOPT: posture, sliders and thrusts at once, one direction.
 
-It is written from the paper's equations (motor curves as diamonds) and shares nothing with the library but the numbers.
+It is written from the paper's equations (motor curves as diamonds) and shares with the library the numbers, and which
+random postures it starts from: those that can be held.
 """
 
 from __future__ import annotations

@@ -84,7 +84,12 @@ def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionP
         "g": ca.vertcat(*equal, *rows, duration),
     }
     return MotionProgram(
-        solver=ca.nlpsol("motion", "ipopt", program, {**QUIET, **toleranced(tolerance), "ipopt.max_iter": 1000}),
+        solver=ca.nlpsol(
+            "motion",
+            "ipopt",
+            program,
+            {**QUIET, **toleranced(tolerance), "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0},
+        ),
         equalities=len(equal),
         inequalities=len(rows),
         rod=motors.rod if sliding else None,

@@ -45,7 +45,9 @@ def polygon_race(*, rounds: int) -> list[Row]:
         mine, other = 1e3 * np.median(ours[name]), 1e3 * np.median(theirs[name])
         place = f"{name}, 16 directions at p6"
         lost = "LOSS: " if mine > GOALS[name] else ""
-        rows.append(_row(place, "ours", mine, f"{lost}goal {GOALS[name]:g} ms; global, all postures; {rounds} rounds"))
+        rows.append(
+            _row(place, "ours", mine, f"{lost}goal {GOALS[name]:g} ms; all around, every branch; {rounds} rounds")
+        )
         times = DIRECTIONS * other / mine
         note = (
             f"one start, one direction, a local optimum: 16 directions from one start each take {times:.0f} times ours"

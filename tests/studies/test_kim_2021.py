@@ -23,7 +23,7 @@ from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.profiles import Mechanism, evenly, refined, timed
 from studies.kim_2021.racing import polygon_race, step_race
-from studies.kim_2021.sensitivity import Assumed, gains, nearest_rows, reach, sensitivity_rows
+from studies.kim_2021.sensitivity import Assumed, gains, nearest_rows, sensitivity_rows
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, trajectory
@@ -85,7 +85,7 @@ def test_where_sliders_are_slower_is_said(corners):
 
 def test_the_usual_assumptions_are_the_librarys(corners):
     np.testing.assert_allclose(gains(Assumed(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
-    assert np.rad2deg(reach(pk.kim_sliders())) == pytest.approx(117.4, abs=0.05)
+    assert np.rad2deg(pk.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
     limited = Assumed(joint_ranges=True)
     assert str(limited) == "JAM with DAM's joint ranges"
     assert str(Assumed(mass=0.1, shape="strip")) == "mass 0.1, strip"
