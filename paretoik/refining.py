@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.arrays import Genes
+from paretoik.convex.sequential import Caps
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
@@ -18,8 +19,8 @@ from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.epsilon import YIELD, polished_points
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
-from paretoik.refinement.smooth_front import SmoothProblem
-from paretoik.refinement.spreading import front_rows
+from paretoik.refinement.smooth_front import SmoothProblem, least
+from paretoik.refinement.spreading import front_rows, widest_gap
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
 from paretoik.task.motion_task import MotionTask
@@ -28,6 +29,7 @@ EVERY = 10  # generations
 SHARE = 0.3  # of the evaluations that may go into iterations
 ALIKE = 1e-6  # of a range: what genes may say differently of a polished point
 BRIEF = Rules(barrier=1e-2, iterations=5, radius=0.1)
+NEARLY = 1e-3  # of all objectives, where one is minimised
 GAPS = 4  # of the widest that are aimed at each time
 Observed = Callable[[int, int], object]
 
@@ -211,6 +213,46 @@ class Improver:
         caps[:, :count] = np.array(levels)
         caps[np.arange(len(rows)), mains] = np.inf
         return q[rows], factors, caps
+
+
+class SmoothImprover:
+    """Suggests genes of a ``SmoothProblem`` to a search, as ``Improver`` does for motions.
+
+    At the ends of the front an objective is minimised nearly alone, from there and from a start of its own; in the
+    widest gap the sum, with the others kept below the middle.
+    """
+
+    def __init__(self, search: Search, seed: int) -> None:
+        self.search, self.spent = search, 0
+        self._sketch = search.problem.sketch()
+        self._rng = np.random.default_rng(seed)
+
+    def __call__(self, progress: Progress) -> Genes | None:
+        """Return genes to be evaluated next, or None."""
+        front, problem = self.search.archive.members, self.search.problem
+        if progress.generation % EVERY or self.spent > SHARE * progress.evaluations or front is None or len(front) < 2:
+            return None
+        ranges = np.maximum(np.ptp(front.F, axis=0), 1e-12)
+        shares, count = self._sketch.costs / ranges[:, None], len(ranges)
+        found = list[np.ndarray]()
+        for k in range(count):
+            starts = [front.X[np.argmin(front.F[:, k])], problem.candidates(1, self._rng)[0]]
+            found += self._least(shares[k] + NEARLY * shares.sum(axis=0), np.array(starts), None)
+        if count > 1:
+            i, j = widest_gap(front.F / ranges)
+            main = int(np.argmin(np.abs(front.F[i] - front.F[j]) / ranges))
+            others = np.arange(count) != main
+            middle = (front.F[i] + front.F[j])[others] / (2 * ranges[others])
+            caps = Caps(rows=shares[others], most=middle)
+            found += self._least(shares[main] + NEARLY * shares.sum(axis=0), front.X[[i]], caps)
+        return problem.genes_of(np.array(found)) if found else None
+
+    def _least(self, cost: np.ndarray, genes: np.ndarray, caps: Caps | None) -> list[np.ndarray]:
+        starts = self.search.problem.unknowns(genes)
+        ends = [least(self._sketch, cost, z, caps) for z in starts if np.isfinite(z).all()]
+        kept = [end for end in ends if end is not None]
+        self.spent += sum(end.iterations for end in kept)
+        return [end.z for end in kept]
 
 
 def task_of(verb: str, problem: Any) -> MotionTask:

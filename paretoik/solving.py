@@ -24,7 +24,7 @@ from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.loading import fingerprint, load_problem
 from paretoik.refinement.smooth_front import SmoothProblem
-from paretoik.refining import Improver
+from paretoik.refining import Improver, SmoothImprover
 from paretoik.refining import refine as refined
 from paretoik.review.generation import Generation
 from paretoik.review.recorder import Recorder
@@ -90,9 +90,8 @@ def solve(
     refine
         Whether gradients help: every ten generations a few iterations at the ends, in the widest gaps and in every
         branch, up to 30 % of the evaluations; at the end every point is polished to a local optimum and certified,
-        as far as no signal ended the search or the polishing, which comes after ``time_limit``. For a ``Tracking``, as
-        with ``refine(front)``; of ``DirectionalMaxima`` and ``PointToPoint`` only what the search found is polished at
-        the end.
+        as far as no signal ended the search or the polishing, which comes after ``time_limit``. For a ``Tracking``,
+        ``DirectionalMaxima`` and ``PointToPoint``, as with ``refine(front)``.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -140,8 +139,9 @@ def solve(
         initial=_initial_genes(problem, initial),
         anchors=anchors,
     )
-    smooth = isinstance(problem, SmoothProblem)
-    improver = Improver(search) if refine and not smooth else None
+    improver: Improver | SmoothImprover | None = None
+    if refine:
+        improver = SmoothImprover(search, seed) if isinstance(problem, SmoothProblem) else Improver(search)
     settings = {
         "population": population,
         "generations": generations,
@@ -288,7 +288,7 @@ def _searched(
     points: int | None,
     provenance: dict[str, Any],
     watch: _Watch,
-    improver: Improver | None,
+    improver: Improver | SmoothImprover | None,
 ) -> Front:
     started = time.monotonic()
     status = evolve(search, endings, observe=watch, improve=improver)

@@ -33,6 +33,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ACCEPTED, retract
 
 BESIDE = 1.5  # rad or m: how far from its base a coefficient may be
+ROUNDING = 1e-9  # rad, m or shares: of limits
 OVER = 0.5  # of a slider's way: how far a coefficient may be past it, where samples are within
 SHORTEST = 1e-6  # s: an interval in which nothing moves
 BETWEEN = 8  # times finer than the samples
@@ -238,7 +239,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             timing = timed(self.arm, self.actuation, q, front)
             past = self.ways.past(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
-        G = np.stack([missed / ACCEPTED - 1.0, past[0], timing.overload, past[1]], axis=1)
+        G = np.stack([missed / ACCEPTED - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - ROUNDING)], axis=1)
         bad = ~np.isfinite(F).all(axis=1)
         out["F"] = np.where(bad[:, None], 1e6, F)
         out["G"] = np.where(np.isnan(G), 1.0, np.where(bad[:, None], np.maximum(G, 1e-3), G))

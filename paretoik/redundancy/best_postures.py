@@ -137,7 +137,7 @@ def _climbed(
     waiting = list(range(len(directions)))
     for turn in range(ROUNDS):
         for k in waiting:
-            climb.search(k) if turn == 0 else climb.up(k, climb.q[climb.best[k]])
+            climb.search(k) if turn == 0 else climb.up(k, climb.q[climb.best[k]], near=True)
         waiting = climb.served_better()
     return climb.q[climb.best]
 
@@ -174,13 +174,12 @@ class _Climb:
             if len(reached) >= FEWEST and np.sum(np.array(reached) >= max(reached) * (1 - ALIKE)) >= OFTEN:
                 break
 
-    def up(self, k: int, start: np.ndarray) -> float:
+    def up(self, k: int, start: np.ndarray, *, near: bool = False) -> float:
         """Climb along a direction from a posture, keep where that ends, and return what it is worth, 0 for nothing."""
         size = float(self.values[:, k].max())
-        self.reached[k] = max(self.reached[k], size)
         if not 0 < size < np.inf:
             return 0.0
-        q = climbed(self.asked, self.position, self.directions[k], size, start)
+        q = climbed(self.asked, self.position, self.directions[k], size, start, near=near)
         if q is None:
             return 0.0
         worth = values_at(self.arm, self.actuation, self.directions, self.quantity, q[None])
@@ -202,16 +201,21 @@ def climbed(
     direction: Float[np.ndarray, " task"],
     size: float,
     start: Float[np.ndarray, " dof"],
+    *,
+    near: bool = False,
 ) -> Float[np.ndarray, " dof"] | None:
     """Return the posture, a local maximum along a direction, that a start leads to; None where its limits don't hold.
 
-    ``size`` [m/s, N] is about how much there is.
+    ``size`` [m/s, N] is about how much there is. ``near`` a maximum quadratic programs stay with it, which interior
+    points may leave.
     """
     program, cost = asked.program(position, direction[None], size), np.zeros(asked.unknowns)
     cost[asked.begins["values"]] = -1.0
     try:
-        end = approached(program, cost, asked.begun(start))
-        if not end.converged:
+        end = None if near else approached(program, cost, asked.begun(start))
+        if end is None:
+            end = minimised(program, cost, asked.begun(start))
+        elif not end.converged:
             end = minimised(program, cost, end.z if end.violation <= HELD else asked.begun(start))
     except EvaluationFailed:  # rods that do not reach
         return None

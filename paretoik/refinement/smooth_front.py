@@ -24,6 +24,7 @@ CURVED = 1e-7  # second derivative along a direction of length one, in ranges, b
 CRITICAL = 1e-6  # χ up to which a point counts as critical, so that its curvature says something
 HELD = 1e-8  # violation of a row up to which a point counts
 SETTLED = 1e-8  # χ up to which polishing leaves a point as it is
+NEARLY = 1e-3  # of the sum of all objectives
 BRIEF = 10  # iterations of a step back onto all rows
 STEPS = (1e-2, 1e-3, 1e-4)  # along a direction of descent
 
@@ -71,11 +72,8 @@ def least(
     return end if end.converged and end.violation <= HELD else None
 
 
-def _surely(sketch: Sketch, cost: np.ndarray, z: np.ndarray, caps: Caps) -> Minimum | None:
-    """Return the same, by quadratic programs from the same place where interior points lead to none."""
-    end = least(sketch, cost, z, caps)
-    if end is not None:
-        return end
+def _quadratic(sketch: Sketch, cost: np.ndarray, z: np.ndarray, caps: Caps) -> Minimum | None:
+    """Return the same, by quadratic programs."""
     try:
         end = minimised(sketch.program, cost, z, caps=caps)
     except EvaluationFailed:
@@ -92,20 +90,21 @@ def polished(
     """Return points no worse in any objective, and which of them (points,) a search ended well for.
 
     The first objective over its range is minimised, every other to gain as much: each point goes straight ahead, and
-    none to where its neighbours go (Pascoletti & Serafini 1984). Then the sum of all, none allowed to rise, so that no
-    gain is left that costs nothing. Points that are critical stay. ``observe`` is called with points done and
+    none to where its neighbours go (Pascoletti & Serafini 1984); a little of the sum of all leaves no gain that costs
+    nothing. By interior points; where these lead nowhere, quadratic programs minimise the sum, none allowed to rise.
+    Points that are critical stay. ``observe`` is called with points done and
     wanted; where it returns true, the others stay.
     """
     found, good = z.copy(), np.zeros(len(z), dtype=bool)
     shares = sketch.costs / ranges[:, None]
-    rows = shares[1:] - shares[0]
+    rows, total = shares[1:] - shares[0], shares.sum(axis=0)
     for i, one in enumerate(z):
         if _settled(sketch, one, ranges):
             good[i] = True
         else:
-            ahead = _surely(sketch, shares[0], one, Caps(rows=rows, most=rows @ one))
-            begun = one if ahead is None else ahead.z
-            end = _surely(sketch, shares.sum(axis=0), begun, Caps(rows=shares, most=shares @ begun))
+            end = least(sketch, shares[0] + NEARLY * total, one, Caps(rows=rows, most=rows @ one))
+            if end is None:
+                end = _quadratic(sketch, total, one, Caps(rows=shares, most=shares @ one))
             good[i] = end is not None and end.converged
             if end is not None:
                 found[i] = end.z

@@ -57,6 +57,12 @@ def fill_gaps(
             closed.add((*values[i], *values[j]))
 
 
+def widest_gap(values: Float[np.ndarray, "points n_obj"]) -> tuple[int, int]:
+    """Return the two neighbours that are farthest apart; of points that are all one, the first two."""
+    found = _gaps(values)
+    return found[0] if found else (0, min(1, len(values) - 1))
+
+
 def known(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
     """Return whether a point is one of others."""
     return bool((np.abs(others - value).max(axis=1) <= 10 * SAME).any())

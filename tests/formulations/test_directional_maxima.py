@@ -138,7 +138,7 @@ def test_a_saved_front_comes_back_with_its_genes(problem, refined, tmp_path):
 def test_what_cannot_be_is_refused_by_name(problem, front):
     with pytest.raises(Infeasible, match=r"joint2: a torque of at most 3\.5 N m wanted"):
         pk.DirectionalMaxima(pk.kim_3r().with_payload(20.0), pk.kim_joint_motors(), PLACE, WAYS)
-    with pytest.raises(InvalidInput, match="vectors of shape"):
+    with pytest.raises(InvalidInput, match="at least one, wanted"):
         pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
     other = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, WAYS, power=False)
     with pytest.raises(InvalidInput, match="refine: a front of speed_1, speed_2 with its genes wanted"):
