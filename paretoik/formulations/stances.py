@@ -65,10 +65,19 @@ class Stances:
 
     def fastest(self, q: np.ndarray, front: np.ndarray) -> tuple[Stance, np.ndarray, np.ndarray]:
         """Return the fastest motions, the mean range of joint speeds (points,), and the self-motion's directions."""
+        return self._fastest(q, front, *self._ranges(q, front))
+
+    def _ranges(self, q: Joints, front: Joints) -> tuple[np.ndarray, ...]:
+        """Return torques that hold the arm, lowest and highest joint speeds, 0 where a motor cannot, and who can."""
         torque = loads(self.arm, q)
         low, high = speeds_with(self.actuation, q, torque, front)
         able = ~np.isnan(high).any(axis=1)
         low, high = (np.where(able[:, None], each, 0.0) for each in (low, high))
+        return torque, low, high, able
+
+    def _fastest(
+        self, q: Joints, front: Joints, torque: np.ndarray, low: np.ndarray, high: np.ndarray, able: np.ndarray
+    ) -> tuple[Stance, np.ndarray, np.ndarray]:
         columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
         speeds = highest(columns, low, high, self.directions)
         count = len(self.directions)
@@ -86,10 +95,9 @@ class Stances:
 
     def moving(self, q: Joints, front: Joints, pace: np.ndarray, mixed: np.ndarray, lost: np.ndarray) -> Stance:
         """Return what joints do at a pace, moving along the self-motion besides, and which limits that violates."""
-        most, span, free = self.fastest(q, front)
+        torque, low, high, able = self._ranges(q, front)
+        most, span, free = self._fastest(q, front, torque, low, high, able)
         dq = pace[..., None] * most.dq + span[:, None, None] * np.einsum("pjr,pkr->pkj", free, mixed)
-        torque = loads(self.arm, q)
-        low, high = speeds_with(self.actuation, q, torque, front)
         beyond = np.maximum(dq - high[:, None], low[:, None] - dq) / span[:, None, None]
         lower, upper = self.arm.position_limits.T
         past = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)

@@ -24,7 +24,7 @@ CURVED = 1e-7  # second derivative along a direction of length one, in ranges, b
 CRITICAL = 1e-6  # χ up to which a point counts as critical, so that its curvature says something
 HELD = 1e-8  # violation of a row up to which a point counts
 SETTLED = 1e-8  # χ up to which polishing leaves a point as it is
-NEARLY = 1e-3  # of the sum of all objectives
+BESIDE = 0.1  # of the sum of all objectives: so much each counts at least
 BRIEF = 10  # iterations of a step back onto all rows
 STEPS = (1e-2, 1e-3, 1e-4)  # along a direction of descent
 
@@ -90,19 +90,19 @@ def polished(
     """Return points no worse in any objective, and which of them (points,) a search ended well for.
 
     The first objective over its range is minimised, every other to gain as much: each point goes straight ahead, and
-    none to where its neighbours go (Pascoletti & Serafini 1984); a little of the sum of all leaves no gain that costs
-    nothing. By interior points; where these lead nowhere, quadratic programs minimise the sum, none allowed to rise.
+    none to where its neighbours go (Pascoletti & Serafini 1984); some of the sum of all leaves no gain that costs
+    next to nothing. By interior points; where these lead nowhere, quadratic programs minimise the sum, none allowed to rise.
     Points that are critical stay. ``observe`` is called with points done and
     wanted; where it returns true, the others stay.
     """
     found, good = z.copy(), np.zeros(len(z), dtype=bool)
     shares = sketch.costs / ranges[:, None]
-    rows, total = shares[1:] - shares[0], shares.sum(axis=0)
+    rows, total = np.vstack([shares[:1], shares[1:] - shares[0]]), shares.sum(axis=0)
     for i, one in enumerate(z):
         if _settled(sketch, one, ranges):
             good[i] = True
         else:
-            end = least(sketch, shares[0] + NEARLY * total, one, Caps(rows=rows, most=rows @ one))
+            end = least(sketch, shares[0] + BESIDE * total, one, Caps(rows=rows, most=rows @ one))
             if end is None:
                 end = _quadratic(sketch, total, one, Caps(rows=shares, most=shares @ one))
             good[i] = end is not None and end.converged
