@@ -91,9 +91,9 @@ def polished(
 
     The first objective over its range is minimised, every other to gain as much: each point goes straight ahead, and
     none to where its neighbours go (Pascoletti & Serafini 1984); some of the sum of all leaves no gain that costs
-    next to nothing. By interior points; where these lead nowhere, quadratic programs minimise the sum, none allowed to rise.
-    Points that are critical stay. ``observe`` is called with points done and
-    wanted; where it returns true, the others stay.
+    next to nothing. By interior points; where these lead nowhere, quadratic programs minimise the sum, none allowed to
+    rise. Points that are critical stay. ``observe`` is called with points done and wanted; where it returns true, the
+    others stay.
     """
     found, good = z.copy(), np.zeros(len(z), dtype=bool)
     shares = sketch.costs / ranges[:, None]

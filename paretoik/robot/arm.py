@@ -63,6 +63,11 @@ class Arm:
         for kind in self.joint_types:
             if kind not in JOINT_TYPES:
                 raise InvalidInput(f"arm {self.name}: joint type must be one of {', '.join(JOINT_TYPES)}, got {kind!r}")
+        for name, (low, high) in zip(self.joint_names, np.reshape(self.position_limits, (-1, 2)), strict=False):
+            if not low <= high:
+                raise InvalidInput(
+                    f"arm {self.name}, {name}: position limits lower ≤ upper wanted, got {low:g}, {high:g}"
+                )
         for array in (self.gravity, self.position_limits, self.velocity_limits, self.torque_limits):
             array.setflags(write=False)
 
