@@ -166,12 +166,15 @@ def solve(
         interruption = stack.enter_context(interruptible())
         endings.append(_Interrupted(interruption))
 
+        kept = list[Front]()
+
         def searched(recorder: Recorder | None) -> Front:
             front = _searched(search, endings, points, provenance, _Watch(search, observe, recorder), improver)
             if not refine or front.provenance["status"] in SIGNALS:
                 return front
             if folder is not None:
                 front.save(folder)  # polishing takes its time, and what was found is not to be lost
+                kept.append(front)
             front = refined(front, observe=_until(interruption, observe_refining))
             ended = front.provenance["status"] if interruption.signal is None else interruption.signal.name
             return replace(front, provenance={**front.provenance, "status": ended})
@@ -184,7 +187,11 @@ def solve(
         try:
             front = searched(recorder)
         except Exception as error:
-            write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
+            said = {"status": type(error).__name__, "reason": str(error)}
+            for front in kept:
+                replace(front, provenance={**front.provenance, **said}).save(folder)
+            if not kept:
+                write_run(folder, {**provenance, **said})
             raise
         front.save(folder)
         _review(front, folder, recorder)

@@ -1,9 +1,13 @@
 """Gradients inside a search and at its end."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.refinement import epsilon
 from paretoik.refining import SHARE, Improver
 from problems import tringali_2020
 
@@ -60,3 +64,55 @@ def test_only_a_tracking_problem_is_refined():
 
     with pytest.raises(pk.InvalidInput, match="refine: a Tracking problem wanted"):
         pk.solve(get_problem("zdt1"), population=20, generations=2, refine=True)
+
+
+def walk():
+    return pk.PointToPoint(
+        pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4
+    )
+
+
+@pytest.mark.parametrize("made", [problem_of, walk])
+def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path, monkeypatch):
+    monkeypatch.setattr(epsilon, "TOGETHER", 2)
+    told = []
+
+    def interrupted(done, wanted):
+        told.append((done, wanted))
+        assert pk.load_front(tmp_path / "run").objectives.shape == (wanted, 2)  # kept before it is polished
+        os.kill(os.getpid(), signal.SIGINT)
+
+    settings = {**SMALL, "generations": 6, "points": 20}
+    front = pk.solve(made(), **settings, out=tmp_path / "run", observe_refining=interrupted)
+    assert front.provenance["status"] == "SIGINT"
+    assert len(told) == 1
+    assert told[0][0] < told[0][1]
+    assert len(front.certificates) == len(front)
+    assert 0 < front.provenance["refined"]["converged"] <= told[0][0]
+    assert np.array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
+
+
+def test_gradients_find_ends_that_a_search_alone_does_not():
+    settings = {"population": 30, "generations": 40, "seed": 1, "points": 6}
+    alone, helped = (pk.solve(walk(), **settings, refine=refine) for refine in (False, True))
+    assert (helped.minimised.min(axis=0) < 0.99 * alone.minimised.min(axis=0)).all()
+    assert helped.certificates.kkt_residual.max() <= 1e-6
+    assert (helped.certificates.status == "minimum").all()
+
+
+def test_a_front_is_refined_with_its_own_problem_only():
+    front = pk.solve(walk(), population=20, generations=4, seed=1, points=3)
+    other = pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5)
+    with pytest.raises(pk.InvalidInput, match="refine: the problem that the front solves wanted"):
+        pk.refine(front, other)
+
+
+def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
+    def failing(done, wanted):
+        raise RuntimeError("somebody looked away")
+
+    with pytest.raises(RuntimeError, match="looked away"):
+        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe_refining=failing)
+    kept = pk.load_front(tmp_path / "run", walk())
+    assert len(kept) > 1
+    assert kept.provenance["status"] == "RuntimeError"
