@@ -41,12 +41,12 @@ class Effort:
     steps: int = 100
     points: int = 12
     moments: int = 17
-    searches: int = 24
+    searches: int = 48
 
 
 QUICK = Effort(
     angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=12, cell=0.3, random=100, paths=50, starts=2, positions=1,
-    rounds=16, steps=20, points=3, moments=9, searches=4,
+    rounds=16, steps=20, points=3, moments=9, searches=8,
 )  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
         time_energy(name, points=effort.points, starts=effort.searches, samples=effort.moments) for name in MECHANISMS
     ]
     rows += [row for one in fronts for row in time_energy_rows(one)]
-    races = [raced(one, starts=effort.searches // 2, samples=effort.moments) for one in fronts]
+    races = [raced(one, starts=effort.searches // 4, samples=effort.moments) for one in fronts]
     rows += [row for one in races for row in race_rows(one)]
     rows += polygon_race(rounds=effort.rounds)
     for one in trajectories.values():
