@@ -46,8 +46,8 @@ class TimeEnergy:
     """A mechanism's certified front, and the least time of its soonest tool path by maxima of an instant [s].
 
     ``within`` [J] is the least work found in no more than the paper's time, NaN where none is. Timed on a fine grid,
-    motions take longer by ``again`` (points,), NaN where motors cannot hold the arm somewhere: ``overload`` (points,) is
-    by how much, negative where they can.
+    motions take longer by ``again`` (points,), NaN where motors cannot hold the arm somewhere: by ``overload``
+    (points,), negative where they can.
     """
 
     name: str
