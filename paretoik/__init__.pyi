@@ -37,6 +37,7 @@ from .redundancy.resolving.resolution import resolve as resolve
 from .redundancy.resolving.traces import ResolvedMotion as ResolvedMotion
 from .redundancy.speed_fits import fit_axes as fit_axes
 from .redundancy.speed_fits import fit_ellipsoids as fit_ellipsoids
+from .redundancy.speed_fits import fit_errors as fit_errors
 from .redundancy.time_optimal import time_optimal_control as time_optimal_control
 from .refinement.multistart import Plan as Plan
 from .refining import refine as refine

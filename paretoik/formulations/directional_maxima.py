@@ -18,6 +18,7 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.explaining import explained
 from paretoik.formulations.stances import Stance, Stances
 from paretoik.redundancy.best_postures import held_postures, held_still, loads, values_at
 from paretoik.redundancy.capability import Capability
@@ -66,6 +67,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
     """
 
     constraint_names = ("position", "joint limits", "motors", "sliders", "shares of joints")
+    constraint_units = ("", "rad or m", "", "of the rod", "of the mean range of speeds")
 
     def __init__(
         self,
@@ -201,12 +203,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
-        excess = self.stance(genes).excess
-        worst = excess.argmax(axis=1)
-        return [
-            f"{self.constraint_names[k]} violated by {row[k]:.3g} of the range" if row[k] > 0 else ""
-            for row, k in zip(excess, worst, strict=True)
-        ]
+        return explained(self.constraint_names, self.constraint_units, self.stance(genes).excess)
 
     @cached_property
     def _asked(self) -> Capability:

@@ -20,6 +20,7 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.explaining import explained
 from paretoik.formulations.ways import Ways, ways
 from paretoik.redundancy.best_postures import held_still
 from paretoik.redundancy.journey import Journey
@@ -73,6 +74,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     units: Sequence[str] = ("s", "J")
     maximised: Sequence[bool] = (False, False)
     constraint_names = ("ends", "joint limits", "motors", "sliders")
+    constraint_units = ("times what is accepted", "rad or m", "of what they can bear", "of the rod")
 
     def __init__(
         self,
@@ -208,12 +210,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
-        excess = self.evaluate(genes, return_values_of=["G"])
-        worst = excess.argmax(axis=1)
-        return [
-            f"{self.constraint_names[k]} violated by {row[k]:.3g} of the range" if row[k] > 0 else ""
-            for row, k in zip(excess, worst, strict=True)
-        ]
+        return explained(self.constraint_names, self.constraint_units, self.evaluate(genes, return_values_of=["G"]))
 
     @cached_property
     def _ends(self) -> tuple[MotionTask, MotionTask]:

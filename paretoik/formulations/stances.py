@@ -27,7 +27,8 @@ class Stance:
     """What genes say: postures ``q`` (points, dof), front sliders [m] (0 without), and tool speeds in each direction.
 
     ``speeds`` (points, directions) [m/s] with joint velocities ``dq`` (points, directions, dof), the ``power`` that
-    each takes [W], and by how much each kind of limit is violated, ``excess`` (points, limits), as shares of its range.
+    each takes [W], and by how much each kind of limit is violated, ``excess`` (points, limits): whether the position
+    is missed, rad or m, whether motors are overloaded, shares of the rod, shares of the mean range of joint speeds.
     """
 
     q: Float[np.ndarray, "points dof"]
