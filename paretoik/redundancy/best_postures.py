@@ -29,6 +29,7 @@ KEPT, FEWEST, OFTEN = 24, 6, 3  # postures climbed from at most and at least; of
 ALIKE = 1e-6  # share by which what was reached may differ and be the same
 ROUNDS = 4  # of trying what was found for one direction in others
 ENOUGH, BATCHES = 64, 8  # postures that can be held, and times that samples are drawn for them at most
+TOGETHER = 2000  # postures that are looked at at once, for the memory it takes
 SIZE = 0.1  # m: times motors' fastest, about the speed of a tool
 UNABLE = 1e6  # share of what no slider can hold
 APART = 0.5  # rad or m: how far from each other they are at least, in some joint
@@ -157,7 +158,9 @@ class _Climb:
         self.arm, self.actuation, self.position = arm, actuation, position
         self.directions, self.quantity = directions, quantity
         self.asked = Capability(arm=arm, actuation=actuation, quantity=quantity, count=1)
-        self.q, self.values = starts, values_at(arm, actuation, directions, quantity, starts)
+        parts = np.array_split(starts, -(-len(starts) // TOGETHER))
+        self.q = starts
+        self.values = np.concatenate([values_at(arm, actuation, directions, quantity, part) for part in parts])
         self.reached = np.zeros(len(directions))
 
     @property

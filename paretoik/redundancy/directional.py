@@ -68,7 +68,7 @@ def directional_maxima(
     directions: object = 16,
     *,
     quantity: Quantity = "velocity",
-    samples: int = 400,
+    samples: int = 20_000,
     seed: int = 0,
 ) -> PerformancePolygon:
     """Return the most that the arm can do along each direction while its tool is at a position.

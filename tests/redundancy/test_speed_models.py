@@ -385,7 +385,7 @@ def test_a_wrong_speed_is_named_with_its_position_and_direction(wrong):
     [
         ({"degree": -1}, "degree: an integer of at least 0 wanted, got -1"),
         ({"margin": -0.1, "safe": True}, "margin: a finite number from 0 on wanted"),
-        ({"margin": np.nan, "safe": True}, "margin: a finite number from 0 on wanted"),
+        ({"margin": np.nan, "safe": True}, "margin: must be finite"),
         ({"margin": 0.1}, "and 0 unless safe, got 0.1"),
     ],
 )

@@ -166,7 +166,7 @@ WRONG = {
     "horizon: an integer of at least 1": {"horizon": 0},
     "period: a finite number above 0": {"period": 0.0},
     "tolerance: a finite number above 0": {"tolerance": -1e-3},
-    "gain: a finite number above 0": {"gain": np.nan},
+    "gain: must be finite": {"gain": np.nan},
     "gain: at most 1 / period": {"gain": 2000.0},
     "formulation: one of midpoint, printed": {"formulation": "printd"},
 }
