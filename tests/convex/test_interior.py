@@ -51,7 +51,7 @@ def ipopt(rows, cost, start, caps=None):
     return found["x"].full().ravel()
 
 
-def hock_schittkowski_71(z, known, exp=None):
+def hock_schittkowski_71(z, known):
     one, two, three, four, above = (z[i] for i in range(5))
     within = [one - 1, 5 - one, two - 1, 5 - two, three - 1, 5 - three, four - 1, 5 - four]
     value = one * four * (one + two + three) + three
