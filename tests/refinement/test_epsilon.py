@@ -7,7 +7,6 @@ from paretoik.refinement.compiled.interior_point import Rules
 from paretoik.refinement.epsilon import _Found, _settle
 from paretoik.refinement.polish import polish
 from paretoik.refinement.program import motion_program
-from paretoik.refinement.spreading import front_rows, spread_rows
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import retract, task_errors
 from problems import tringali_2020
@@ -104,22 +103,6 @@ def test_refinement_worsens_nothing_keeps_ids_and_certifies():
 def test_what_cannot_be_a_front_is_named(call, said):
     with pytest.raises(pk.InvalidInput, match=said):
         call()
-
-
-def test_points_that_repeat_or_are_dominated_are_left_out():
-    shares = np.array([[0.0, 1.0], [1.0, 0.0], [0.5, 0.5], [0.5, 0.5 + 5e-8], [0.6, 0.6], [0.0, 1.0]])
-    assert front_rows(shares).tolist() == [0, 2, 1]
-
-
-def test_of_points_that_repeat_each_other_one_is_left_and_it_is_the_best():
-    shares = np.array([[0.5 + 1e-12, 0.5], [0.0, 1.0], [0.5, 0.5 - 1e-12], [0.5 - 2e-8, 0.5 + 1e-9]])
-    assert front_rows(shares).tolist() in ([1, 2], [1, 3])
-
-
-def test_too_many_points_are_thinned_to_those_well_apart():
-    shares = np.array([[0.0, 1.0], [0.01, 0.98], [0.02, 0.97], [0.5, 0.5], [0.52, 0.49], [1.0, 0.0]])
-    assert spread_rows(shares, 3).tolist() in ([0, 3, 5], [0, 4, 5])
-    assert spread_rows(shares, 10).tolist() == list(range(6))
 
 
 def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
