@@ -85,7 +85,7 @@ def epsilon_front(
     problem
         A ``Tracking`` with two or more integral objectives, a ``DirectionalMaxima`` or a ``PointToPoint``.
     points
-        At most so many points, ends included, spread over the front.
+        At most so many points, spread over the front; the best of every objective are always among them.
     starts, seed
         As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
         from so many starts.

@@ -18,8 +18,9 @@ from scipy.optimize import least_squares
 
 from paretoik.convex.sequential import Caps, Local, Minimum, local, rows_of, slopes_of
 from paretoik.convex.smooth import Rows
+from paretoik.errors import EvaluationFailed
 
-BARRIER, LAST = 1e-2, 1e-12  # first and last
+BARRIER, LAST = 1e-2, 1e-12  # first, unless told otherwise, and last
 SHARE, POWER = 0.2, 1.5  # the next barrier is the less of a share and a power of the last
 SOLVED = 10.0  # times the barrier: what the conditions may be off before it falls
 FLAT, FEASIBLE = 1e-8, 1e-10  # what slopes and violations may be off at any barrier
@@ -34,7 +35,7 @@ SHORTEST = 1e-10  # share of a step
 LIFTED, HIGHEST = 1e-6, 1e8  # first and last multiple of the identity that makes second derivatives positive
 CENTRED = 1e10  # times: how far a multiplier may be from barrier over slack
 FAR = 1e6  # violation of a row that is not finite
-RETURNS, LOOKED, NEARER = 8, 60, 0.9  # ways back at most, evaluations of each, and what one has to leave of violations
+RETURNS, LOOKED, NEARER = 12, 60, 0.9  # ways back at most, evaluations of each, and what one has to leave of violations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,6 +85,7 @@ def approached(
     z: Float[np.ndarray, " unknowns"],
     *,
     caps: Caps | None = None,
+    barrier: float = BARRIER,
     iterations: int = 300,
 ) -> Minimum:
     """Return a local minimum of cost · z below caps, complementary to ``LAST``, from any place.
@@ -91,7 +93,7 @@ def approached(
     Raises EvaluationFailed where the program is not finite.
     """
     size = float(np.linalg.norm(cost)) or 1.0
-    cost, barrier, done, returns = cost / size, BARRIER, 0, 0
+    cost, done, returns = cost / size, 0, 0
     it = _fresh(local(program, z, caps), cost, barrier)
     judge = _Filter(small=SMALL * max(1.0, _worth(cost, it.at.z, it.slack, it.at.equal, it.at.room, barrier)[0]))
     while True:
@@ -103,6 +105,10 @@ def approached(
         done += 1
         step = _newton(program, it, cost, caps, barrier)
         found = None if step is None else _searched(program, it, step, cost, caps, barrier, judge)
+        if found is None and step is not None and judge.pairs and returns < RETURNS:
+            judge.pairs.clear()  # it may have been too strict
+            returns += 1
+            found = _searched(program, it, step, cost, caps, barrier, judge)
         if found is None:
             back = _back(program, it, caps, barrier) if returns < RETURNS else None
             if back is None:
@@ -208,7 +214,7 @@ def _back(program: Rows, it: _Iterate, caps: Caps | None, barrier: float) -> Loc
 
     try:
         end = least_squares(lacking, it.at.z, slopes, max_nfev=LOOKED)
-    except (ValueError, LinAlgError):  # a slope was not finite
+        found = local(program, end.x, caps)
+    except (ValueError, LinAlgError, EvaluationFailed):  # a row or a slope was not finite
         return None
-    before = np.linalg.norm(lacking(it.at.z))
-    return local(program, end.x, caps) if np.linalg.norm(end.fun) < NEARER * before else None
+    return found if np.linalg.norm(end.fun) < NEARER * np.linalg.norm(lacking(it.at.z)) else None

@@ -78,13 +78,17 @@ class Local:
 def local(program: Rows, z: Float[np.ndarray, " unknowns"], caps: Caps | None = None) -> Local:
     """Return the program to first order; caps come after its own inequalities.
 
-    Raises EvaluationFailed where a row or a slope is not finite.
+    Raises EvaluationFailed where a row or a slope is not finite, or too few unknowns move the equalities.
     """
     (equal, room), table = rows_of(program, z, caps), slopes_of(program, z, caps)
     if not (np.isfinite(equal).all() and np.isfinite(room).all() and np.isfinite(table).all()):
         raise EvaluationFailed("program: finite rows and slopes wanted, got others")
     rows = len(equal)
     held = table[:rows].any(axis=0)  # all others are free, and stay what they are
+    if np.count_nonzero(held) < rows:
+        raise EvaluationFailed(
+            f"program: {rows} unknowns that move its equalities wanted, got {np.count_nonzero(held)}"
+        )
     turned, upper = np.linalg.qr(table[:rows, held].T, mode="complete")
     basis, back = np.zeros((len(z), len(z) - rows)), np.zeros((len(z), rows))
     free = np.count_nonzero(held) - rows

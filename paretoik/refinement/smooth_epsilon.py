@@ -9,13 +9,15 @@ from jaxtyping import Float
 
 from paretoik.convex.sequential import Caps
 from paretoik.errors import EvaluationFailed
-from paretoik.refinement.smooth_front import Sketch, least
+from paretoik.refinement.smooth_front import Sketch, least, quadratic
 from paretoik.refinement.spreading import SAME, fill_gaps, front_rows, known, spread_rows
 
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 FIRST_WEIGHT = 1e-3  # of the others there, until it is found
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
-NEAREST = 3  # points that every ε starts from
+APART = 0.05  # of the ranges: optima of one objective that are nearer than this to an end are no points of their own
+NEAREST = 2  # points, and optima of one objective, that every ε starts from
+BRIEF = 60  # quadratic programs, where interior points lead nowhere
 BESIDE = 2  # neighbours whose way each point tries at the end
 
 
@@ -26,9 +28,10 @@ def epsilon_points(
     points: int,
     observe: Callable[[int, int], object] | None = None,
 ) -> tuple[Float[np.ndarray, "points unknowns"], Float[np.ndarray, " n_obj"]]:
-    """Return at most so many points, spread over the front, its ends among them, and the ranges of the objectives.
+    """Return so many points at most, spread over the front, its ends among them, and the ranges of the objectives.
 
-    First the ends, from every start; then ε halfway between two neighbours of the widest gap, started from those near
+    Ends are there also where there are more of them than points wanted. First the ends, from every start; then ε
+    halfway between two neighbours of the widest gap, started from those near
     it; last, whether the way of a neighbour leads to something better. ``observe`` is called with points found and
     wanted.
 
@@ -39,8 +42,11 @@ def epsilon_points(
     ideal, nadir = payoff.min(axis=0), payoff.max(axis=0)
     wide = nadir - ideal > 1e-9 * np.maximum(np.abs(ideal), np.abs(nadir))
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
-    ends = [_finished(sketch.costs / ranges[:, None], sketch, k, group[0]) for k, group in enumerate(pool)]
-    found = _Found(sketch, ranges, np.array([*ends, *(z for group in pool for z in group[1:])]), observe, points)
+    shares = sketch.costs / ranges[:, None]
+    ends = np.array([_finished(shares, sketch, k, group[0]) for k, group in enumerate(pool)])
+    other = np.concatenate(pool)
+    apart = np.abs((other @ shares.T)[:, None] - ends @ shares.T).max(axis=2).min(axis=1)
+    found = _Found(sketch, ranges, np.concatenate([ends, other[apart > APART]]), other, observe, points)
     fill_gaps(lambda: found.front()[1], found.add, points)
     found.settle(points)
     z, values = found.front()
@@ -48,18 +54,19 @@ def epsilon_points(
 
 
 class _Found:
-    """The points so far, and how one more is found."""
+    """The points so far, and how one more is found: from those near it, and from a pool of what starts led to."""
 
     def __init__(
         self,
         sketch: Sketch,
         ranges: np.ndarray,
         z: np.ndarray,
+        pool: np.ndarray,
         observe: Callable[[int, int], object] | None,
         wanted: int,
     ) -> None:
         self.sketch, self.shares = sketch, sketch.costs / ranges[:, None]
-        self.z, self.observe, self.wanted = z, observe, wanted
+        self.z, self.pool, self.observe, self.wanted = z, pool, observe, wanted
 
     @property
     def values(self) -> Float[np.ndarray, "points n_obj"]:
@@ -69,8 +76,8 @@ class _Found:
 
     def add(self, main: int, caps: np.ndarray) -> bool:
         """Minimise objective ``main`` below caps from the nearest points; return whether that is a new one."""
-        apart = np.abs(self.values - np.where(np.isfinite(caps), caps, self.values)).max(axis=1)
-        best = self._best(main, caps, self.z[np.argsort(apart, kind="stable")[:NEAREST]])
+        starts = [self._nearest(part, caps) for part in (self.front()[0], self.pool)]
+        best = self._best(main, caps, np.concatenate(starts))
         if best is None or known(self.shares @ best, self.values):
             return False
         self._keep(best)
@@ -88,11 +95,20 @@ class _Found:
             if best is not None and (value - self.shares @ best)[main] > 10 * SAME:
                 self._keep(best)
 
+    def _nearest(self, z: np.ndarray, caps: np.ndarray) -> np.ndarray:
+        """Return the few of some points whose objectives are nearest to caps."""
+        values = z @ self.shares.T
+        apart = np.abs(values - np.where(np.isfinite(caps), caps, values)).max(axis=1)
+        return z[np.argsort(apart, kind="stable")[:NEAREST]]
+
     def _best(self, main: int, caps: np.ndarray, starts: np.ndarray) -> np.ndarray | None:
         """Return the best point below caps that starts lead to, None where they lead to none."""
         cost, others = self.shares[main] + WEIGHT * self.shares.sum(axis=0), np.isfinite(caps)
         below = Caps(rows=self.shares[others], most=caps[others])
         kept = [end.z for z in starts if (end := least(self.sketch, cost, z, below)) is not None]
+        if not kept:
+            end = quadratic(self.sketch, cost, starts[0], below, iterations=BRIEF)
+            kept = [] if end is None or not end.converged else [end.z]
         return min(kept, key=lambda z: float(cost @ z)) if kept else None
 
     def front(self) -> tuple[np.ndarray, np.ndarray]:

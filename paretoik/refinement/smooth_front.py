@@ -72,10 +72,17 @@ def least(
     return end if end.converged and end.violation <= HELD else None
 
 
-def _quadratic(sketch: Sketch, cost: np.ndarray, z: np.ndarray, caps: Caps) -> Minimum | None:
-    """Return the same, by quadratic programs."""
+def quadratic(
+    sketch: Sketch,
+    cost: Float[np.ndarray, " unknowns"],
+    z: Float[np.ndarray, " unknowns"],
+    caps: Caps,
+    *,
+    iterations: int = 200,
+) -> Minimum | None:
+    """Return the same by quadratic programs, which stay nearer; it need not have converged."""
     try:
-        end = minimised(sketch.program, cost, z, caps=caps)
+        end = minimised(sketch.program, cost, z, caps=caps, iterations=iterations)
     except EvaluationFailed:
         return None
     return end if end.violation <= HELD else None
@@ -104,7 +111,7 @@ def polished(
         else:
             end = least(sketch, shares[0] + BESIDE * total, one, Caps(rows=rows, most=rows @ one))
             if end is None:
-                end = _quadratic(sketch, total, one, Caps(rows=shares, most=shares @ one))
+                end = quadratic(sketch, total, one, Caps(rows=shares, most=shares @ one))
             good[i] = end is not None and end.converged
             if end is not None:
                 found[i] = end.z

@@ -24,7 +24,7 @@ def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " k
 
 
 def spread_rows(shares: Float[np.ndarray, "points n_obj"], most: int) -> Int[np.ndarray, " kept"]:
-    """Return at most so many points, well apart: the best of every objective, then always the farthest from all."""
+    """Return points well apart: the best of every objective, however many, then always the farthest, up to ``most``."""
     kept = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
     while len(kept) < min(most, len(shares)):
         gaps = np.linalg.norm(shares[:, None] - shares[None, kept], axis=2).min(axis=1)
