@@ -106,7 +106,7 @@ class _Found:
         cost, others = self.shares[main] + WEIGHT * self.shares.sum(axis=0), np.isfinite(caps)
         below = Caps(rows=self.shares[others], most=caps[others])
         kept = [end.z for z in starts if (end := least(self.sketch, cost, z, below)) is not None]
-        if not kept:
+        if len(starts) and not kept:
             end = quadratic(self.sketch, cost, starts[0], below, iterations=BRIEF)
             kept = [] if end is None or not end.converged else [end.z]
         return min(kept, key=lambda z: float(cost @ z)) if kept else None

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float, Int
 
+NARROWED = 0.95  # of a gap: what is left of it and counts as the same
 SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 
 
@@ -39,7 +40,8 @@ def fill_gaps(
 ) -> None:
     """Add points where neighbours on the front are farthest apart, until it has so many or no gap yields one.
 
-    ``add`` minimises an objective below caps (inf for its own), and says whether that was a new point.
+    ``add`` minimises an objective below caps (inf for its own), and says whether that was a new point. Across a jump of
+    the front it gives points at either edge for ever: a gap that stays as wide is left alone.
     """
     closed: set[tuple[float, ...]] = set()
     while True:
@@ -49,12 +51,25 @@ def fill_gaps(
         wide = [pair for pair in _gaps(values) if (*values[pair[0]], *values[pair[1]]) not in closed]
         if not wide:
             return
-        i, j = wide[0]
+        ends = values[list(wide[0])]
         # First across the longer side; a front with a jump may have a point for one ε and none for the other.
-        mains = np.argsort(np.abs(values[i] - values[j]), kind="stable").tolist()
-        middle = (values[i] + values[j]) / 2
-        if not any(add(main, np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains):
-            closed.add((*values[i], *values[j]))
+        mains = np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist()
+        middle = ends.mean(axis=0)
+        for main in mains:
+            if add(main, np.where(np.arange(len(middle)) == main, np.inf, middle)) and not _left(front(), ends):
+                break
+        else:
+            closed.update({tuple(ends.ravel().tolist()), *_left(front(), ends)})
+
+
+def _left(values: np.ndarray, ends: np.ndarray) -> list[tuple[float, ...]]:
+    """Return what is left of the gap between two points that is nearly as wide, as pairs of points."""
+    size = float(np.linalg.norm(ends[1] - ends[0]))
+    off = np.linalg.norm(values[:, None] - ends, axis=2)
+    inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
+    pairs = [(i, j) for i, j in _gaps(values) if inside[i] and inside[j]]
+    wide = [pair for pair in pairs if np.linalg.norm(values[pair[0]] - values[pair[1]]) >= NARROWED * size]
+    return [tuple(np.concatenate([values[i], values[j]]).tolist()) for i, j in wide]
 
 
 def widest_gap(values: Float[np.ndarray, "points n_obj"]) -> tuple[int, int]:
