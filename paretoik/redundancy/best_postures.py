@@ -29,6 +29,7 @@ KEPT, FEWEST, OFTEN = 24, 6, 3  # postures climbed from at most and at least; of
 ALIKE = 1e-6  # share by which what was reached may differ and be the same
 ROUNDS = 4  # of trying what was found for one direction in others
 ENOUGH, BATCHES = 64, 8  # postures that can be held, and times that samples are drawn for them at most
+FEW = 400  # postures that an error is told of
 TOGETHER = 2000  # postures that are looked at at once, for the memory it takes
 SIZE = 0.1  # m: times motors' fastest, about the speed of a tool
 UNABLE = 1e6  # share of what no slider can hold
@@ -115,8 +116,8 @@ def _swept(
     what = motors.SPEED if quantity == "velocity" else motors.HOLD
     if not planar_maxima.maxima((table, actuation.table, position, what), directions, values, q):
         raise _out_of_reach(table, position)
-    if (values < 0).any():  # between the places looked at there may be some that can hold
-        return _climbed(arm, actuation, position, directions, quantity, samples, rng)
+    if (values < 0).any():
+        raise _refused(arm, actuation, several_postures(arm, position, min(samples, FEW), rng), position)
     return q
 
 
@@ -257,8 +258,7 @@ def held_postures(
     held = found[~np.isnan(joint_speeds(actuation, found, loads(arm, found)).high).any(axis=1)]
     if len(held):
         return held
-    inside = q[excess == 0]
-    raise _cannot_hold(arm, actuation, inside) if len(inside) else _past_limits(arm, q, position)
+    raise _refused(arm, actuation, q, position)
 
 
 def _apart(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
@@ -328,6 +328,12 @@ def _overload(arm: Arm, actuation: Actuation, q: Joints) -> Float[np.ndarray, " 
     torque, (able, _) = loads(arm, q), holding(actuation, q)
     share = np.where(np.isnan(able), UNABLE, np.abs(torque) / np.where(able > 0, able, 1e-300))
     return np.asarray(share.max(axis=1))
+
+
+def _refused(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
+    """Return the error of postures none of which can be held within limits."""
+    inside = q[(past(arm, q) <= 0).all(axis=1)]
+    return _cannot_hold(arm, actuation, inside) if len(inside) else _past_limits(arm, q, position)
 
 
 def _cannot_hold(arm: Arm, actuation: Actuation, q: np.ndarray) -> Infeasible:

@@ -41,7 +41,7 @@ class Effort:
     steps: int = 100
     points: int = 12
     moments: int = 17
-    searches: int = 48
+    searches: int = 32
 
 
 QUICK = Effort(
