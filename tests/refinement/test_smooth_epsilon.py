@@ -6,24 +6,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.convex.smooth import smooth
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.refinement.smooth_epsilon import epsilon_points
-from paretoik.refinement.smooth_front import Sketch
-
-
-def sketched(unknowns, values, within=lambda x: ([], [])):
-    """Objectives are the last unknowns, each no less than its value; ``within`` gives further rows."""
-
-    def rows(z, known):
-        x = z[:unknowns]
-        found = values(x)
-        equal, room = within(x)
-        return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *room]
-
-    count = len(values(np.zeros(unknowns)))
-    program = smooth(unknowns + count, 0, rows)
-    return Sketch(program=program, costs=np.eye(unknowns + count)[unknowns:])
+from tests.refinement.sketches import sketched
 
 
 def apart(x, place):

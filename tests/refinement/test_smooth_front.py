@@ -5,24 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.convex.smooth import smooth
-from paretoik.refinement.smooth_front import Sketch, certified, polished
+from paretoik.refinement.smooth_front import certified, polished
+from tests.refinement.sketches import sketched
 
 ONES = np.ones(2)
-
-
-def sketched(unknowns, values, within=lambda x: ([], [])):
-    """Objectives are the last unknowns, each no less than its value; ``within`` gives further rows."""
-
-    def rows(z, known):
-        x = z[:unknowns]
-        found = values(x)
-        equal, room = within(x)
-        return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *room]
-
-    count = len(values(np.zeros(unknowns)))
-    program = smooth(unknowns + count, 0, rows)
-    return Sketch(program=program, costs=np.eye(unknowns + count)[unknowns:])
 
 
 def placed(values, x):
