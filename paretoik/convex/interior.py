@@ -2,8 +2,8 @@
 
 Limits get slacks, kept positive by a barrier that falls; steps are Newton's on the perturbed conditions, with exact
 second derivatives, made positive definite where they are not. A filter judges them: a step is taken that is better in
-violations or in cost than all before. Where none is, least squares lead back to the limits. From the same place it is
-ten to fifty times as quick as quadratic programs one after another (``sequential``). Source: Wächter & Biegler 2006;
+violations or in cost than all before. Where none is, least squares lead back to the limits. From afar it takes a
+fraction of the time of quadratic programs one after another (``sequential``). Source: Wächter & Biegler 2006;
 Nocedal & Wright, Numerical Optimization, chapter 19.
 """
 
@@ -20,7 +20,7 @@ from paretoik.convex.sequential import Caps, Local, Minimum, local, rows_of, slo
 from paretoik.convex.smooth import Rows
 from paretoik.errors import EvaluationFailed
 
-BARRIER, LAST = 1e-2, 1e-12  # first, unless told otherwise, and last
+BARRIER, LAST = 1e-2, 1e-12  # first and last
 SHARE, POWER = 0.2, 1.5  # the next barrier is the less of a share and a power of the last
 SOLVED = 10.0  # times the barrier: what the conditions may be off before it falls
 FLAT, FEASIBLE = 1e-8, 1e-10  # what slopes and violations may be off at any barrier
@@ -85,7 +85,6 @@ def approached(
     z: Float[np.ndarray, " unknowns"],
     *,
     caps: Caps | None = None,
-    barrier: float = BARRIER,
     iterations: int = 300,
 ) -> Minimum:
     """Return a local minimum of cost · z below caps, complementary to ``LAST``, from any place.
@@ -93,7 +92,7 @@ def approached(
     Raises EvaluationFailed where the program is not finite.
     """
     size = float(np.linalg.norm(cost)) or 1.0
-    cost, done, returns = cost / size, 0, 0
+    cost, barrier, done, returns = cost / size, BARRIER, 0, 0
     it = _fresh(local(program, z, caps), cost, barrier)
     judge = _Filter(small=SMALL * max(1.0, _worth(cost, it.at.z, it.slack, it.at.equal, it.at.room, barrier)[0]))
     while True:

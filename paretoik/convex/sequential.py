@@ -104,18 +104,16 @@ def minimised(
     z: Float[np.ndarray, " unknowns"],
     *,
     caps: Caps | None = None,
-    limits: Float[np.ndarray, " inequalities"] | None = None,
     radius: float = 0.1,
     iterations: int = 200,
 ) -> Minimum:
     """Return a local minimum of cost · z below caps, from a place that is near the equalities.
 
-    ``limits`` are multipliers of inequalities and caps to begin with, none by default. Raises EvaluationFailed where
-    the program is not finite.
+    Raises EvaluationFailed where the program is not finite.
     """
     longest, worth = radius, float(np.linalg.norm(cost))
     at, price, converged, done = local(program, z, caps), PRICE * worth, False, 0
-    limits = np.zeros(len(at.room)) if limits is None else limits
+    limits = np.zeros(len(at.room))
     while done < iterations:
         done += 1
         bent = _bent(program, at, caps, cost, limits)

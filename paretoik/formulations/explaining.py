@@ -12,6 +12,6 @@ def explained(names: Sequence[str], units: Sequence[str], excess: Float[np.ndarr
     """Return for each row of excesses the largest one with its unit, "" where none is above 0."""
     worst = excess.argmax(axis=1)
     return [
-        f"{names[k]} violated by {row[k]:.3g} {units[k]}" if row[k] > 0 else ""
+        f"{names[k]} violated by {row[k]:.3g} {units[k]}".rstrip() if row[k] > 0 else ""
         for row, k in zip(excess, worst, strict=True)
     ]

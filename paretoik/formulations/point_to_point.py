@@ -226,7 +226,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             target=self.target,
             spline=known.spline,
             pace=known.pace,
-            toil=known.toil,
+            work_unit=known.work_unit,
         )
 
     def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:

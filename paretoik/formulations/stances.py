@@ -130,7 +130,7 @@ class Stances:
         assert isinstance(self.actuation, DistributedActuation)
         ratios = np.stack(self.actuation.gears(at.q, at.front)[1:], axis=1)
         efforts = ratios * torque[:, None]
-        ends = [curve.speeds(efforts[:, m]) for m, curve in enumerate((self.actuation.front, self.actuation.back))]
+        ends = [curve.speeds(efforts[:, m]) for m, curve in enumerate(self.actuation.curves)]
         low, high = (np.stack([end[side] for end in ends], axis=1) for side in (0, 1))
         ahead = at.dq[:, :, None] > 0
         most = np.where((ratios > 0)[:, None] == ahead, high[:, None], low[:, None])

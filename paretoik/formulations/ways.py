@@ -23,7 +23,7 @@ ROLL_OUTS = 256
 DEGREE = 3
 BOWS = (0.5, 1.0, 2.0)  # of the way: how far lines are bowed sideways
 PLACES = 5  # of sliders that stay where they are
-TOIL = 1e-6  # J: what work is counted in at least, without gravity there is none
+LEAST_UNIT = 1e-6  # J: what work is counted in at least, without gravity there is none
 APART = 0.2  # rad or m: ways whose coefficients are nearer than this are one
 
 
@@ -32,8 +32,8 @@ class Ways:
     """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
 
     ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
-    by which either end is led back to its place, ``pace`` [s] and ``toil`` [J] are the quickest way's mean interval and
-    mean work of a motor in it.
+    by which either end is led back to its place, ``pace`` [s] and ``work_unit`` [J] are the quickest way's mean interval
+    and mean work of a motor in it.
     """
 
     arm: Arm
@@ -43,7 +43,7 @@ class Ways:
     spline: Float[np.ndarray, "time coefficients"]
     across: Float[np.ndarray, "bases 2 dof rows"]
     pace: float
-    toil: float
+    work_unit: float
 
     @property
     def size(self) -> int:
@@ -113,7 +113,7 @@ def ways(
         spline=table,
         across=_across(task, fitted),
         pace=1.0,
-        toil=1.0,
+        work_unit=1.0,
     )
     with np.errstate(invalid="ignore"):
         timing, past = timed(arm, actuation, q, front), empty.past(q, front)
@@ -124,9 +124,14 @@ def ways(
     order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
     rows = _apart(fitted, order, bases)
     pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
-    toil = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
+    work_unit = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
     return replace(
-        empty, q=fitted[rows], shares=shares[rows], across=empty.across[rows], pace=pace, toil=max(toil, TOIL)
+        empty,
+        q=fitted[rows],
+        shares=shares[rows],
+        across=empty.across[rows],
+        pace=pace,
+        work_unit=max(work_unit, LEAST_UNIT),
     )
 
 

@@ -46,8 +46,7 @@ class Capability:
     @property
     def curves(self) -> tuple[MotorCurve, ...]:
         """The motors of every joint."""
-        known = self.actuation
-        return (known.front, known.back) if isinstance(known, DistributedActuation) else (known.motors,)
+        return self.actuation.curves
 
     @cached_property
     def sizes(self) -> dict[str, tuple[int, ...]]:

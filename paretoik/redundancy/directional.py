@@ -215,7 +215,7 @@ def _driven(
     ratios = _ratios(actuation, q, front)
     effort = ratios * torque[:, None]
     found = []
-    for m, curve in enumerate((actuation.front, actuation.back)):
+    for m, curve in enumerate(actuation.curves):
         low, high = curve.speeds(effort[:, m])
         found.append(share * np.where((ratios[:, m] > 0) == ahead, high, low))
     return front, np.stack(found, axis=1), effort

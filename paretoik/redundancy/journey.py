@@ -18,7 +18,7 @@ from paretoik.convex.assembled import Assembled, Part
 from paretoik.convex.smooth import Smooth, smooth
 from paretoik.redundancy.capability import backs, geared
 from paretoik.robot import dynamics, kinematics
-from paretoik.robot.actuation import Actuation, DistributedActuation, MotorCurve
+from paretoik.robot.actuation import Actuation, DistributedActuation
 from paretoik.robot.arm import Arm
 
 REACH = 5  # coefficients of a cubic spline that two samples beside each other may hang on
@@ -28,7 +28,7 @@ REACH = 5  # coefficients of a cubic spline that two samples beside each other m
 class Journey:
     """What is asked: from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
 
-    ``pace`` [s] is what intervals are counted in, ``toil`` [J] work; joints in rad (m), sliders in rods' lengths.
+    ``pace`` [s] is what intervals are counted in, ``work_unit`` [J] work; joints in rad (m), sliders in rods' lengths.
     """
 
     arm: Arm
@@ -37,7 +37,7 @@ class Journey:
     target: Float[np.ndarray, " task"]
     spline: Float[np.ndarray, "time coefficients"]
     pace: float
-    toil: float
+    work_unit: float
 
     @property
     def motors(self) -> int:
@@ -63,7 +63,7 @@ class Journey:
         """What duration [s] and energy [J] are of the unknowns."""
         found = np.zeros((2, self.count))
         found[0, self.begins["times"]] = self.pace
-        found[1, self.begins["work"]] = self.toil
+        found[1, self.begins["work"]] = self.work_unit
         return found
 
     def unknowns(
@@ -71,7 +71,12 @@ class Journey:
     ) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of coefficients (points, coefficients, dof), intervals [s] and work [J]."""
         rod = getattr(self.actuation, "rod", 1.0)
-        parts = [q, (front / rod)[..., : self.arm.dof * (self.motors - 1)], intervals / self.pace, work / self.toil]
+        parts = [
+            q,
+            (front / rod)[..., : self.arm.dof * (self.motors - 1)],
+            intervals / self.pace,
+            work / self.work_unit,
+        ]
         return np.concatenate([part.reshape(len(q), -1) for part in parts], axis=1)
 
     def coefficients(self, z: Float[np.ndarray, "points unknowns"]) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +100,7 @@ class Journey:
         times = self.begins["times"].start + np.arange(steps)[:, None]
         work = self.begins["work"].start + np.arange(steps * self.motors * self.arm.dof).reshape(steps, -1)
         moving = Part(
-            program=_interval(self.arm, self.actuation, reach, self.pace, self.toil),
+            program=_interval(self.arm, self.actuation, reach, self.pace, self.work_unit),
             where=np.concatenate([self._where(near[:-1]), times, work], axis=1),
             parameters=np.concatenate([weights[:-1], after], axis=1),
         )
@@ -136,7 +141,7 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
         q, front = _at(arm, actuation, z, known)
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         ratios, room = geared(arm, actuation, q, front)
-        for m, curve in enumerate(_curves(actuation)):
+        for m, curve in enumerate(actuation.curves):
             for j in np.flatnonzero(np.isfinite(curve.stall)):
                 share = ratios[j][m] * load[j] / curve.stall[j]
                 room += [1.0 - share, 1.0 + share]
@@ -146,9 +151,9 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
 
 
 @lru_cache(maxsize=32)
-def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, toil: float) -> Smooth:
+def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit: float) -> Smooth:
     """Return the program of the motors between two samples."""
-    curves = _curves(actuation)
+    curves = actuation.curves
     size, dof = _size(arm, actuation, reach), arm.dof
 
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
@@ -166,15 +171,11 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, toil: flo
             effort = np.array([ratios[j][m] * load[j] for j in range(dof)], dtype=object)
             travel = np.array(way, dtype=object)
             room += list(curve.room(effort, travel, duration).ravel() / pace)
-            done = effort * travel / toil
+            done = effort * travel / work_unit
             room += [w + sign * one for w, one in zip(work[m], done, strict=True) for sign in (-1.0, 1.0)]
         return [], room
 
     return smooth(size + 1 + len(curves) * dof, 2 * reach, rows)
-
-
-def _curves(actuation: Actuation) -> tuple[MotorCurve, ...]:
-    return (actuation.front, actuation.back) if isinstance(actuation, DistributedActuation) else (actuation.motors,)
 
 
 def _size(arm: Arm, actuation: Actuation, reach: int) -> int:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.robot import dynamics
-from paretoik.robot.actuation import Actuation, DistributedActuation, MotorCurve
+from paretoik.robot.actuation import Actuation, DistributedActuation
 from paretoik.robot.arm import Arm
 
 STILL = 1e-9  # rad or m: a motor that travels no more between two samples rests, even under all it can bear
@@ -54,19 +54,17 @@ def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> T
     """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof)."""
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
     load, still = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
-    curves: tuple[MotorCurve, ...]
     if isinstance(actuation, DistributedActuation):
         back = actuation.gears(q, front)[0]
         ratios = actuation.gears(middle, (front[..., 1:, :] + front[..., :-1, :]) / 2)[1:]
         effort = np.stack([ratio * load for ratio in ratios], axis=-2)
         travel = np.stack([np.diff(front, axis=-2), np.diff(back, axis=-2)], axis=-2)
         held = np.stack([ratio * still for ratio in actuation.gears(q, front)[1:]], axis=-2)
-        curves = (actuation.front, actuation.back)
     else:
-        effort, travel, curves = load[..., None, :], np.diff(q, axis=-2)[..., None, :], (actuation.motors,)
+        effort, travel = load[..., None, :], np.diff(q, axis=-2)[..., None, :]
         held = still[..., None, :]
     shares, times = list[np.ndarray](), list[np.ndarray]()
-    for m, curve in enumerate(curves):
+    for m, curve in enumerate(actuation.curves):
         low, high = curve.speeds(effort[..., m, :])
         way = travel[..., m, :]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -31,9 +31,8 @@ def epsilon_points(
     """Return so many points at most, spread over the front, its ends among them, and the ranges of the objectives.
 
     Ends are there also where there are more of them than points wanted. First the ends, from every start; then ε
-    halfway between two neighbours of the widest gap, started from those near
-    it; last, whether the way of a neighbour leads to something better. ``observe`` is called with points found and
-    wanted.
+    halfway between two neighbours of the widest gap, started from those near it; last, whether the way of a neighbour
+    leads to something better. ``observe`` is called with points found and wanted.
 
     Raises EvaluationFailed where no start leads to a point that keeps all limits.
     """
@@ -46,7 +45,7 @@ def epsilon_points(
     ends = np.array([_finished(shares, sketch, k, group[0]) for k, group in enumerate(pool)])
     other = np.concatenate(pool)
     apart = np.abs((other @ shares.T)[:, None] - ends @ shares.T).max(axis=2).min(axis=1)
-    found = _Found(sketch, ranges, np.concatenate([ends, other[apart > APART]]), other, observe, points)
+    found = _Found(sketch, shares, np.concatenate([ends, other[apart > APART]]), other, observe, points)
     fill_gaps(lambda: found.front()[1], found.add, points)
     found.settle(points)
     z, values = found.front()
@@ -59,13 +58,13 @@ class _Found:
     def __init__(
         self,
         sketch: Sketch,
-        ranges: np.ndarray,
+        shares: np.ndarray,
         z: np.ndarray,
         pool: np.ndarray,
         observe: Callable[[int, int], object] | None,
         wanted: int,
     ) -> None:
-        self.sketch, self.shares = sketch, sketch.costs / ranges[:, None]
+        self.sketch, self.shares = sketch, shares
         self.z, self.pool, self.observe, self.wanted = z, pool, observe, wanted
 
     @property

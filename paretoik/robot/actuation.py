@@ -17,7 +17,7 @@ from paretoik.arrays import Joints
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import motors as compiled
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
+from paretoik.robot.rods import check_geometry, reached, spread
 
 MotorShape = Literal["diamond", "strip", "box"]
 TOGGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 than this, sliders hardly turn the joint and it hardly bears a load
@@ -135,6 +135,11 @@ class JointActuation:
         """Number of joints."""
         return len(self.motors.stall)
 
+    @property
+    def curves(self) -> tuple[MotorCurve, ...]:
+        """The motors of every joint: one."""
+        return (self.motors,)
+
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
         """What ``motors`` reads: a row a joint."""
@@ -204,10 +209,10 @@ class DistributedActuation:
                 f"got {len(back.stall)} of shape {back.shape}"
             )
         numbers = {"rod": rod, "zero": zero, "bend": bend, "least_angle": least_angle}
-        settled = {name: _spread(name, value, (dof,)) for name, value in numbers.items()}
+        settled = {name: spread(name, value, (dof,)) for name, value in numbers.items()}
         pairs = {"front_bounds": front_bounds, "back_bounds": front_bounds if back_bounds is None else back_bounds}
-        settled |= {name: _spread(name, value, (dof, 2)) for name, value in pairs.items()}
-        _check_geometry(**settled)
+        settled |= {name: spread(name, value, (dof, 2)) for name, value in pairs.items()}
+        check_geometry(**settled)
         for name, value in {"front": front, "back": back, **settled}.items():
             object.__setattr__(self, name, value)
         _ = self.angle_bounds  # it refuses sliders that reach none
@@ -216,6 +221,11 @@ class DistributedActuation:
     def dof(self) -> int:
         """Number of joints."""
         return len(self.rod)
+
+    @property
+    def curves(self) -> tuple[MotorCurve, ...]:
+        """The motors of every joint: those of the front and of the back slider."""
+        return (self.front, self.back)
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
@@ -235,7 +245,7 @@ class DistributedActuation:
         """The least and the largest rod's angle θ [rad] that sliders within their bounds can give."""
         return np.array(
             [
-                _reached(*each)
+                reached(*each)
                 for each in zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)
             ]
         )
@@ -277,7 +287,7 @@ def speeds_with(actuation: Actuation, q: Joints, torque: Joints, front: Joints) 
     ratios = actuation.gears(q, front)[1:]
     ends = [
         np.sort([ratio * speed for speed in curve.speeds(ratio * torque)], axis=0)
-        for ratio, curve in zip(ratios, (actuation.front, actuation.back), strict=True)
+        for ratio, curve in zip(ratios, actuation.curves, strict=True)
     ]
     return ends[0][0] + ends[1][0], ends[0][1] + ends[1][1]
 
@@ -351,57 +361,3 @@ def _positive(what: str, value: object) -> Float[np.ndarray, " dof"]:
         raise InvalidInput(f"motor curve: {what} wants positive numbers, one a joint, got {value!r}")
     found.setflags(write=False)
     return found
-
-
-def _reached(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tuple[float, float]:
-    """Return the least and largest θ that sliders within bounds give, toggles left out; raise InvalidInput for none.
-
-    cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other less c², and
-    falls from there: it is least at a corner, and most at a corner or such a place.
-    """
-    places = [(s, b) for s in front for b in back]
-    for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
-        tops = [np.clip(np.sqrt(max(one * one - rod * rod, 0.0)), low, high) for one in fixed]
-        places += [(b, s) if turned else (s, b) for s, b in zip(fixed, tops, strict=True)]
-    cosines = [(rod * rod - s * s - b * b) / (2 * s * b) for s, b in places]
-    ends = np.arccos(np.clip([max(cosines), min(cosines)], -1.0, 1.0))
-    fits = min(cosines) <= 1.0 and max(cosines) >= -1.0
-    low, high = max(float(ends[0]), least), min(float(ends[1]), np.pi - least)
-    if not fits or low > high:
-        raise InvalidInput(
-            f"distributed actuation: sliders that reach a rod's angle away from its toggles wanted, got front "
-            f"{front.tolist()} m and back {back.tolist()} m with a rod of {rod:g} m"
-        )
-    return low, high
-
-
-def _spread(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
-    given = finite_array(f"distributed actuation: {name}", value)  # type: ignore[arg-type]  # it refuses what is none
-    try:
-        settled = np.broadcast_to(given, shape).copy()
-    except ValueError:
-        raise InvalidInput(f"distributed actuation: {name} wants shape {shape}, got {given.shape}") from None
-    settled.setflags(write=False)
-    return settled
-
-
-def _check_geometry(
-    *,
-    rod: np.ndarray,
-    zero: np.ndarray,
-    bend: np.ndarray,
-    least_angle: np.ndarray,
-    front_bounds: np.ndarray,
-    back_bounds: np.ndarray,
-) -> None:
-    def refused(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
-        if wrong.any():
-            j = int(np.argmax(wrong))
-            raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
-
-    refused(rod <= 0, "a rod longer than 0 wanted", rod)
-    refused(~np.isin(bend, (-1.0, 1.0)), "bend 1 or −1 wanted", bend)
-    refused((least_angle <= 0) | (least_angle >= np.pi), "a least angle between 0 and π wanted", least_angle)
-    for what, pairs in (("front", front_bounds), ("back", back_bounds)):
-        refused((pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]), f"{what} bounds 0 < lower ≤ upper wanted", pairs)
-    refused(front_bounds[:, 1] > rod, "front sliders no farther than the rod is long wanted", front_bounds)
