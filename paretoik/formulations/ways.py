@@ -32,8 +32,8 @@ class Ways:
     """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
 
     ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
-    by which either end is led back to its place, ``pace`` [s] and ``work_unit`` [J] are the quickest way's mean interval
-    and mean work of a motor in it.
+    by which either end is led back to its place, ``pace`` [s] is the quickest way's mean interval, ``work_unit`` [J]
+    the mean work of a motor in it.
     """
 
     arm: Arm
