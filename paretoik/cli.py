@@ -15,13 +15,13 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from paretoik.api.summary import choice_text, columns, entries, result_text
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.results import choice_text, columns, entries, result_text
 
 if TYPE_CHECKING:
+    from paretoik.api.solve import Observer
     from paretoik.review.generation import Generation
     from paretoik.search.progress import Progress
-    from paretoik.solving import Observer
 
 STOPPED_BY_LIMIT = 5
 EXIT_CODES = {"time limit": STOPPED_BY_LIMIT, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
@@ -120,7 +120,7 @@ def solve(
     """
     with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
         with _status("loading the problem", quiet):
-            from paretoik import solving
+            from paretoik.api import solve as solving
             from paretoik.loading import load_problem
 
             opened = load_problem(problem)
@@ -160,7 +160,7 @@ def select(
     A closed loop is followed anew with these weights at every step.
     """
     with redirect_stdout(sys.stderr):
-        from paretoik import solving
+        from paretoik.api import solve as solving
         from paretoik.front.preferences import Weights
 
         preference = Weights(_weights(weights))
@@ -249,7 +249,7 @@ def _course(problem: Any, generations: int | None) -> tuple[str, int]:
     """Return what is counted on the way, and how many there are at most."""
     if hasattr(problem, "reweighed"):
         return "step", len(problem.task.times) - 1
-    from paretoik.solving import GENERATIONS
+    from paretoik.api.solve import GENERATIONS
 
     return "generation", GENERATIONS if generations is None else generations
 

@@ -10,17 +10,17 @@ import hypothesis
 import jaxtyping
 import pytest
 
-import paretoik.formulations.closed_loop.configurations
-import paretoik.formulations.closed_loop.engine
-import paretoik.formulations.closed_loop.freedom
-import paretoik.formulations.closed_loop.surroundings
-import paretoik.redundancy.exact_step
-import paretoik.redundancy.planar_maxima
-import paretoik.redundancy.resolving.following
-import paretoik.redundancy.resolving.minimising
-import paretoik.refinement.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
+import paretoik.capability.motors
+import paretoik.capability.planar_maxima
+import paretoik.closed_loop.admissible_steps
+import paretoik.closed_loop.configurations
+import paretoik.closed_loop.engine
+import paretoik.closed_loop.exact_step
+import paretoik.closed_loop.obstacles
+import paretoik.nlp.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
+import paretoik.resolution.horizon_newton
+import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
-import paretoik.robot.motors
 import paretoik.task.compiled  # noqa: F401  before the hook, as all that is compiled
 import tests.shape_checks  # noqa: F401  the hook knows it by name
 

@@ -15,10 +15,10 @@ import pytest
 import rerun as rr
 
 from paretoik import __version__
+from paretoik.api.solve import load_front
 from paretoik.cli import main
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import claimed
-from paretoik.solving import load_front
 
 ROOT = Path(__file__).parents[1]
 TRINGALI = str(ROOT / "problems" / "tringali_2020.py")

@@ -89,7 +89,7 @@ def test_the_modules_doctests_are_run():
         text=True,
         check=True,
     )
-    assert "paretoik/robot/library.py::paretoik.robot.library.tringali_3r" in collected.stdout
+    assert "paretoik/robot/arms.py::paretoik.robot.arms.tringali_3r" in collected.stdout
 
 
 def test_no_file_names_a_machine_or_a_registry():

@@ -17,21 +17,21 @@ from jaxtyping import Float
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
-from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.explaining import explained
-from paretoik.formulations.stances import Stance, Stances
-from paretoik.redundancy.best_postures import held_postures, held_still, loads, values_at
-from paretoik.redundancy.capability import Capability
-from paretoik.redundancy.directional import unit_directions
-from paretoik.redundancy.self_motion_curves import wrapped
-from paretoik.refinement.smooth_front import Sketch
-from paretoik.robot.actuation import (
+from paretoik.capability.actuation import (
     Actuation,
     DistributedActuation,
     check_actuation,
 )
+from paretoik.capability.best_postures import held_postures, held_still, loads, values_at
+from paretoik.capability.capability import Capability
+from paretoik.capability.directional import unit_directions
+from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.configurations import Stance, Stances
+from paretoik.formulations.violations import explained
+from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
+from paretoik.self_motion.curves import wrapped
 from paretoik.task.retraction import ACCEPTED, retract
 
 BESIDE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion

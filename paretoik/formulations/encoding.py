@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from paretoik.arrays import Genes
-from paretoik.redundancy.self_motion import Charts, charts
+from paretoik.self_motion.starts import Charts, charts
 from paretoik.task.motion_task import MotionTask
 
 RADII = np.array([0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6])  # rad or m, tried from the base outwards

@@ -19,14 +19,14 @@ from jaxtyping import Float
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, JointPaths
+from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
+from paretoik.capability.best_postures import held_still
+from paretoik.capability.journey import Journey
+from paretoik.capability.timing import Timing, timed
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.explaining import explained
-from paretoik.formulations.ways import Ways, ways
-from paretoik.redundancy.best_postures import held_still
-from paretoik.redundancy.journey import Journey
-from paretoik.redundancy.timing import Timing, timed
-from paretoik.refinement.smooth_front import Sketch
-from paretoik.robot.actuation import Actuation, DistributedActuation, check_actuation
+from paretoik.formulations.initial_paths import Ways, ways
+from paretoik.formulations.violations import explained
+from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
 from paretoik.task.motion import Motion

@@ -15,19 +15,19 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
-from paretoik.redundancy.resolving.horizon import horizon
-from paretoik.redundancy.resolving.methods import PredictiveKineticEnergy
-from paretoik.redundancy.resolving.predictive import PredictiveTraces, rhythms
-from paretoik.redundancy.resolving.resolution import resolve
-from paretoik.redundancy.resolving.traces import ResolvedMotion
-from paretoik.redundancy.self_motion_curves import wrapped
-from paretoik.refinement.multistart import planned
+from paretoik.resolution.horizon import horizon
+from paretoik.resolution.methods import PredictiveKineticEnergy
+from paretoik.resolution.predictive import PredictiveTraces, rhythms
+from paretoik.resolution.resolve import resolve
+from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
+from paretoik.self_motion.curves import wrapped
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.path import Path
 from paretoik.task.task import Task
+from paretoik.trajectory.multistart import planned
 
 FARTHEST = 6  # samples ahead, at most
 WINDOW = 0.5  # share of the duration that is looked at, at most

@@ -18,15 +18,15 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
-from paretoik.redundancy.resolving.lanes import ranges
-from paretoik.redundancy.resolving.methods import Criterion, GradientProjection, Variant, WeightedGradientProjection
-from paretoik.redundancy.resolving.programs import step_program
-from paretoik.redundancy.resolving.resolution import resolve
-from paretoik.redundancy.resolving.traces import ResolvedMotion
-from paretoik.redundancy.self_motion import postures, unreachable
-from paretoik.redundancy.self_motion_curves import chained, wrapped
+from paretoik.resolution.batch import ranges
+from paretoik.resolution.methods import Criterion, GradientProjection, Variant, WeightedGradientProjection
+from paretoik.resolution.resolve import resolve
+from paretoik.resolution.step_program import step_program
+from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
+from paretoik.self_motion.curves import chained, wrapped
+from paretoik.self_motion.starts import postures, unreachable
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, joint_limit_nearness, joint_travel
 from paretoik.task.obstacles import Obstacle

@@ -16,11 +16,11 @@ from pymoo.core.problem import Problem
 from paretoik.arrays import Genes, Objectives
 from paretoik.errors import InvalidInput
 from paretoik.formulations.encoding import Encoding, encoding
-from paretoik.redundancy.branches import labels
-from paretoik.redundancy.self_motion import candidates
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
+from paretoik.self_motion.branches import labels
+from paretoik.self_motion.starts import candidates
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion

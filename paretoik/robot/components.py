@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from paretoik.calculus.expressions import Expression
+from paretoik.autodiff.tape import Expression
 
 if TYPE_CHECKING:
     Component: TypeAlias = "float | np.ndarray"  # as far as types go, an expression passes for an array

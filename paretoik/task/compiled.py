@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.calculus.compiling import compiled
-from paretoik.calculus.running import block
+from paretoik.autodiff.interpreter import block
+from paretoik.compilation import compiled
 
 
 @compiled

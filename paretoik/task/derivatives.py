@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.calculus.expressions import Expression, entry
-from paretoik.calculus.traced import NotLocal, Trace, Traced
+from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.tracing import NotLocal, Trace, Traced
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.components import Component

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.calculus.expressions import Tape, entry
-from paretoik.calculus.machine import Program, program
+from paretoik.autodiff.evaluator import Program, program
+from paretoik.autodiff.tape import Tape, entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import chain
 from paretoik.task.task import Task

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times
-from paretoik.calculus.expressions import choose
+from paretoik.autodiff.tape import choose
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.components import (

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
+from paretoik.api.solve import POPULATION
 from paretoik.front.indicators import hypervolume
-from paretoik.solving import POPULATION
 from problems.tringali_2020 import energy_torque
 from studies.reporting import REPORTED, Row, report
 

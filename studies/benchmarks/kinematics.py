@@ -18,9 +18,9 @@ import numpy as np
 
 from paretoik.formulations.tracking import Tracking
 from paretoik.robot.arm import Arm
+from paretoik.robot.arms import tringali_3r
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import posed_jacobian
-from paretoik.robot.library import tringali_3r
 from paretoik.search import seeded_population
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.redundancy.best_postures import loads
-from paretoik.robot.actuation import joint_speeds
+from paretoik.capability.actuation import joint_speeds
+from paretoik.capability.best_postures import loads
 from studies.kim_2021.continuous import TIE, polished, resolved
 from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refined, wrapped
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper

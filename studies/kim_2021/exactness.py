@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 import paretoik as pk
-from paretoik.convex.linear import furthest
-from paretoik.redundancy.best_postures import loads
-from paretoik.redundancy.directional import unit_directions
-from paretoik.redundancy.fastest_path import path_time
-from paretoik.redundancy.zonotopes import fastest
-from paretoik.robot.actuation import joint_speeds
+from paretoik.capability.actuation import joint_speeds
+from paretoik.capability.best_postures import loads
+from paretoik.capability.directional import unit_directions
+from paretoik.capability.fastest_path import path_time
+from paretoik.capability.zonotopes import fastest
+from paretoik.nlp.linear_program import furthest
 from paretoik.robot.kinematics import jacobian
 from problems.panda import panda
 from studies.kim_2021.full_program import full_program, places

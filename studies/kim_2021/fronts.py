@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.convex.sequential import Caps
-from paretoik.redundancy.timing import timed
-from paretoik.refinement.smooth_front import least
+from paretoik.capability.timing import timed
+from paretoik.nlp.dense_sqp import Caps
+from paretoik.pareto.refine import least
 from paretoik.review.plots import ACCENTS, QUIET
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET

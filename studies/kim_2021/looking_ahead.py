@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.redundancy.speed_models import LogEllipsoids, Polynomials
+from paretoik.capability.speed_models import LogEllipsoids, Polynomials
 from studies.kim_2021.full_program import QUIET, toleranced
 
 LENGTH = 0.1  # m: what points are counted in

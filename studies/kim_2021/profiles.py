@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.redundancy.best_postures import loads
-from paretoik.robot.actuation import joint_speeds
+from paretoik.capability.actuation import joint_speeds
+from paretoik.capability.best_postures import loads
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,9 +7,9 @@ from time import perf_counter
 import numpy as np
 
 import paretoik as pk
-from paretoik.redundancy.directional import unit_directions
-from paretoik.redundancy.speed_models import LogEllipsoids
-from paretoik.redundancy.time_optimal import Planner
+from paretoik.capability.directional import unit_directions
+from paretoik.capability.speed_models import LogEllipsoids
+from paretoik.capability.time_optimal import Planner
 from studies.kim_2021.full_program import full_program
 from studies.kim_2021.looking_ahead import looking_ahead
 from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, speeds

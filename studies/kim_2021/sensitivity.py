@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 import paretoik as pk
+from paretoik.capability.actuation import TOGGLE
 from paretoik.errors import Infeasible
-from paretoik.robot.actuation import TOGGLE
 from studies.kim_2021.polygons import EQUAL
 from studies.kim_2021.setting import DIRECTIONS, POSITIONS, beside_paper, paper
 from studies.reporting import Row

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.capability.directional import unit_directions
+from paretoik.capability.speed_fits import FitErrors, fit_axes, fit_ellipsoids, fit_errors
+from paretoik.capability.speed_models import AxesEllipses, LogEllipsoids
 from paretoik.errors import ParetoikError
-from paretoik.redundancy.directional import unit_directions
-from paretoik.redundancy.speed_fits import FitErrors, fit_axes, fit_ellipsoids, fit_errors
-from paretoik.redundancy.speed_models import AxesEllipses, LogEllipsoids
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper, speeds
 from studies.reporting import Row
 

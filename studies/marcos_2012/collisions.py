@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paretoik.formulations.closed_loop.result import ClosedLoopRun
-from paretoik.redundancy.extended_jacobian import link_lengths, shapes
+from paretoik.closed_loop.extended_jacobian import link_lengths, shapes
+from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from problems import marcos_2012
 from studies.reporting import Row
 
@@ -16,7 +16,7 @@ BETWEEN = 20  # times finer than the steps
 
 def meets(run: ClosedLoopRun, *, finer: int = BETWEEN) -> tuple[int, float]:
     """Return at how many places of a finer grid the arm meets an obstacle, and the longest step of a joint [rad]."""
-    from paretoik.redundancy.exact_step import hits  # here: numba takes its time
+    from paretoik.closed_loop.exact_step import hits  # here: numba takes its time
 
     lengths, (circles, boxes) = link_lengths(run.task.arm), shapes(run.task.obstacles)
     q = run.q

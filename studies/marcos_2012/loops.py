@@ -13,8 +13,8 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from paretoik.formulations.closed_loop.result import ClosedLoopRun
-from paretoik.redundancy.extended_jacobian import exact_steps
+from paretoik.closed_loop.extended_jacobian import exact_steps
+from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from paretoik.task.motion import Motion
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, STEPS, Links

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
-from paretoik.redundancy.extended_jacobian import exact_steps
+from paretoik.closed_loop.extended_jacobian import exact_steps
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, RADIUS
 from studies.marcos_2012.loops import WEIGHTS, Cell

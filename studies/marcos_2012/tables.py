@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from paretoik.formulations.closed_loop.result import mean_position_error
+from paretoik.formulations.closed_loop_result import mean_position_error
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012.loops import Cell, Followed, follow
 from studies.reporting import REPORTED, Row

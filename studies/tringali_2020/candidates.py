@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import paretoik as pk
-from paretoik.redundancy.self_motion import candidates
+from paretoik.self_motion.starts import candidates
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside
 from studies.tringali_2020.simulations import MASSES, as_printed, with_arm

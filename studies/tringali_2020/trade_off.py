@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool
 
 import paretoik as pk
-from paretoik.redundancy.branches import labels
+from paretoik.self_motion.branches import labels
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import as_printed, machine, with_arm

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 import paretoik as pk
-from paretoik.redundancy.branches import labels
-from paretoik.redundancy.grid_oracle import grid_oracle
-from paretoik.redundancy.variational import Extremal, shooting, variational
-from paretoik.refinement.multistart import Optimum
+from paretoik.resolution.variational import Extremal, shooting, variational
+from paretoik.self_motion.branches import labels
+from paretoik.trajectory.grid_oracle import grid_oracle
+from paretoik.trajectory.multistart import Optimum
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import Simulation

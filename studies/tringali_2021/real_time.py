@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 import paretoik as pk
-from paretoik.redundancy.resolving.horizon import Found, Horizon, horizon
-from paretoik.redundancy.resolving.predictive import PredictiveTraces, predicted
-from paretoik.redundancy.resolving.resolution import TOLERANCE
+from paretoik.resolution.horizon import Found, Horizon, horizon
+from paretoik.resolution.predictive import PredictiveTraces, predicted
+from paretoik.resolution.resolve import TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021
 from problems.tringali_2021 import START

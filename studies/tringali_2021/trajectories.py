@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 
 import paretoik as pk
-from paretoik.redundancy.grid_oracle import grid_oracle
 from paretoik.robot.dynamics import inertia_matrix
+from paretoik.trajectory.grid_oracle import grid_oracle
 from problems import tringali_2021
 from problems.tringali_2021 import START
 from studies.reporting import REPORTED, Row

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.redundancy.self_motion import postures
+from paretoik.self_motion.starts import postures
 from paretoik.task.motion_task import motion_task
 from problems import wan_2018
 from problems.wan_2018 import (

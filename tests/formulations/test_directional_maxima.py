@@ -8,8 +8,8 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 import paretoik as pk
-from paretoik.convex.sequential import Caps, minimised
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.nlp.dense_sqp import Caps, minimised
 from paretoik.robot import kinematics
 
 PLACE = [0.2, -0.15]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.capability.timing import timed
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
-from paretoik.redundancy.timing import timed
 from paretoik.robot import dynamics, kinematics
 
 START, TARGET = [0.1, -0.15], [0.2, -0.15]

@@ -12,7 +12,7 @@ from pymoo.optimize import minimize
 import paretoik as pk
 from paretoik import line, tringali_3r
 from paretoik.errors import InvalidInput, OutOfReach
-from tests.redundancy.resolving.test_resolution import BENT, begun
+from tests.resolution.test_resolve import BENT, begun
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 PATH = line([0.4, 0.05], [0.3, 0.15], duration=1.0, samples=41)

@@ -10,7 +10,7 @@ from pymoo.optimize import minimize
 import paretoik as pk
 from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line, tringali_3r
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
-from paretoik.redundancy.self_motion import JUMP
+from paretoik.self_motion.starts import JUMP
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)

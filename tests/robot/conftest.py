@@ -11,8 +11,8 @@ import pinocchio
 import pytest
 
 from paretoik.robot.arm import Arm
+from paretoik.robot.arms import marcos_nr, tringali_3r, wan_7r
 from paretoik.robot.body import Body
-from paretoik.robot.library import marcos_nr, tringali_3r, wan_7r
 from paretoik.robot.pose import Pose
 
 ROOT = Path(__file__).parents[2]

@@ -7,10 +7,10 @@ import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
+from paretoik.robot.arms import marcos_nr, tringali_3r, wan_7r
 from paretoik.robot.body import Body, inertia_fault, merged, moved
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import jacobian, tool_pose
-from paretoik.robot.library import marcos_nr, tringali_3r, wan_7r
 from paretoik.robot.pose import Pose
 
 DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0], "convention": "modified"}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm, joint_motion
-from paretoik.robot.library import tringali_3r
+from paretoik.robot.arms import tringali_3r
 from paretoik.robot.pose import Pose
 
 STEP = 1e-30

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.redundancy.directional import unit_directions
-from paretoik.redundancy.fastest_path import path_time
-from paretoik.redundancy.time_optimal import fastest_plan
+from paretoik.capability.directional import unit_directions
+from paretoik.capability.fastest_path import path_time
+from paretoik.capability.time_optimal import fastest_plan
 from paretoik.robot.kinematics import tool_pose
 from studies.kim_2021 import __main__ as study
 from studies.kim_2021.continuous import continuous, resolved

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.calculus.differentiation import gradient
-from paretoik.calculus.expressions import entry
-from paretoik.calculus.machine import program
+from paretoik.autodiff.differentiation import gradient
+from paretoik.autodiff.evaluator import program
+from paretoik.autodiff.tape import entry
 from paretoik.errors import InvalidInput
-from paretoik.redundancy.self_motion import candidates
+from paretoik.self_motion.starts import candidates
 from paretoik.task.derivatives import local, traced_sample
 from problems import panda, tringali_2020
 

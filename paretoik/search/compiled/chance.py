@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.calculus.compiling import compiled
+from paretoik.compilation import compiled
 
 STEP = np.uint64(0x9E3779B97F4A7C15)
 FIRST, SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.calculus.compiling import compiled
+from paretoik.compilation import compiled
 from paretoik.search.compiled.chance import bits, lower, share, upper
 
 DECIDING = 1 << 32  # what half of some bits is compared with

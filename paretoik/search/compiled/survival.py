@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.calculus.compiling import compiled
+from paretoik.compilation import compiled
 
 SMALL = 8  # points that are sorted by insertion
 NONE, ONE = np.uint64(0), np.uint64(1)

@@ -13,9 +13,9 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.front.certificates import Certificates
-from paretoik.refinement.certificates import BETWEEN
-from paretoik.refinement.program import MotionProgram, motion_program
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.certificates import BETWEEN
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 from problems import panda, tringali_2020
 from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program

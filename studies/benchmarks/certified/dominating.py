@@ -9,9 +9,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from paretoik.errors import Infeasible
-from paretoik.refinement.linearised import Linearised, evaluated, linearised
-from paretoik.refinement.multistart import distance
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.linearisation import Linearised, evaluated, linearised
+from paretoik.trajectory.multistart import distance
 from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, judged
 from studies.reporting import Row
 

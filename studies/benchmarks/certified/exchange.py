@@ -8,9 +8,9 @@ from itertools import permutations
 
 import numpy as np
 
-from paretoik.refinement.epsilon import NEAR
-from paretoik.refinement.multistart import distance
-from paretoik.refinement.polish import Polished, polish
+from paretoik.trajectory.epsilon import NEAR
+from paretoik.trajectory.multistart import distance
+from paretoik.trajectory.polish import Polished, polish
 from studies.benchmarks.certified.cases import Subject, judged
 from studies.reporting import Row
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paretoik.refinement.epsilon import COLD, WARM
-from paretoik.refinement.polish import polish
+from paretoik.trajectory.epsilon import COLD, WARM
+from paretoik.trajectory.polish import polish
 from studies.benchmarks.certified.cases import HOLDS, Subject
 from studies.benchmarks.certified.dominating import DOMINATED, led_back, objectives, violation
 from studies.benchmarks.certified.staged import StagedProgram

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from paretoik.redundancy.extended_jacobian import exact_steps
+from paretoik.closed_loop.extended_jacobian import exact_steps
 from problems.marcos_2012 import DISTANCES, Links, obstacles
 from studies.benchmarks.closed_loop.contestants import (
     GENERATIONS,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from pymoo.optimize import minimize
 
-from paretoik.calculus.running import run_first
-from paretoik.formulations.closed_loop.configurations import configurations
-from paretoik.formulations.closed_loop.loop import ClosedLoop
-from paretoik.formulations.closed_loop.step import ControlStep, Instant
+from paretoik.autodiff.interpreter import run_first
+from paretoik.closed_loop.configurations import configurations
+from paretoik.closed_loop.step import ControlStep, Instant
+from paretoik.formulations.closed_loop import ClosedLoop
 from problems import marcos_2012
 from problems.marcos_2012 import Links
 

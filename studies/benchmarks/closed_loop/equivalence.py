@@ -14,10 +14,10 @@ import numpy as np
 from moocore import is_nondominated
 from scipy.stats import mannwhitneyu
 
-from paretoik.formulations.closed_loop.loop import ClosedLoop
-from paretoik.formulations.closed_loop.step import HISTORY, Instant
+from paretoik.closed_loop.extended_jacobian import exact_steps
+from paretoik.closed_loop.step import HISTORY, Instant
+from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
-from paretoik.redundancy.extended_jacobian import exact_steps
 from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import GENERATIONS, engine, loop_of, pymoo
 from studies.reporting import Row

@@ -21,15 +21,15 @@ from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 from pymoo.util.ref_dirs import get_reference_directions
 
 import paretoik as pk
+from paretoik.api.refine import Improver
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.tracking import INFEASIBLE_SHARE
-from paretoik.refinement.epsilon import WARM, YIELD
-from paretoik.refinement.polish import polish
-from paretoik.refinement.program import motion_program
-from paretoik.refining import Improver
 from paretoik.search import Archive, BranchwiseMating, MaxiMinNSGA2, Progress, Search, evolve
 from paretoik.search.constraints import violations
 from paretoik.search.variation import Differential, SmoothMutation
+from paretoik.trajectory.epsilon import WARM, YIELD
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verified
 
 OURS, PLAIN = "paretoik", "paretoik, refine=False"

@@ -16,11 +16,11 @@ from typing import TypeAlias
 import numpy as np
 
 import paretoik as pk
-from paretoik.refinement.epsilon import COLD as OUR_COLD
-from paretoik.refinement.epsilon import WARM as OUR_WARM
-from paretoik.refinement.epsilon import YIELD
-from paretoik.refinement.polish import polish
-from paretoik.refinement.program import motion_program
+from paretoik.trajectory.epsilon import COLD as OUR_COLD
+from paretoik.trajectory.epsilon import WARM as OUR_WARM
+from paretoik.trajectory.epsilon import YIELD
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verified
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
 from studies.benchmarks.planner.compiling import COMPILER, compiled

@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.multistart import coarse_starts
-from paretoik.refinement.polish import polish
-from paretoik.refinement.program import motion_program
+from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.trajectory.multistart import coarse_starts
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
 from studies.benchmarks.planner.verdicts import tell, timed, versus
 from studies.reporting import Row

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from paretoik.redundancy.grid_oracle import grid_oracle
-from paretoik.redundancy.self_motion import JUMP
-from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.multistart import APART, COLD, Plan, distance
-from paretoik.refinement.polish import polish
-from paretoik.refinement.program import motion_program
+from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.self_motion.starts import JUMP
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.grid_oracle import grid_oracle
+from paretoik.trajectory.multistart import APART, COLD, Plan, distance
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings, Solved, peer
 from studies.benchmarks.planner.verdicts import LOSS, timed
 from studies.reporting import Row

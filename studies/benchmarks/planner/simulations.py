@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.refinement.compiled.interior_point import Rules
-from paretoik.refinement.multistart import COLD, Plan, coarse_starts, sizes
-from paretoik.refinement.polish import polish
-from paretoik.refinement.program import motion_program
+from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.multistart import COLD, Plan, coarse_starts, sizes
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
 from studies.benchmarks.planner.optima import optima, oracle

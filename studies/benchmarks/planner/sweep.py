@@ -16,8 +16,8 @@ import moocore
 import numpy as np
 
 import paretoik as pk
-from paretoik.refinement.multistart import KEPT, coarse_starts
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.multistart import KEPT, coarse_starts
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
 from studies.benchmarks.planner.optima import distinct

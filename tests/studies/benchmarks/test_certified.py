@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.refinement.certificates import certify
-from paretoik.refinement.linearised import linearised
+from paretoik.trajectory.certificates import certify
+from paretoik.trajectory.linearisation import linearised
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
 from studies.benchmarks.certified import cases

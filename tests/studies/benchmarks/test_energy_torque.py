@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from paretoik.api.solve import POPULATION
 from paretoik.front.indicators import hypervolume
-from paretoik.solving import POPULATION
 from studies.benchmarks import energy_torque as study
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from paretoik.robot.arms import tringali_3r
 from paretoik.robot.dynamics import inverse_dynamics
-from paretoik.robot.library import tringali_3r
 from studies.benchmarks import kinematics
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paretoik.robot.library import tringali_3r
+from paretoik.robot.arms import tringali_3r
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
 from problems.tringali_2020 import straight

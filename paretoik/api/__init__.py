@@ -1,0 +1,1 @@
+"""The verbs of the public interface, one file each."""

@@ -1,1 +1,0 @@
-"""HOW FUNCTIONS ARE DIFFERENTIATED: expressions traced from NumPy code, their derivatives, and a compiled evaluator."""

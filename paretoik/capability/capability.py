@@ -1,0 +1,202 @@
+"""The nonlinear program of directional maxima: posture, sliders and speeds at once, for arms of any kind.
+
+Unknowns are joint positions q, front sliders s where there are any, for each direction d the speeds u of the motors and
+the tool's speed v (for forces the force alone), and on demand the power they take. The tool stays where it is, moves
+along d, and every motor keeps to its curve: all smooth, where speeds at their best sliders are not. Source: Kim, Choi &
+Jang 2021, Eq. 1, there for one direction at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.actuation import Actuation, DistributedActuation, MotorCurve, holding, joint_speeds
+from paretoik.capability.motors import gears
+from paretoik.nlp.traced import Smooth, smooth
+from paretoik.robot import dynamics, kinematics
+from paretoik.robot.arm import Arm
+
+Quantity = Literal["velocity", "force"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capability:
+    """What is asked of an arm along several directions in one posture; ``power`` asks for its least upper bound too.
+
+    Unknowns are counted in ``scale``: 1 rad (m), a rod's length, a motor's fastest, and what ``size`` says of speeds
+    [m/s] or forces [N]; powers in W.
+    """
+
+    arm: Arm
+    actuation: Actuation
+    quantity: Quantity
+    count: int
+    power: bool = False
+
+    @property
+    def task(self) -> int:
+        """Number of coordinates of a position."""
+        return 2 if self.arm.is_planar else 3
+
+    @property
+    def curves(self) -> tuple[MotorCurve, ...]:
+        """The motors of every joint."""
+        return self.actuation.curves
+
+    @cached_property
+    def sizes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of every part of the unknowns, in order."""
+        dof, several = self.arm.dof, len(self.curves)
+        moving = self.count * (self.quantity == "velocity")
+        return {
+            "q": (dof,),
+            "front": (dof * (several - 1),),
+            "motors": (moving, several, dof),
+            "values": (self.count,),
+            "work": (self.count * self.power, dof),
+            "power": (int(self.power),),
+        }
+
+    @cached_property
+    def begins(self) -> dict[str, slice]:
+        """Where every part stands among the unknowns."""
+        ends = np.cumsum([0, *(int(np.prod(shape)) for shape in self.sizes.values())]).tolist()
+        return {name: slice(a, b) for name, a, b in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns."""
+        return int(self.begins["power"].stop)
+
+    def scale(self, size: float) -> Float[np.ndarray, " unknowns"]:
+        """Return how much one of each unknown is."""
+        found = np.ones(self.unknowns)
+        if isinstance(self.actuation, DistributedActuation):
+            found[self.begins["front"]] = self.actuation.rod
+        fastest = np.stack([curve.fastest for curve in self.curves])
+        found[self.begins["motors"]] = np.broadcast_to(fastest, self.sizes["motors"]).ravel()
+        found[self.begins["values"]] = size
+        return found
+
+    def parts(self, z: Float[np.ndarray, " unknowns"], size: float) -> dict[str, np.ndarray]:
+        """Return the unknowns by name and in their units."""
+        known = z * self.scale(size)
+        return {name: known[place].reshape(self.sizes[name]) for name, place in self.begins.items()}
+
+    def begun(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
+        """Return the unknowns of a posture, all at rest, sliders at their best."""
+        z = np.zeros(self.unknowns)
+        z[self.begins["q"]] = q
+        if isinstance(self.actuation, DistributedActuation):
+            load = dynamics.inverse_dynamics(self.arm, q, np.zeros_like(q), np.zeros_like(q))
+            moving = self.quantity == "velocity"
+            able, front = holding(self.actuation, q)
+            if moving:
+                known = joint_speeds(self.actuation, q, load)
+                front = np.where(np.isnan(known.high), front, known.front_high)
+            front = np.where(np.isnan(able), self.actuation.front_bounds.mean(axis=1), front)
+            z[self.begins["front"]] = front / self.actuation.rod
+        return z
+
+    def program(
+        self,
+        position: Float[np.ndarray, " task"],
+        directions: Float[np.ndarray, "directions task"],
+        size: float,
+    ) -> Smooth:
+        """Return the program at a position along directions; written down once for all of them."""
+        return replace(_written(self), parameters=np.concatenate([position, directions.ravel(), [size]]))
+
+
+@lru_cache(maxsize=32)
+def _written(asked: Capability) -> Smooth:
+    task, arm = asked.task, asked.arm
+
+    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
+        position, size = known[:task], known[-1]
+        directions = np.array(known[task:-1], dtype=object).reshape(asked.count, task)
+        scale: Any = asked.scale(1.0).astype(object)
+        scale[asked.begins["values"]] = size
+        at = {
+            name: (np.array(z, dtype=object) * scale)[place].reshape(asked.sizes[name])
+            for name, place in asked.begins.items()
+        }
+        q = list(at["q"])
+        links = kinematics.chain(arm, q)
+        frame = arm.frame("tool")
+        place = kinematics.located(arm, links, frame)[1]
+        columns = [pair[0][:task] for pair in kinematics.columns(arm, links, frame, place)]
+        load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
+        equal: list[Any] = [place[a] - position[a] for a in range(task)]
+        ratios, room = geared(arm, asked.actuation, q, list(at["front"]))
+        for k, direction in enumerate(directions):
+            value = at["values"][k]
+            if asked.quantity == "force":
+                room += _bearing(asked, ratios, load, columns, value, direction)
+                continue
+            motors = at["motors"][k]
+            speeds = [sum(r * u for r, u in zip(ratios[j], motors[:, j], strict=True)) for j in range(arm.dof)]
+            for a in range(task):
+                moved = sum(column[a] * speed for column, speed in zip(columns, speeds, strict=True))
+                equal.append((moved - value * direction[a]) / size)
+            for m, curve in enumerate(asked.curves):
+                effort = np.array([ratios[j][m] * load[j] for j in range(arm.dof)], dtype=object)
+                room += list(curve.room(effort, motors[m]).ravel())
+            if asked.power:
+                work = at["work"][k]
+                for j in range(arm.dof):
+                    room += [work[j] - load[j] * speeds[j], work[j] + load[j] * speeds[j]]
+                room.append(at["power"][0] - sum(work))
+        return equal, room
+
+    return smooth(asked.unknowns, task * (1 + asked.count) + 1, rows)
+
+
+def geared(arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]) -> tuple[list[tuple[Any, ...]], list[Any]]:
+    """Return each joint's speed per speed of its motors, and what room is left to positions and sliders."""
+    lower, upper = arm.position_limits.T
+    room = [q[j] - lower[j] for j in np.flatnonzero(np.isfinite(lower))]
+    room += [upper[j] - q[j] for j in np.flatnonzero(np.isfinite(upper))]
+    if not isinstance(actuation, DistributedActuation):
+        return [(1.0,)] * len(q), room
+    ratios = list[tuple[Any, ...]]()
+    for j, (back, a, b) in enumerate(_gears(actuation, q, front)):
+        rod, angle = actuation.rod[j], actuation.bend[j] * (q[j] - actuation.zero[j])
+        ratios.append((actuation.bend[j] * a, actuation.bend[j] * b))
+        for place, (low, high) in ((front[j], actuation.front_bounds[j]), (back, actuation.back_bounds[j])):
+            room += [(place - low) / rod, (high - place) / rod]
+        room.append(np.sin(angle) - np.sin(actuation.least_angle[j]))  # away from both toggles, in any turn
+    return ratios, room
+
+
+def backs(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[Any]:
+    """Return the back sliders [m]."""
+    return [back for back, _, _ in _gears(actuation, q, front)]
+
+
+def _gears(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[tuple[Any, Any, Any]]:
+    angles = [sign * (x - zero) for sign, x, zero in zip(actuation.bend, q, actuation.zero, strict=True)]
+    return [
+        gears.py_func(np.sin(angle), np.cos(angle), s, rod)
+        for angle, s, rod in zip(angles, front, actuation.rod, strict=True)
+    ]
+
+
+def _bearing(
+    asked: Capability, ratios: list[tuple[Any, ...]], load: list[Any], columns: list[Any], value: Any, direction: Any
+) -> list[Any]:
+    """Return what room is left to the motors' efforts while the tool pushes."""
+    room = list[Any]()
+    for j, (column, ratio) in enumerate(zip(columns, ratios, strict=True)):
+        pushing = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
+        for r, curve in zip(ratio, asked.curves, strict=True):
+            if np.isfinite(curve.stall[j]):
+                for torque in (load[j], pushing):  # before it pushes, too
+                    share = r * torque / curve.stall[j]
+                    room += [1.0 - share, 1.0 + share]
+    return room

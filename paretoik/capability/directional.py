@@ -1,0 +1,221 @@
+"""Directional maxima: how fast a tool can go, or how hard it can push, in every direction from a position.
+
+Source: Kim, Choi & Jang 2021, section 2, and Kim, Shin & Jang 2021.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.actuation import (
+    Actuation,
+    DistributedActuation,
+    JointSpeeds,
+    check_actuation,
+    holding,
+    joint_speeds,
+)
+from paretoik.capability.best_postures import best_postures, loads
+from paretoik.capability.capability import Quantity
+from paretoik.capability.zonotopes import fastest, strongest, turning
+from paretoik.errors import InvalidInput, check_size
+from paretoik.robot import kinematics
+from paretoik.robot.arm import Arm
+from paretoik.robot.pose import finite_array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PerformancePolygon:
+    """The most that an arm can do along each direction from a position, and how.
+
+    ``values`` (directions,) are speeds [m/s] or forces [N] along ``directions`` (directions, task), unit vectors, from
+    ``position`` (task,) [m]; task is 2 for planar arms, else 3. Each has its own posture ``q`` (directions, dof), joint
+    velocities ``dq`` (0 for forces) and ``torque``; ``motor_speeds`` and ``motor_efforts`` (directions, motors, dof)
+    are of the joints' motors (motors = 1), or of front and back ``sliders`` (directions, 2, dof) [m] (motors = 2;
+    None without).
+    """
+
+    arm: Arm
+    actuation: Actuation
+    quantity: Quantity
+    position: Float[np.ndarray, " task"]
+    directions: Float[np.ndarray, "directions task"]
+    values: Float[np.ndarray, " directions"]
+    q: Float[np.ndarray, "directions dof"]
+    dq: Float[np.ndarray, "directions dof"]
+    torque: Float[np.ndarray, "directions dof"]
+    motor_speeds: Float[np.ndarray, "directions motors dof"]
+    motor_efforts: Float[np.ndarray, "directions motors dof"]
+    sliders: Float[np.ndarray, "directions 2 dof"] | None
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def vertices(self) -> Float[np.ndarray, "directions task"]:
+        """The maxima as vectors [m/s, N]."""
+        return self.values[:, None] * self.directions
+
+
+def directional_maxima(
+    arm: Arm,
+    actuation: Actuation,
+    position: object,
+    directions: object = 16,
+    *,
+    quantity: Quantity = "velocity",
+    samples: int = 20_000,
+    seed: int = 0,
+) -> PerformancePolygon:
+    """Return the most that the arm can do along each direction while its tool is at a position.
+
+    Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
+    tool can exert at rest, in postures that can be held without them. In a posture with its sliders both are exact: a
+    closed form, the facet of a zonotope (a linear program finds the same). Sliders are searched where they can bear
+    their load, in 12 pieces of each stretch and by golden sections.
+
+    Postures of planar arms with three joints are looked at on every branch, all around, at 360 places on each curve and
+    wherever limits begin or end to be kept, and searched by golden sections from there: what has two maxima within a
+    degree may be missed. Other arms start from ``samples`` postures and climb, over posture, sliders and speeds at
+    once, by interior points from several of them, until the most was reached often: the best of what was found, no
+    proof. An arm without redundancy has few postures, and is as welcome.
+
+    These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
+    joints fast and soon have no way left, and each direction has a posture and gears of its own.
+    ``PointToPoint`` counts the way there.
+
+    Parameters
+    ----------
+    arm, actuation
+        The arm, its gravity as it is mounted, and what drives it.
+    position
+        Of the tool, (2,) for planar arms, else (3,) [m].
+    directions
+        How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task), however long.
+    quantity
+        "velocity" or "force".
+    samples, seed
+        Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
+        three joints need none.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used; OutOfReach where no posture reaches the position.
+    Infeasible
+        Where no posture was found that can be held: naming the joint, its torque and what its motor can hold, or the
+        rod's angle, of the best one looked at.
+    EvaluationFailed
+        Where no posture was found that reaches the position.
+
+    Source: Kim, Choi & Jang 2021, Eq. 1.
+    """
+    check_actuation(actuation, arm)
+    if quantity not in get_args(Quantity):
+        raise InvalidInput(f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}")
+    check_size("samples", samples, 1)
+    check_size("seed", seed, 0)
+    task = 2 if arm.is_planar else 3
+    place = finite_array("position", position, (task,))  # type: ignore[arg-type]  # it refuses what is none
+    ways = unit_directions(directions, task)
+    rng = np.random.default_rng(seed)
+    q = best_postures(arm, actuation, place, ways, quantity, samples=samples, rng=rng)
+    return _polygon(arm, actuation, quantity, place, ways, q)
+
+
+def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
+    """Return unit vectors: as many as a number says, or those given brought to length 1.
+
+    Raises InvalidInput for what is neither.
+    """
+    if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
+        check_size("directions", directions, 1)
+        share = (np.arange(directions) + 0.5 * (task == 3)) / directions
+        if task == 2:
+            return np.stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share)], axis=1)
+        height, turn = 1 - 2 * share, np.pi * (1 + np.sqrt(5)) * np.arange(directions)  # a spiral from pole to pole
+        around = np.sqrt(1 - height**2)
+        return np.stack([around * np.cos(turn), around * np.sin(turn), height], axis=1)
+    given = finite_array("directions", directions)  # type: ignore[arg-type]  # it refuses what is none
+    if given.ndim != 2 or given.shape[1] != task or not len(given):
+        fact = f"{directions!r}" if given.ndim == 0 else f"shape {given.shape}"
+        raise InvalidInput(
+            f"directions: a whole number, or vectors (directions, {task}), at least one, wanted, got {fact}"
+        )
+    size = np.abs(given).max(axis=1, keepdims=True)
+    given = given / np.where(size > 0, size, 1.0)  # their squares may be too large or too small
+    length = np.linalg.norm(given, axis=1, keepdims=True)
+    if not length.all():
+        raise InvalidInput(f"directions: vectors longer than 0 wanted, got one of 0 at index {int(np.argmin(length))}")
+    return given / length
+
+
+def _polygon(
+    arm: Arm,
+    actuation: Actuation,
+    quantity: Quantity,
+    position: np.ndarray,
+    directions: np.ndarray,
+    q: np.ndarray,
+) -> PerformancePolygon:
+    """Return the maxima in given postures, one a direction, with what every motor does."""
+    columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], loads(arm, q)
+    if quantity == "velocity":
+        speeds = joint_speeds(actuation, q, torque)
+        values = fastest(columns, speeds.low, speeds.high, directions[:, None])[:, 0]
+        dq = turning(columns, speeds.low, speeds.high, directions * values[:, None])
+        front, speed, effort = _driven(actuation, q, torque, dq, speeds)
+    else:
+        most, front = holding(actuation, q)
+        values = strongest(columns, -most - torque, most - torque, directions[:, None])[:, 0]
+        pushed = directions * np.where(np.isfinite(values), values, 0.0)[:, None]
+        torque, dq = torque + np.einsum("kaj,ka->kj", columns, pushed), np.zeros_like(q)
+        effort = _ratios(actuation, q, front) * torque[:, None]
+        speed = np.zeros_like(effort)
+    sliders = None
+    if isinstance(actuation, DistributedActuation):
+        sliders = np.stack([front, actuation.gears(q, front)[0]], axis=1)
+    return PerformancePolygon(
+        arm=arm,
+        actuation=actuation,
+        quantity=quantity,
+        position=position,
+        directions=directions,
+        values=values,
+        q=q,
+        dq=dq,
+        torque=torque,
+        motor_speeds=speed,
+        motor_efforts=effort,
+        sliders=sliders,
+    )
+
+
+def _ratios(actuation: Actuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Return the joints' speeds per speed of every motor, (*batch, motors, dof)."""
+    if isinstance(actuation, DistributedActuation):
+        return np.stack(actuation.gears(q, front)[1:], axis=-2)
+    return np.ones((*q.shape[:-1], 1, q.shape[-1]))
+
+
+def _driven(
+    actuation: Actuation, q: np.ndarray, torque: np.ndarray, dq: np.ndarray, speeds: JointSpeeds
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return front sliders (batch, dof), and speeds and efforts of all motors (batch, motors, dof), that give dq."""
+    if not isinstance(actuation, DistributedActuation):
+        return np.zeros_like(q), dq[:, None], torque[:, None]
+    ahead = dq >= 0
+    front = np.where(ahead, speeds.front_high, speeds.front_low)
+    most = np.where(ahead, speeds.high, speeds.low)
+    share = np.divide(dq, most, out=np.zeros_like(dq), where=most != 0)
+    ratios = _ratios(actuation, q, front)
+    effort = ratios * torque[:, None]
+    found = []
+    for m, curve in enumerate(actuation.curves):
+        low, high = curve.speeds(effort[:, m])
+        found.append(share * np.where((ratios[:, m] > 0) == ahead, high, low))
+    return front, np.stack(found, axis=1), effort

@@ -1,0 +1,192 @@
+"""The nonlinear program of a motion from point to point: splines of joints and sliders, intervals, and work.
+
+Unknowns are the coefficients, the time of every interval and the work of every motor in it; the sums of times and of
+work are what is weighed. Ends are where they must be, motors keep to their curves from sample to sample, and hold the
+arm and positions keep to their bounds at the samples: the same few rows again and again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.capability.capability import backs, geared
+from paretoik.nlp.assembled import Assembled, Part
+from paretoik.nlp.traced import Smooth, smooth
+from paretoik.robot import dynamics, kinematics
+from paretoik.robot.arm import Arm
+
+REACH = 5  # coefficients of a cubic spline that two samples beside each other may hang on
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Journey:
+    """What is asked: from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
+
+    ``pace`` [s] is what intervals are counted in, ``work_unit`` [J] work; joints in rad (m), sliders in rods' lengths.
+    """
+
+    arm: Arm
+    actuation: Actuation
+    start: Float[np.ndarray, " task"]
+    target: Float[np.ndarray, " task"]
+    spline: Float[np.ndarray, "time coefficients"]
+    pace: float
+    work_unit: float
+
+    @property
+    def motors(self) -> int:
+        """Number of motors a joint."""
+        return 2 if isinstance(self.actuation, DistributedActuation) else 1
+
+    @cached_property
+    def begins(self) -> dict[str, slice]:
+        """Where every part stands among the unknowns."""
+        intervals, size = len(self.spline) - 1, self.spline.shape[1] * self.arm.dof
+        sizes = {"q": size, "front": size * (self.motors - 1), "times": intervals}
+        sizes["work"] = intervals * self.motors * self.arm.dof
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        return {name: slice(a, b) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
+
+    @property
+    def count(self) -> int:
+        """Number of unknowns."""
+        return int(self.begins["work"].stop)
+
+    @cached_property
+    def costs(self) -> Float[np.ndarray, "2 unknowns"]:
+        """What duration [s] and energy [J] are of the unknowns."""
+        found = np.zeros((2, self.count))
+        found[0, self.begins["times"]] = self.pace
+        found[1, self.begins["work"]] = self.work_unit
+        return found
+
+    def unknowns(
+        self, q: np.ndarray, front: np.ndarray, intervals: np.ndarray, work: np.ndarray
+    ) -> Float[np.ndarray, "points unknowns"]:
+        """Return the unknowns of coefficients (points, coefficients, dof), intervals [s] and work [J]."""
+        rod = getattr(self.actuation, "rod", 1.0)
+        parts = [
+            q,
+            (front / rod)[..., : self.arm.dof * (self.motors - 1)],
+            intervals / self.pace,
+            work / self.work_unit,
+        ]
+        return np.concatenate([part.reshape(len(q), -1) for part in parts], axis=1)
+
+    def coefficients(self, z: Float[np.ndarray, "points unknowns"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the coefficients of joints and front sliders (points, coefficients, dof)."""
+        shape = (len(z), self.spline.shape[1], self.arm.dof)
+        q = z[:, self.begins["q"]].reshape(shape)
+        if not isinstance(self.actuation, DistributedActuation):
+            return q, np.zeros_like(q)
+        return q, z[:, self.begins["front"]].reshape(shape) * self.actuation.rod
+
+    @cached_property
+    def program(self) -> Assembled:
+        """The whole program."""
+        steps, samples = len(self.spline) - 1, len(self.spline)
+        first = np.array([np.flatnonzero(self.spline[i] > 0)[0] for i in range(samples)])
+        first = np.minimum(first, self.spline.shape[1] - min(REACH, self.spline.shape[1]))
+        reach = min(REACH, self.spline.shape[1])
+        near = first[:, None] + np.arange(reach)
+        weights = np.take_along_axis(self.spline, near, axis=1)
+        after = np.take_along_axis(self.spline[1:], near[:-1], axis=1)
+        times = self.begins["times"].start + np.arange(steps)[:, None]
+        work = self.begins["work"].start + np.arange(steps * self.motors * self.arm.dof).reshape(steps, -1)
+        moving = Part(
+            program=_interval(self.arm, self.actuation, reach, self.pace, self.work_unit),
+            where=np.concatenate([self._where(near[:-1]), times, work], axis=1),
+            parameters=np.concatenate([weights[:-1], after], axis=1),
+        )
+        parts = [self._ends(), moving]
+        bounded = _sample(self.arm, self.actuation, reach)
+        if bounded.inequalities:
+            parts.append(Part(program=bounded, where=self._where(near), parameters=weights))
+        return Assembled(unknowns=self.count, parts=tuple(parts))
+
+    def _where(self, near: np.ndarray) -> np.ndarray:
+        """Return which unknowns hold coefficients (lanes, reach) of all joints, then of all sliders."""
+        dof = self.arm.dof
+        joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
+        return np.concatenate([joints + self.begins["front"].start * k for k in range(self.motors)], axis=1)
+
+    def _ends(self) -> Part:
+        dof, last = self.arm.dof, self.spline.shape[1] - 1
+        where = np.array([[0], [last]]) * dof + np.arange(dof)
+        return Part(
+            program=_end(self.arm, len(self.start)), where=where, parameters=np.stack([self.start, self.target])
+        )
+
+
+@lru_cache(maxsize=32)
+def _end(arm: Arm, task: int) -> Smooth:
+    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
+        place = kinematics.located(arm, kinematics.chain(arm, z), arm.frame("tool"))[1]
+        return [place[a] - known[a] for a in range(task)], []
+
+    return smooth(arm.dof, task, rows)
+
+
+@lru_cache(maxsize=32)
+def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
+    """Return the program of the bounds at one sample, and of motors that hold the arm there."""
+
+    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
+        q, front = _at(arm, actuation, z, known)
+        load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
+        ratios, room = geared(arm, actuation, q, front)
+        for m, curve in enumerate(actuation.curves):
+            for j in np.flatnonzero(np.isfinite(curve.stall)):
+                share = ratios[j][m] * load[j] / curve.stall[j]
+                room += [1.0 - share, 1.0 + share]
+        return [], room
+
+    return smooth(_size(arm, actuation, reach), reach, rows)
+
+
+@lru_cache(maxsize=32)
+def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit: float) -> Smooth:
+    """Return the program of the motors between two samples."""
+    curves = actuation.curves
+    size, dof = _size(arm, actuation, reach), arm.dof
+
+    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
+        duration, work = z[size] * pace, np.array(z[size + 1 :], dtype=object).reshape(-1, dof)
+        ends = [_at(arm, actuation, z[:size], known[:reach]), _at(arm, actuation, z[:size], known[reach:])]
+        middle, front = ([(a + b) * 0.5 for a, b in zip(*pair, strict=True)] for pair in zip(*ends, strict=True))
+        load = dynamics.torque_components(arm, middle, [0.0] * dof, [0.0] * dof)
+        ratios, _ = geared(arm, actuation, middle, front)
+        ways = [[b - a for a, b in zip(ends[0][0], ends[1][0], strict=True)]]
+        if isinstance(actuation, DistributedActuation):
+            sliders = [end[1] for end in ends], [backs(actuation, *end) for end in ends]
+            ways = [[b - a for a, b in zip(*places, strict=True)] for places in sliders]
+        room = [duration]
+        for m, (curve, way) in enumerate(zip(curves, ways, strict=True)):
+            effort = np.array([ratios[j][m] * load[j] for j in range(dof)], dtype=object)
+            travel = np.array(way, dtype=object)
+            room += list(curve.room(effort, travel, duration).ravel() / pace)
+            done = effort * travel / work_unit
+            room += [w + sign * one for w, one in zip(work[m], done, strict=True) for sign in (-1.0, 1.0)]
+        return [], room
+
+    return smooth(size + 1 + len(curves) * dof, 2 * reach, rows)
+
+
+def _size(arm: Arm, actuation: Actuation, reach: int) -> int:
+    return reach * arm.dof * (2 if isinstance(actuation, DistributedActuation) else 1)
+
+
+def _at(arm: Arm, actuation: Actuation, z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
+    """Return joints and front sliders [m] at a sample, of coefficients and their weights."""
+    reach, dof = len(weights), arm.dof
+    table = np.array(z, dtype=object).reshape(-1, reach, dof)
+    q, *front = [[sum(w * c for w, c in zip(weights, part[:, j], strict=True)) for j in range(dof)] for part in table]
+    if not isinstance(actuation, DistributedActuation):
+        return q, [0.0] * dof
+    return q, [share * rod for share, rod in zip(front[0], actuation.rod, strict=True)]

@@ -1,0 +1,79 @@
+"""How long a motion takes at the least, and what work its motors do: in closed form, interval by interval.
+
+Between two samples every motor travels so far under the load that gravity puts on it halfway; the slowest of them sets
+the time. Quasi-static, as Kim, Choi & Jang 2021 are: what inertia asks for is not counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import JointPaths
+from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.robot import dynamics
+from paretoik.robot.arm import Arm
+
+STILL = 1e-9  # rad or m: a motor that travels no more between two samples rests, even under all it can bear
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Timing:
+    """The least times of the intervals between samples, and what motors do meanwhile.
+
+    ``intervals`` (*batch, intervals) [s], NaN where a motor cannot bear its effort; ``travel`` and ``effort``
+    (*batch, intervals, motors, dof) [rad or m, N m or N] and ``work``, their product without signs [J]; ``overload``
+    (*batch,) is by how much the worst effort, there or at a sample, is more than its motor can bear, as a share,
+    negative where it is not.
+    """
+
+    intervals: Float[np.ndarray, "*batch intervals"]
+    travel: Float[np.ndarray, "*batch intervals motors dof"]
+    effort: Float[np.ndarray, "*batch intervals motors dof"]
+    overload: Float[np.ndarray, "*batch"]
+
+    @property
+    def work(self) -> Float[np.ndarray, "*batch intervals motors dof"]:
+        """What each motor gives or takes [J]."""
+        return np.abs(self.effort * self.travel)
+
+    @property
+    def duration(self) -> Float[np.ndarray, "*batch"]:
+        """The least time of the whole [s]."""
+        return np.asarray(self.intervals.sum(axis=-1))
+
+    @property
+    def energy(self) -> Float[np.ndarray, "*batch"]:
+        """The work of all motors, given or taken [J]: braking costs as much as driving, nothing is recovered."""
+        return np.asarray(self.work.sum(axis=(-1, -2, -3)))
+
+
+def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
+    """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof)."""
+    middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
+    load, still = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
+    if isinstance(actuation, DistributedActuation):
+        back = actuation.gears(q, front)[0]
+        ratios = actuation.gears(middle, (front[..., 1:, :] + front[..., :-1, :]) / 2)[1:]
+        effort = np.stack([ratio * load for ratio in ratios], axis=-2)
+        travel = np.stack([np.diff(front, axis=-2), np.diff(back, axis=-2)], axis=-2)
+        held = np.stack([ratio * still for ratio in actuation.gears(q, front)[1:]], axis=-2)
+    else:
+        effort, travel = load[..., None, :], np.diff(q, axis=-2)[..., None, :]
+        held = still[..., None, :]
+    shares, times = list[np.ndarray](), list[np.ndarray]()
+    for m, curve in enumerate(actuation.curves):
+        low, high = curve.speeds(effort[..., m, :])
+        way = travel[..., m, :]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times.append(np.where(np.abs(way) <= STILL, 0.0, way / np.where(way > 0, high, low)))
+        times[-1] = np.where(np.isnan(high), np.nan, times[-1])
+        shares += [np.abs(each[..., m, :]).max(axis=-2) / curve.stall for each in (effort, held)]
+    return Timing(
+        intervals=np.stack(times, axis=-1).max(axis=(-1, -2)),
+        travel=travel,
+        effort=effort,
+        overload=np.stack(shares, axis=-1).max(axis=(-1, -2)) - 1.0,
+    )

@@ -1,0 +1,105 @@
+"""How fast a tool can go in one posture: along a direction, the nearest facet of the zonotope of its velocities.
+
+Joints turn between their lowest and highest speed, each by itself, so that tool velocities J q̇ are a zonotope. The
+normal of a facet is orthogonal to as many columns of J as span it: one in the plane, two in space. The axes, as columns
+of joints that do not move, close the gaps where columns are parallel. Source: Kim, Shin & Jang 2021 (allowable
+polygons); Ziegler, Lectures on Polytopes, section 7.3.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.nlp.linear_program import furthest
+
+IN_FACET = 1e-9  # cosine of a column with a normal, and of a range, below which there is none
+ALONG = 1e-14  # of its length: a normal that has less of a direction does not bound it
+
+
+def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
+    """Return the normals that facets can have, not of length 1, some of them 0."""
+    task = columns.shape[-2]
+    axes = np.broadcast_to(np.eye(task), (*columns.shape[:-2], task, task))
+    every = np.concatenate([columns, axes], axis=-1)
+    if task == 2:
+        return np.stack([-every[..., 1, :], every[..., 0, :]], axis=-1)
+    pairs = np.array(list(combinations(range(every.shape[-1]), 2)))
+    return np.cross(every[..., pairs[:, 0]], every[..., pairs[:, 1]], axis=-2).swapaxes(-1, -2)
+
+
+def fastest(
+    columns: Float[np.ndarray, "*batch task dof"],
+    low: Float[np.ndarray, "*batch dof"],
+    high: Float[np.ndarray, "*batch dof"],
+    directions: Float[np.ndarray, "*#batch directions task"],
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return the highest speed along each direction [m/s]; NaN in postures where a joint's speeds are NaN.
+
+    ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
+    """
+    _, bound = _facets(columns, low, high, directions)
+    found: np.ndarray = bound.min(axis=-2)
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, found)
+
+
+def strongest(
+    columns: Float[np.ndarray, "*batch task dof"],
+    low: Float[np.ndarray, "*batch dof"],
+    high: Float[np.ndarray, "*batch dof"],
+    directions: Float[np.ndarray, "*#batch directions task"],
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return the greatest force along each direction [N] with low ≤ Jᵀ f ≤ high; inf where no joint has to bear it.
+
+    Torques are to forces as tool velocities are to joint speeds, by the same Jacobian transposed (virtual work).
+    """
+    shares = directions @ columns
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bound = np.where(shares > 0, high[..., None, :], low[..., None, :]) / shares
+    found: np.ndarray = np.where(shares != 0, bound, np.inf).min(axis=-1)
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, found)
+
+
+def turning(
+    columns: Float[np.ndarray, "batch task dof"],
+    low: Float[np.ndarray, "batch dof"],
+    high: Float[np.ndarray, "batch dof"],
+    vertices: Float[np.ndarray, "batch task"],
+) -> Float[np.ndarray, "batch dof"]:
+    """Return joint speeds within their ranges that move the tool at velocities on the zonotope's boundary.
+
+    On a facet all joints but those whose columns span it are at one of their ends; these follow from the velocity.
+    """
+    faces, bound = _facets(columns, low, high, vertices[:, None])
+    nearest = faces[np.arange(len(faces)), bound[..., 0].argmin(axis=-1)]
+    nearest = nearest * np.where((nearest * vertices).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+    shares = np.einsum("ba,baj->bj", nearest, columns)
+    size = np.linalg.norm(nearest, axis=1)[:, None] * np.linalg.norm(columns, axis=1)
+    between = np.abs(shares) <= IN_FACET * size
+    ends = np.where(between, 0.0, np.where(shares > 0, high, low))
+    left = vertices - np.einsum("baj,bj->ba", columns, ends)
+    found = ends + np.einsum("bja,ba->bj", np.linalg.pinv(columns * between[:, None]), left)
+    room = IN_FACET * (high - low)
+    missed = np.abs(np.einsum("baj,bj->ba", columns, found) - vertices).max(axis=1)
+    wrong = ((found < low - room) | (found > high + room)).any(axis=1)
+    for row in np.flatnonzero(wrong | (missed > IN_FACET * np.linalg.norm(vertices, axis=1))):
+        length = float(np.linalg.norm(vertices[row])) or 1.0
+        found[row] = furthest(columns[row], low[row], high[row], vertices[row] / length).multiples
+    return np.clip(found, low, high)
+
+
+def _facets(
+    columns: np.ndarray, low: np.ndarray, high: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normals (*batch, normals, task) and how far each lets one go, (*batch, normals, directions)."""
+    faces = normals(columns)
+    shares = faces @ columns
+    one, other = shares * low[..., None, :], shares * high[..., None, :]
+    ahead, behind = np.maximum(one, other).sum(axis=-1), -np.minimum(one, other).sum(axis=-1)
+    along = faces @ np.swapaxes(directions, -1, -2)
+    size = np.linalg.norm(faces, axis=-1)[..., None] * np.linalg.norm(directions, axis=-1)[..., None, :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bound = np.where(along > 0, ahead[..., None], behind[..., None]) / np.abs(along)
+    return faces, np.where(np.abs(along) > ALONG * size, bound, np.inf)

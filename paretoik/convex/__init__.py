@@ -1,1 +1,0 @@
-"""WHAT IS CONVEX: the only home of cvxpy and Clarabel."""

@@ -1,0 +1,245 @@
+"""Ways to begin with from point to point: straight ahead, in different postures, as splines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import BSpline
+
+from paretoik.capability.actuation import Actuation, DistributedActuation, joint_speeds, overloaded
+from paretoik.capability.best_postures import held_postures, loads, within_rods
+from paretoik.capability.timing import timed
+from paretoik.errors import Infeasible, OutOfReach
+from paretoik.robot.arm import Arm
+from paretoik.self_motion.starts import candidates, swept
+from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.objectives import joint_travel
+from paretoik.task.path import line, waypoints
+from paretoik.task.retraction import task_errors
+
+ROLL_OUTS = 256
+DEGREE = 3
+BOWS = (0.5, 1.0, 2.0)  # of the way: how far lines are bowed sideways
+PLACES = 5  # of sliders that stay where they are
+LEAST_UNIT = 1e-6  # J: what work is counted in at least, without gravity there is none
+APART = 0.2  # rad or m: ways whose coefficients are nearer than this are one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ways:
+    """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
+
+    ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
+    by which either end is led back to its place, ``pace`` [s] is the quickest way's mean interval, ``work_unit`` [J]
+    the mean work of a motor in it.
+    """
+
+    arm: Arm
+    actuation: Actuation
+    q: Float[np.ndarray, "bases coefficients dof"]
+    shares: Float[np.ndarray, "bases coefficients dof"]
+    spline: Float[np.ndarray, "time coefficients"]
+    across: Float[np.ndarray, "bases 2 dof rows"]
+    pace: float
+    work_unit: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients of all joints."""
+        return int(np.prod(self.q.shape[1:]))
+
+    def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
+        """Return the spline at samples so many times finer."""
+        return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
+
+    def past(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return by how much joints, and sliders, are past their bounds at samples (points, time, dof) at most.
+
+        In rad (m), and as shares of the rod.
+        """
+        lower, upper = self.arm.position_limits.T
+        joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
+        known = self.actuation
+        if not isinstance(known, DistributedActuation):
+            return joints, np.full(len(q), -1.0)
+        back, angle = known.gears(q, front)[0], known.angles(q)
+        found = list[np.ndarray]()
+        for place, (low, high) in ((front, known.front_bounds.T), (back, known.back_bounds.T)):
+            found += [(place - high) / known.rod, (low - place) / known.rod]
+        found.append(np.sin(known.least_angle) - np.sin(angle))
+        return joints, np.max(found, axis=(0, 2, 3))
+
+
+def spline(samples: int, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
+    """Return a clamped cubic B-spline at evenly spaced samples: its ends are its first and last coefficient."""
+    inner = np.linspace(0.0, 1.0, coefficients - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    table: np.ndarray = BSpline.design_matrix(np.linspace(0.0, 1.0, samples), knots, DEGREE).toarray()
+    return table
+
+
+def ways(
+    arm: Arm,
+    actuation: Actuation,
+    start: Float[np.ndarray, " task"],
+    target: Float[np.ndarray, " task"],
+    *,
+    samples: int,
+    coefficients: int,
+    bases: int,
+    seed: int,
+) -> Ways:
+    """Return at most so many ways from start to target that motors can hold, quick ones first.
+
+    Straight ahead; where that cannot be followed, bowed sideways. Raises OutOfReach and Infeasible, the latter naming a
+    joint, where there are none.
+    """
+    kept, rng, table = within_rods(arm, actuation), np.random.default_rng(seed), spline(samples, coefficients)
+    task, led = _led(kept, actuation, start, target, samples, rng)
+    fitted = _fitted(table, led)
+    shares = _shares(actuation, arm, table, fitted)
+    fitted = np.repeat(fitted, len(shares) // len(fitted), axis=0)
+    q, front = table @ fitted, np.zeros((len(fitted), samples, arm.dof))
+    if isinstance(actuation, DistributedActuation):
+        low, high = actuation.front_bounds.T
+        front = low + (table @ shares) * (high - low)
+    empty = Ways(
+        arm=arm,
+        actuation=actuation,
+        q=fitted,
+        shares=shares,
+        spline=table,
+        across=_across(task, fitted),
+        pace=1.0,
+        work_unit=1.0,
+    )
+    with np.errstate(invalid="ignore"):
+        timing, past = timed(arm, actuation, q, front), empty.past(q, front)
+    worst = np.nan_to_num(np.maximum(np.maximum(past[0], timing.overload), past[1]), nan=1e3)
+    good = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
+    if not len(good):  # sliders may still find their way: those that are least off
+        good = _nearly(arm, actuation, q, worst)[:bases]
+    order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
+    rows = _apart(fitted, order, bases)
+    pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
+    work_unit = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
+    return replace(
+        empty,
+        q=fitted[rows],
+        shares=shares[rows],
+        across=empty.across[rows],
+        pace=pace,
+        work_unit=max(work_unit, LEAST_UNIT),
+    )
+
+
+def _led(
+    arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
+) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
+    """Return the first of a straight and several bowed lines that can be followed, and motions that follow it."""
+    lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
+    sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
+    for bow in BOWS:
+        middles = [(start + target) / 2 + bow * side for side in (*sideways, *-sideways)]
+        lines += [
+            waypoints(np.stack([start, middle, target]), duration=1.0, samples=samples, timing="uniform")
+            for middle in middles
+        ]
+    for name, place in (("start", start), ("target", target)):
+        try:
+            held_postures(arm, actuation, place, ROLL_OUTS, rng)
+        except (OutOfReach, Infeasible) as fault:
+            raise _said(f"{name}: {fault}", fault) from fault
+    faults = list[OutOfReach | Infeasible]()
+    for path in lines:
+        task = motion_task(arm, path, objectives=[joint_travel])
+        try:
+            return task, np.concatenate([candidates(task, ROLL_OUTS, rng), swept(task, ROLL_OUTS, rng)])
+        except (OutOfReach, Infeasible) as fault:
+            faults.append(fault)
+    raise _said(f"start to target: no way was found, straight or bowed; straight, the {faults[0]}", faults[0])
+
+
+def _said(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
+    """Return an error again in other words."""
+    if isinstance(fault, OutOfReach):
+        return OutOfReach(text, sample=fault.sample)
+    return Infeasible(text, limit=fault.limit, violation=fault.violation)
+
+
+def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """Return slider coefficients to try for every way, those of a way beside each other.
+
+    Where sliders do best at every sample, in the middle of what they may, and everywhere in one place: what is best may
+    ask for far travel.
+    """
+    if not isinstance(actuation, DistributedActuation):
+        return np.zeros_like(fitted)
+    q = table @ fitted
+    speeds = joint_speeds(actuation, q, loads(arm, q))
+    low, high = actuation.front_bounds.T
+    own = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
+    best = np.clip(_fitted(table, np.nan_to_num(own, nan=0.5)), 0.0, 1.0)
+    still = np.linspace(0.0, 1.0, PLACES)[:, None, None] * np.ones_like(best[:1])
+    steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
+    middle = np.clip(_fitted(table, _middles(actuation, q)), 0.0, 1.0)
+    tried = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in still)]
+    return np.stack(tried, axis=1).reshape(-1, *best.shape[1:])
+
+
+def _middles(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
+    """Return the middle of the front sliders' ways on which back sliders are within their bounds, as shares."""
+    shares = np.linspace(0.0, 1.0, 4 * PLACES + 1)
+    low, high = actuation.front_bounds.T
+    fits = list[np.ndarray]()
+    for share in shares:
+        back = actuation.gears(q, np.broadcast_to(low + share * (high - low), q.shape))[0]
+        fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
+    count = np.maximum(np.sum(fits, axis=0), 1)
+    found: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count
+    return found
+
+
+def _nearly(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
+    """Return the ways whose every sample can be held by itself, those least off first.
+
+    Raises Infeasible, naming joint, torque and limit, where there are none.
+    """
+    held = ~np.isnan(joint_speeds(actuation, q, loads(arm, q)).high).any(axis=(1, 2))
+    if not held.any():
+        least = int(np.argmin(worst))
+        load = loads(arm, q[least])
+        sample = int(np.isnan(joint_speeds(actuation, q[least], load).high).any(axis=1).argmax())
+        raise overloaded(actuation, arm, q[least, sample], load[sample])
+    return np.flatnonzero(held)[np.argsort(worst[held])]
+
+
+def _fitted(table: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Return the coefficients that samples (batch, time, dof) are nearest to, both ends kept."""
+    inner, ends = table[:, 1:-1], table[:, [0, -1]]
+    outer = samples[:, [0, -1]]
+    middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
+    return np.concatenate([outer[:, :1], middle, outer[:, 1:]], axis=1)
+
+
+def _across(task: MotionTask, q: np.ndarray) -> np.ndarray:
+    """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
+    found = list[np.ndarray]()
+    for end in (0, -1):
+        targets = np.repeat(task.targets[[end]], len(q), axis=0)
+        slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)
+        found.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
+    return np.stack(found, axis=1)
+
+
+def _apart(q: np.ndarray, order: np.ndarray, most: int) -> list[int]:
+    """Return the first few in order that are not near each other."""
+    kept = [int(order[0])]
+    for row in order[1:]:
+        if len(kept) == most:
+            break
+        if np.abs(q[kept] - q[row]).max(axis=(1, 2)).min() > APART:
+            kept.append(int(row))
+    return kept

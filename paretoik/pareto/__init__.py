@@ -1,0 +1,1 @@
+"""Certified fronts of any program: refinement, epsilon sweeps, gap filling, exchange rates."""

@@ -1,1 +1,0 @@
-"""HOW A MOTION IS POLISHED: its nonlinear program, its solver, multi-start, ε-constraints, certificates."""

@@ -1,0 +1,1 @@
+"""One motion locally, step by step: projection methods, predictive minimisation, Nedungadi."""

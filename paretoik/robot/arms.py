@@ -1,0 +1,84 @@
+"""The papers' arms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+
+TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}
+
+
+def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
+    """Return the planar prototype with three revolute joints of Tringali & Cocuzza 2020 (Table 1) and 2021.
+
+    With the masses as printed the kinematics of both papers reproduce, but energies come out 27 % low. ``"fitted"``
+    masses are an inference, not in the papers: they reproduce eleven published energies within 0.85 %. No limits:
+    those of 2020, Table 2, differ from simulation to simulation. Raises InvalidInput for other words.
+
+    >>> tringali_3r("fitted").bodies[2].mass
+    0.503
+    """
+    if masses not in TRINGALI_MASSES:
+        raise InvalidInput(f"masses must be 'printed' or 'fitted', got {masses!r}")
+    return Arm.planar(
+        lengths=[0.176, 0.176, 0.1375],
+        masses=TRINGALI_MASSES[masses],
+        centers=[0.0950, 0.0717, 0.0526],
+        inertias=[0.001811, 0.003173, 0.002103],
+        name=f"Tringali 3R, {masses} masses",
+    )
+
+
+def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
+    """Return the planar arm with 3 or 4 unit links of Marcos et al. 2012, section 5.1; kinematics only, no limits.
+
+    The paper asks for identical links; their length of 1 m is a reading that its figures agree with. Raises
+    InvalidInput for another number of links.
+
+    >>> marcos_nr(4).dof
+    4
+    """
+    if links not in (3, 4):
+        raise InvalidInput(f"links must be 3 or 4, got {links!r}")
+    return Arm.planar(lengths=[1.0] * links, name=f"Marcos {links}R")
+
+
+def wan_7r() -> Arm:
+    """Return the arm with seven revolute joints of Wan et al. 2018, Table 1: modified DH, position and velocity limits.
+
+    The paper prints no masses, so this arm has kinematics only.
+
+    >>> wan_7r().velocity_limits[0].round(4)
+    np.float64(0.9599)
+    """
+    degrees = [(-160, 160), (-33, 150), (-165, 80), (-180, 40), (-150, 150), (-180, 180), (-180, 180)]
+    lower, upper = np.deg2rad(np.array(degrees, dtype=float)).T
+    return Arm.from_dh(
+        a=[0.0, 0.0, 0.0, 0.45, 0.4, 0.0, 0.0],
+        alpha=np.deg2rad([0.0, 90.0, 90.0, 0.0, 0.0, 90.0, 90.0]).tolist(),
+        d=[0.0, -0.2975, -0.3555, -0.293, 0.255, 0.197, 0.104],
+        theta=[0.0] * 7,
+        convention="modified",
+        position_limits=(lower, upper),
+        velocity_limits=np.deg2rad([55.0, 55.0, 55.0, 55.0, 65.0, 65.0, 65.0]),
+        name="Wan 7R",
+    )
+
+
+def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
+    """Return the planar arm with three revolute joints of Kim, Choi & Jang 2021, Table 2, under gravity (0, −9.81).
+
+    The paper prints no masses: 0.5 kg a link, in its middle, is an assumption, and so is that joints have no limits.
+
+    >>> kim_3r().dof
+    3
+    """
+    lengths = np.array([0.114, 0.114, 0.129])
+    return Arm.planar(lengths=lengths, masses=masses, centers=lengths / 2, inertias=[0.0] * 3, name="Kim 3R").mounted(
+        gravity=[0.0, -9.81, 0.0]
+    )

@@ -1,0 +1,1 @@
+"""The self-motion manifold of a task: postures, starts, charts, curves, branches."""

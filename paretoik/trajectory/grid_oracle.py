@@ -1,0 +1,271 @@
+"""The grid oracle: all motions over a grid of postures at once, by dynamic programming, where redundancy is one.
+
+The postures that reach a sample lie on a few curves. They are traced and cut into nodes evenly spaced, and the nodes of
+consecutive samples are joined wherever no joint goes too far. Where objectives and limits look at positions and
+velocities only (backward differences), the best way through is exact on that grid, and ``grid_bound`` says how much
+better any motion between its nodes can be. Where they look at accelerations, states are pairs of consecutive nodes, on
+fewer samples: what comes out, led back to all samples, is a source of starts and bounds nothing.
+
+Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.self_motion.branches import labels
+from paretoik.self_motion.curves import carried_postures, node_spacing, nodes_of, traced_curves
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.grid_bound import BEYOND, lower_bound
+from paretoik.trajectory.grid_terms import Terms, priced, terms_of
+from paretoik.trajectory.layered_graph import Layers, best_way, ways_through
+from paretoik.trajectory.posture_grid import PostureGrid, layered, posture_grid, transitions, windows_of
+
+PACE = 2.5  # times the pace that the path itself asks for: what joints without velocity limit may do
+QUICK = 30_000  # nodes that take no longer than a moment
+COARSEST = 26  # samples, where accelerations count
+APART = 0.15  # rad or m: ways through the grid nearer than this to a better one are not told apart from it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridOracle:
+    """What the grid knows: motions ``q``, the best of each class and what is far from them, best on the grid first.
+
+    ``labels`` are those of ``branches``, ``values`` the sums of objectives (minimised), ``violations`` the worst of the
+    limits, ``resolution`` [rad, m] the distance of nodes, ``samples`` how many of the motion the grid has.
+
+    Where ``exact``, no way through the grid is better than the first, and no motion on the curves traced, its joints
+    within the same pace, is worth less than ``lower_bound``, which comes nearer as the resolution is refined: with its
+    square, or in proportion to it where limits are active. Where accelerations count it is NaN, as where
+    it was not asked for.
+    """
+
+    q: Float[np.ndarray, "paths time dof"]
+    values: Float[np.ndarray, " paths"]
+    violations: Float[np.ndarray, " paths"]
+    labels: tuple[str, ...]
+    resolution: float
+    samples: int
+    exact: bool
+    lower_bound: float
+
+    @property
+    def best(self) -> float:
+        """What the best way through the grid is worth."""
+        return float(self.values[0])
+
+
+def grid_oracle(
+    task: MotionTask,
+    *,
+    weights: Sequence[float] | None = None,
+    resolution: float | None = None,
+    classes: int = 8,
+    seed: int = 0,
+    quick: bool = False,
+) -> GridOracle:
+    """Return the best ways through a grid of all postures, one of each class, for one degree of redundancy.
+
+    Parameters
+    ----------
+    task
+        A motion task with integral objectives and backward differences.
+    weights
+        Of the objectives' sum, one each; all 1 by default.
+    resolution
+        The distance [rad, m] between nodes; by default a share of the furthest step of a joint between samples,
+        or more where that would make too many nodes.
+    classes
+        The most motions returned, of every class first: how joints are bent, and how often they turn.
+    seed
+        Of the first postures; the curves through them hardly depend on it.
+    quick
+        Whether to do without the bound, and to refuse what takes longer than a moment.
+
+    Joints without velocity limit may go at a few times the pace that the path asks for.
+
+    Raises
+    ------
+    InvalidInput
+        Naming redundancy where it is not one, and whatever else is not supported; OutOfReach where the path is. With
+        ``quick`` also where accelerations count, or there are very many postures.
+    Infeasible
+        Where there is no way through the grid.
+    """
+    _check(task, resolution)
+    rng = np.random.default_rng(seed)
+    seeds, pace = carried_postures(task, rng)
+    terms = terms_of(task, weights, np.stack([q[0] for q in seeds])[None])
+    if quick and terms.second:
+        raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
+    level = task.subsampled(_coarse(len(task.times))) if terms.second else task
+    kept = np.searchsorted(task.times, level.times)
+    windows = windows_of(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
+    curves = traced_curves(level, [seeds[i] for i in kept])
+    spacing = resolution or node_spacing(curves, windows, second=terms.second)
+    unrolled = np.zeros(task.arm.dof, dtype=bool)
+    if quick and nodes_of(task, curves, spacing) > QUICK:
+        raise InvalidInput(f"grid_oracle: quick=True wants at most {QUICK} nodes, {spacing:g} rad apart there are more")
+    while True:
+        grid = _kept(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
+        layers = (_pairs if terms.second else _singles)(level, grid, terms)
+        best, states = best_way(layers, level.cyclic)
+        if not len(states):
+            raise _no_way(level, layers, spacing)
+        q = grid.motion(layers.through(states))
+        wound = level.cyclic & (np.abs(q[-1] - q[0]) > 1.0)
+        if not wound.any():
+            break
+        unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must be told apart
+    ways = [states, *ways_through(layers, level.cyclic, round(APART / spacing))]
+    told = _told(task, level, grid, terms, np.stack([grid.motion(layers.through(way)) for way in ways]), classes)
+    if not terms.second and not np.isclose(told["values"][0], best, rtol=1e-6, atol=0):
+        raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
+    least = np.nan
+    if not quick and not terms.second:
+        every = posture_grid(level, curves, spacing, windows, unrolled, beyond=BEYOND * spacing)
+        least = lower_bound(level, every, terms, spacing)
+    return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least)
+
+
+def _check(task: MotionTask, resolution: float | None) -> None:
+    if task.redundancy != 1:
+        raise InvalidInput(f"grid_oracle: redundancy 1 wanted, got {task.redundancy}")
+    if task.differences != "backward" or task.stops:
+        found = "end_velocity=0" if task.stops else f"{task.differences} differences"
+        raise InvalidInput(f"grid_oracle: backward differences and a free end wanted, got {found}")
+    if resolution is not None and not resolution > 0:
+        raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")
+
+
+def _singles(task: MotionTask, grid: PostureGrid, terms: Terms) -> Layers:
+    """Return the graph whose states are nodes."""
+    pairs, at = transitions(task, grid)
+    layers = layered(grid, pairs, priced(task, terms.of, [len(sources) for sources, _ in pairs], at))
+    return layers.thinned([np.isfinite(cost) for cost in layers.costs], layers.start)
+
+
+def _pairs(task: MotionTask, grid: PostureGrid, terms: Terms) -> Layers:
+    """Return the graph whose states are pairs of consecutive nodes; speeds change by half their range in a step."""
+    nodes, steps, first = grid.nodes, np.diff(task.times, prepend=np.nan), 0 if task.cyclic else 1
+    pairs = [grid.edges(i) for i in range(1, len(nodes))]
+    dq = [grid.step(nodes[i + 1][b], nodes[i][a]) / steps[i + 1] for i, (a, b) in enumerate(pairs)]
+    pairs.insert(0, pairs[-1] if task.cyclic else pairs[0])
+    dq.insert(0, dq[-1] if task.cyclic else np.zeros_like(dq[0]))
+    joined = [(np.zeros(0, dtype=int),) * 2]
+    for i in range(1, len(nodes)):
+        sources, ends = _joined(pairs[i - 1][1], pairs[i][0]) if i > first else (np.arange(len(dq[1])),) * 2
+        near = np.abs(dq[i][ends] - dq[i - 1][sources]) * steps[i] <= grid.windows[i] / 2
+        joined.append((sources[near.all(axis=1)], ends[near.all(axis=1)]) if i > first else (sources, ends))
+
+    def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        sources, ends = joined[i]
+        if not len(ends):
+            return grid.still(i, np.zeros_like(pick))
+        here = dq[i][ends[pick]]
+        return nodes[i][pairs[i][1][ends[pick]]], here, (here - dq[i - 1][sources[pick]]) / steps[i]
+
+    costs = priced(task, terms.of, [len(sources) for sources, _ in joined], at)
+    layers = Layers(
+        start=np.zeros(len(dq[0])) if task.cyclic else costs[1],
+        offsets=[np.searchsorted(joined[i][1], np.arange(len(dq[i]) + 1)) for i in range(1 + first, len(nodes))],
+        sources=[sources for sources, _ in joined[1 + first :]],
+        costs=costs[1 + first :],
+        nodes=[ends for _, ends in pairs[first:]],
+        before=None if task.cyclic else pairs[1][0],
+    )
+    return layers.thinned([np.isfinite(cost) for cost in layers.costs], layers.start)
+
+
+def _joined(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return all (first, second) pairs of which the second begins where the first, sorted by their ends, ends."""
+    low, high = (np.searchsorted(ends_before, begins, side=side) for side in ("left", "right"))
+    ends = np.repeat(np.arange(len(begins)), high - low)
+    return np.arange(len(ends)) - np.repeat(np.cumsum(high - low) - high, high - low), ends
+
+
+def _coarse(samples: int) -> int:
+    while (samples - 1) // 2 + 1 >= COARSEST:
+        samples = (samples - 1) // 2 + 1
+    return samples
+
+
+def _kept(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:
+    """Return the grid of the nodes that keep the limits on postures."""
+
+    def held(motion: Motion) -> np.ndarray:
+        found = terms.held(motion, terms.postures)
+        if not task.cyclic:
+            found[:, 0] &= terms.held(motion, terms.rates)[:, 0]  # a motion begins at rest
+        return found
+
+    kept = [there > 0 for there in priced(task, held, [len(there) for there in grid.nodes], grid.still)]
+    if task.cyclic:
+        kept[0] = kept[-1] = kept[0] & kept[-1]
+    for i, k in enumerate(kept):
+        if not k.any():
+            raise Infeasible(f"no posture keeps the limits at sample {i} of {len(kept)} ({task.times[i]:.3g} s)")
+    return grid.only(kept)
+
+
+def _told(
+    task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, ways: np.ndarray, classes: int
+) -> dict[str, Any]:
+    """Return the best motion of every class, by what it is worth on the grid, and what is far from them."""
+    if task.cyclic:
+        ways = ways[np.abs(ways[:, -1] - ways[:, 0]).max(axis=1) < 1e-6]
+    motions = level.motion(ways)
+    cost, kinds = motions.integral(terms.cost(motions)), labels(motions)
+    change = ways[:, -1] - ways[:, 0]
+    turns = np.round((change - grid.step(ways[:, -1], ways[:, 0])) / (2 * np.pi)).astype(int)
+    found: dict[int, np.ndarray] = {}
+    for far in (False, True):  # classes first: none is left out for what is only far
+        for k in np.argsort(cost, kind="stable").tolist():
+            kept = list(found)
+            known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
+            apart = np.sqrt(np.mean(np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1), axis=-1)).min(initial=np.inf)
+            q = _resampled(task, motions[k]) if len(kept) < classes and (apart > APART if far else not known) else None
+            if q is not None:
+                found[int(k)] = q
+    kept = sorted(found, key=lambda k: cost[k])
+    if not kept:
+        raise Infeasible(f"every way through the grid of {len(level.times)} samples leaves the path between them")
+    final = task.motion(np.stack([found[k] for k in kept]))
+    return {
+        "q": final.q,
+        "values": final.integral(terms.cost(final)),
+        "violations": task.violations(final).max(axis=1, initial=0.0),
+        "labels": tuple(kinds[k] for k in kept),
+    }
+
+
+def _resampled(task: MotionTask, motion: Motion) -> np.ndarray | None:
+    """Return a motion on all samples, None where it leaves the path between its own."""
+    if len(motion.time) == len(task.times):
+        return motion.q
+    try:
+        q = motion.at(task.times)
+    except Infeasible:
+        return None
+    if task.start is not None:
+        q[0] = task.start
+    return q
+
+
+def _no_way(task: MotionTask, layers: Layers, spacing: float) -> Infeasible:
+    """Return the error that says how far ways through the grid come."""
+    came = [np.isfinite(value).any() for value in layers.forward(layers.start)]
+    if all(came):
+        return Infeasible("no way through the grid is closed: every one that keeps the limits ends in another posture")
+    i = len(task.times) - len(came) + came.index(False)
+    return Infeasible(
+        f"no way through the grid, its nodes {spacing:.3g} rad apart, comes to sample {i} of {len(task.times)} "
+        f"({task.times[i]:.3g} s) within the limits"
+    )

@@ -1,0 +1,231 @@
+"""Closed loops through the public face: followed, kept, chosen from anew, ended early."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import rerun as rr
+from tests.formulations.closed_loop.postures import posture
+
+import paretoik as pk
+from paretoik.api.solve import reweighed
+from problems import marcos_2012
+
+ROOT = Path(__file__).parents[2]
+STEPS = 12
+MINE = """
+import numpy as np
+import paretoik as pk
+
+START = np.array({start})
+
+def short() -> pk.ClosedLoop:
+    '''A few steps for tests.'''
+    return loop(12)
+
+def long() -> pk.ClosedLoop:
+    return loop(4000)
+
+def loop(steps):
+    path = pk.circle((0.7, 0.0), 0.5, duration=1e-3 * steps, samples=steps + 1, turns=1.1e-3 * steps, timing="uniform")
+    return pk.ClosedLoop(pk.marcos_nr(3), path, start=START, population=20, generations=10)
+"""
+
+
+def short(**settings):
+    given = {"start": posture(3), "steps": STEPS, "population": 20, "generations": 10}
+    return marcos_2012.loop(3, 0.7, **{**given, **settings})
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory):
+    file = tmp_path_factory.mktemp("loops") / "users_own_loops.py"
+    file.write_text(MINE.format(start=posture(3).tolist()))
+    return str(file)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "finished"
+    return pk.solve(short(), seed=3, out=out), out
+
+
+def test_a_loop_becomes_a_front_of_one_motion_of_means_over_steps(finished):
+    front, _ = finished
+    run = short(seed=3).run()
+    assert front.names == ("joint_displacement", "position_error")
+    np.testing.assert_array_equal(front.motions.q[0], run.q)
+    motion = front.motions[0]
+    assert front.objectives[0, 1] == pytest.approx(motion.position_error[1:].mean())
+    away = (motion.q[1:] - motion.q[0]) / 1e-3
+    squares = (np.diff(motion.q, axis=0) / 1e-3) ** 2
+    assert front.objectives[0, 0] == pytest.approx((squares.sum(axis=1) + (away**2).sum(axis=1)).mean())
+    assert front.provenance["drift"] == pytest.approx(np.linalg.norm(motion.q[-1] - motion.q[0]) / 3)
+    assert front.provenance["counts"]["steps"] == STEPS
+
+
+def test_a_run_folder_has_a_row_and_a_front_of_every_step(finished):
+    front, out = finished
+    table = pq.read_table(out / "steps.parquet").to_pydict()
+    assert table["sample"] == list(range(1, STEPS + 1))
+    assert np.mean(table["chosen position_error"]) == pytest.approx(front.objectives[0, 1])
+    for name in front.names:
+        best, chosen, worst = (np.array(table[f"{what} {name}"]) for what in ("best", "chosen", "worst"))
+        assert ((best <= chosen) & (chosen <= worst)).all()
+    (store,) = rr.chunk.RrdReader(out / "review.rrd").recordings()
+    entities = {str(chunk.entity_path): chunk for chunk in rr.chunk.RrdReader(out / "review.rrd").stream(store=store)}
+    assert {"/search/front", "/search/chosen", "/arm/links"} <= set(entities)
+    assert (out / "front.png").stat().st_size > 10_000
+
+
+def test_other_weights_follow_the_loop_anew_from_where_it_began(finished):
+    front, out = finished
+    loaded = pk.load_front(out, short())
+    for given in (front, loaded):
+        choice = given.select(pk.Weights(position_error=1.0))
+        wanted = short(seed=3).changed(weights=[0.0, 1.0]).run()
+        np.testing.assert_array_equal(choice.motion.q, wanted.q)
+        assert choice.objectives == pytest.approx(wanted.values.mean(axis=0))
+        assert "position_error 100%" in choice.reason
+    own = front.select(pk.Weights(joint_displacement=2.0, position_error=2.0))
+    np.testing.assert_array_equal(own.motion.q, front.motions.q[0])
+    assert reweighed(loaded, pk.Weights(joint_displacement=1.0, position_error=1.0)) is None
+    with pytest.raises(pk.InvalidInput, match="wanted names among joint_displacement, position_error"):
+        front.select(pk.Weights(energy=1.0))
+
+
+def test_a_time_limit_keeps_the_steps_that_were_taken(tmp_path):
+    front = pk.solve(short(), out=tmp_path / "run", time_limit=0.0)
+    assert front.provenance["status"] == "time limit"
+    assert front.motions.q.shape[1] == front.provenance["counts"]["steps"] + 1 == 3
+    loaded = pk.load_front(tmp_path / "run", short())
+    np.testing.assert_array_equal(loaded.motions.q, front.motions.q)
+
+
+@pytest.mark.parametrize("name", ["evaluations", "target", "anchors", "refine"])
+def test_what_means_nothing_for_a_loop_is_refused(name):
+    with pytest.raises(pk.InvalidInput, match=f"{name}: wants a search for a front, got a closed loop"):
+        pk.solve(short(), **{name: {"target": [1.0, 1.0], "refine": True}.get(name, 1)})
+
+
+def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
+    wall = pk.Circle((0.7 + 0.5 * np.cos(0.06), 0.5 * np.sin(0.06)), 0.005)
+    loop = pk.ClosedLoop(
+        pk.marcos_nr(3),
+        marcos_2012.round_trip(0.7, STEPS),
+        start=posture(3),
+        obstacles=[wall],
+        population=8,
+        generations=3,
+    )
+    with pytest.raises(pk.Infeasible, match=r"step \d+ .*: a free configuration wanted, none found; the arm is"):
+        pk.solve(loop, out=tmp_path / "run")
+    assert "obstacle 1 of 1" in json.loads((tmp_path / "run" / "run.json").read_text())["reason"]
+
+
+def test_a_singular_arm_is_told_as_such():
+    path = pk.line([3.0, 0.0], [2.9, 0.1], duration=0.1, samples=5, timing="uniform")
+    with pytest.raises(pk.Infeasible, match=r"step 1 .*: a Jacobian of full rank wanted.* condition number is"):
+        pk.ClosedLoop(pk.marcos_nr(3), path, start=np.zeros(3), population=8, generations=2).run()
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_one_objective_or_three_and_a_spatial_arm(count):
+    arm, q = pk.wan_7r(), np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
+    where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
+    path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=4, timing="uniform")
+    objectives = [pk.position_error, pk.joint_displacement, pk.manipulability][:count]
+    ball = pk.Sphere(where + np.array([0.0, 0.3, 0.0]), 0.05)
+    loop = pk.ClosedLoop(arm, path, objectives=objectives, start=q, obstacles=[ball], population=20, generations=20)
+    front = pk.solve(loop)
+    assert front.objectives.shape == (1, count)
+    assert front.objectives[0, 0] < 1e-4
+    assert front.motions.clearance.min() > 0
+    assert front.maximised == (False, False, True)[:count]
+
+
+def test_position_and_velocity_limits_hold_at_every_step():
+    free = pk.solve(short(steps=40))
+    q = free.motions.q[0]
+    moved = np.argmax(np.ptp(q, axis=0))
+    middle = (q[0, moved] + q[-1, moved]) / 2
+    limit = np.tile([-np.pi, np.pi], (3, 1))
+    limit[moved, int(q[-1, moved] > q[0, moved])] = middle
+    fastest = 0.8 * np.abs(np.diff(q, axis=0)).max() / 1e-3
+    limits = pk.Limits(position=(limit[:, 0], limit[:, 1]), velocity=1.5 * fastest)
+    loop = pk.ClosedLoop(
+        pk.marcos_nr(3),
+        marcos_2012.round_trip(0.7, 40),
+        start=q[0],
+        limits=limits,
+        population=20,
+        generations=20,
+    )
+    front = pk.solve(loop)
+    found = front.motions.q[0]
+    assert (found >= limit[:, 0] - 1e-9).all()
+    assert (found <= limit[:, 1] + 1e-9).all()
+    assert np.abs(np.diff(found, axis=0)).max() <= 1.5e-3 * fastest * (1 + 1e-9)
+    assert front.violation[0] < 1e-8
+
+
+def test_warm_starts_begin_with_the_population_before():
+    moved = []
+    for seed in range(16):  # of one seed alone, chance decides
+        cold, warm = short(generations=2, seed=seed), short(generations=2, seed=seed)
+        warm.warm_start = True
+        first, second = cold.run(), warm.run()
+        np.testing.assert_array_equal(first.q[1], second.q[1])
+        moved.append((first.F[1:, 1].mean(), second.F[1:, 1].mean()))
+    cold_median, warm_median = np.median(moved, axis=0)
+    assert warm_median < 0.7 * cold_median
+
+
+def command(*words, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", "paretoik", *map(str, words)],
+        cwd=ROOT,
+        env=os.environ | {"OMP_NUM_THREADS": "1"} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_command_line_lists_follows_and_chooses_anew(mine, tmp_path):
+    out, _ = command("list", mine).communicate(timeout=60)
+    assert f"{mine}:short" in out
+    assert "A few steps for tests." in out
+    out, err = command("solve", f"{mine}:short", "--out", tmp_path / "run", "--seed", 2).communicate(timeout=120)
+    assert "12 of 12 steps" in out
+    assert err.startswith("step 1/12, front ")
+    chosen = command(
+        "select", tmp_path / "run", "--weights", "position_error=1", "--out", tmp_path / "other", "--quiet", "--json"
+    )
+    out, err = chosen.communicate(timeout=120)
+    assert err == ""
+    other = pk.load_front(tmp_path / "other", None)
+    assert json.loads(out)["objectives"]["position_error"] == other.objectives[0, 1]
+    assert other.provenance["settings"]["weights"] == {"joint_displacement": 0.0, "position_error": 1.0}
+    assert other.provenance["settings"]["seed"] == 2
+    _, err = command("select", tmp_path / "run", "--weights", "speed=1").communicate(timeout=60)
+    assert err.startswith("error: weights: wanted names among joint_displacement, position_error, got 'speed'")
+
+
+def test_an_interrupted_loop_keeps_its_steps(mine, tmp_path):
+    process = command("solve", f"{mine}:long", "--out", tmp_path / "run")
+    assert process.stderr.readline().startswith("step 1/4000, front ")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "of 4000 steps" in out
+    assert "Traceback" not in err
+    assert pk.load_front(tmp_path / "run").motions.q.shape[1] >= 3

@@ -1,0 +1,118 @@
+"""Gradients inside a search and at its end."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.api.refine import SHARE, Improver
+from paretoik.trajectory import epsilon
+from problems import tringali_2020
+
+SMALL = {"population": 30, "generations": 24, "seed": 1, "refine": True}
+
+
+def problem_of():
+    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
+    goals = [pk.kinetic_energy, pk.torque_norm]
+    return pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+
+
+@pytest.fixture(scope="module")
+def front():
+    return pk.solve(problem_of(), **SMALL)
+
+
+def test_a_search_with_gradients_ends_with_certified_points(front):
+    assert front.certificates.kkt_residual.max() <= 1e-6
+    assert front.certificates.violation.max() <= 1e-8
+    assert front.motions.tracking_error.max() <= 1e-9
+    assert front.provenance["counts"]["iterations"] > 0
+
+
+def test_the_same_seed_gives_the_same_front(front):
+    assert np.array_equal(pk.solve(problem_of(), **SMALL).objectives, front.objectives)
+
+
+def test_iterations_take_no_more_than_their_share_of_the_evaluations(front):
+    counts = front.provenance["counts"]
+    one_round = 5 * 30
+    assert counts["iterations"] <= SHARE * counts["evaluations"] + one_round
+
+
+def test_what_is_suggested_is_better_than_where_it_came_from():
+    problem = problem_of()
+    search = pk.Search(problem, population=30, seed=1)
+    improver = Improver(search)
+    for _ in range(10):
+        asked = search.ask()
+        found = problem.evaluate(asked.X, return_as_dictionary=True)
+        search.tell(asked.ids, found["F"], found["G"])
+    from paretoik.search.evolution import _progress
+
+    before = search.archive.F.min(axis=0)
+    genes = improver(_progress(search, (), 0.0))
+    after = problem.evaluate(genes, return_as_dictionary=True)
+    fits = (after["G"] <= 1e-3).all(axis=1)
+    assert np.all(after["F"][fits].min(axis=0) < before)
+
+
+def test_only_a_tracking_problem_is_refined():
+    from pymoo.problems import get_problem
+
+    with pytest.raises(pk.InvalidInput, match="refine: a Tracking problem wanted"):
+        pk.solve(get_problem("zdt1"), population=20, generations=2, refine=True)
+
+
+def walk():
+    return pk.PointToPoint(
+        pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4
+    )
+
+
+@pytest.mark.parametrize("made", [problem_of, walk])
+def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path, monkeypatch):
+    monkeypatch.setattr(epsilon, "TOGETHER", 2)
+    told = []
+
+    def interrupted(done, wanted):
+        told.append((done, wanted))
+        assert pk.load_front(tmp_path / "run").objectives.shape == (wanted, 2)  # kept before it is polished
+        os.kill(os.getpid(), signal.SIGINT)
+
+    settings = {**SMALL, "generations": 6, "points": 20}
+    front = pk.solve(made(), **settings, out=tmp_path / "run", observe_refining=interrupted)
+    assert front.provenance["status"] == "SIGINT"
+    assert len(told) == 1
+    assert told[0][0] < told[0][1]
+    assert len(front.certificates) == len(front)
+    assert 0 < front.provenance["refined"]["converged"] <= told[0][0]
+    assert np.array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
+
+
+def test_gradients_find_ends_that_a_search_alone_does_not():
+    settings = {"population": 30, "generations": 40, "seed": 1, "points": 6}
+    alone, helped = (pk.solve(walk(), **settings, refine=refine) for refine in (False, True))
+    assert (helped.minimised.min(axis=0) < 0.99 * alone.minimised.min(axis=0)).all()
+    assert helped.certificates.kkt_residual.max() <= 1e-6
+    assert (helped.certificates.status == "minimum").all()
+
+
+def test_a_front_is_refined_with_its_own_problem_only():
+    front = pk.solve(walk(), population=20, generations=4, seed=1, points=3)
+    other = pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5)
+    with pytest.raises(pk.InvalidInput, match="refine: the problem that the front solves wanted"):
+        pk.refine(front, other)
+
+
+def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
+    def failing(done, wanted):
+        raise RuntimeError("somebody looked away")
+
+    with pytest.raises(RuntimeError, match="looked away"):
+        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe_refining=failing)
+    kept = pk.load_front(tmp_path / "run", walk())
+    assert len(kept) > 1
+    assert kept.provenance["status"] == "RuntimeError"

@@ -1,0 +1,271 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+
+import numpy as np
+import pytest
+from pymoo.core.problem import Problem
+from pymoo.problems.multi.zdt import ZDT1
+
+import paretoik as pk
+from paretoik.api.solve import load_front, solve
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.front.indicators import non_dominated
+from paretoik.loading import fingerprint
+from tests.search.problems import Constant
+
+PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+QUICK = {"population": 12, "generations": 6}
+
+
+def tracking(*objectives, **limits) -> pk.Tracking:
+    return pk.Tracking(
+        pk.tringali_3r(),
+        PATH,
+        objectives=objectives or (pk.kinetic_energy, pk.torque_norm),
+        limits=pk.Limits(**limits),
+        coefficients=4,
+        bases=2,
+    )
+
+
+@pytest.fixture(scope="module")
+def problem() -> pk.Tracking:
+    return tracking(velocity=6.0)
+
+
+@pytest.fixture(scope="module")
+def front(problem) -> pk.Front:
+    return solve(problem, **QUICK, seed=1)
+
+
+class Walled(Problem):
+    """One gene, one objective, and a wall that leaves nothing."""
+
+    def __init__(self):
+        super().__init__(n_var=1, n_obj=1, n_ieq_constr=2, xl=0.0, xu=1.0)
+
+    def _evaluate(self, x, out, *args, **kwargs):
+        out["F"] = x
+        out["G"] = np.column_stack((x - 2, 0.5 + x))
+
+
+def test_a_front_is_feasible_and_non_dominated_and_its_motions_give_its_objectives(problem, front):
+    own = [objective(front.motions) for objective in (pk.kinetic_energy, pk.torque_norm)]
+    assert np.array_equal(np.stack(own, axis=1), front.objectives)
+    assert non_dominated(front.objectives).all()
+    assert (problem.task.violations(front.motions) <= 0).all()
+    assert (np.diff(front.objectives[:, 0]) > 0).all()
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_another_front(problem, front, tmp_path):
+    again = solve(tracking(velocity=6.0), **QUICK, seed=1, out=tmp_path / "run")
+    for name in ("ids", "objectives", "genes"):
+        assert getattr(again, name).tobytes() == getattr(front, name).tobytes()
+    assert again.motions.q.tobytes() == front.motions.q.tobytes()
+    assert not np.array_equal(solve(problem, **QUICK, seed=2).objectives, front.objectives)
+
+
+def test_a_plain_pymoo_problem_gets_a_front_without_motions_and_comes_near_the_optimum():
+    front = solve(ZDT1(n_var=5), population=40, generations=80, seed=0)
+    assert front.motions is None
+    assert front.names == ("f1", "f2")
+    f1, f2 = front.objectives.T
+    assert np.abs(f2 - (1 - np.sqrt(f1))).max() < 0.05
+
+
+def test_a_front_started_from_is_never_worse_in_any_objective(problem, front):
+    for initial in (front, front.genes):
+        better = solve(problem, population=max(12, len(front)), generations=1, seed=3, initial=initial)
+        assert (better.objectives.min(axis=0) <= front.objectives.min(axis=0)).all()
+
+
+def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_of(problem, front):
+    started = solve(problem, population=max(12, len(front)), generations=1, seed=3, initial=front.motions)
+    np.testing.assert_array_less(started.objectives.min(axis=0), front.objectives.min(axis=0) * (1 + 1e-6))
+    finer = pk.Tracking(
+        pk.tringali_3r(), PATH, objectives=(pk.kinetic_energy, pk.torque_norm), coefficients=12, bases=2
+    )
+    wild = finer.decode(np.column_stack([np.full(4, 0.5), np.tile([0.5, -0.5], (4, 6)) * np.arange(1, 5)[:, None] / 4]))
+    with pytest.warns(RuntimeWarning, match=r"initial: \d of 4 motions start approximately"):
+        solve(problem, population=12, generations=1, initial=wild)
+
+
+def test_a_front_of_another_problem_without_motions_cannot_be_a_start(problem):
+    foreign = solve(ZDT1(n_var=5), population=8, generations=2)
+    with pytest.raises(InvalidInput, match="initial: the front is of another problem and has no motions"):
+        solve(problem, **QUICK, initial=foreign)
+
+
+def test_motions_cannot_start_a_problem_that_knows_none(front):
+    with pytest.raises(InvalidInput, match="initial: wants genes, as this problem cannot encode motions"):
+        solve(ZDT1(n_var=5), **QUICK, initial=front.motions)
+
+
+def test_failures_are_counted_and_named_and_stay_out_of_the_front():
+    @pk.objective(unit="rad", form="terminal")
+    def touchy(motion):
+        last = motion.q[..., -1, 0]
+        return np.where(last > -1.05, np.nan, last)
+
+    found = solve(tracking(pk.kinetic_energy, touchy), **QUICK, seed=1)
+    counts = found.provenance["counts"]
+    assert 0 < counts["failed"] < counts["evaluations"] == 72
+    assert counts["first_cause"] == "objective touchy is nan"
+    assert (found.motions.q[:, -1, 0] <= -1.05).all()
+
+
+def test_when_every_evaluation_fails_the_first_cause_is_named():
+    @pk.objective(unit="", form="general")
+    def worn(motion):
+        raise RuntimeError("the bearing is worn")
+
+    with pytest.raises(EvaluationFailed, match="RuntimeError: the bearing is worn"):
+        solve(tracking(pk.kinetic_energy, worn), **QUICK)
+
+
+def test_nothing_feasible_comes_with_the_least_violating_motion_the_limit_and_by_how_much(tmp_path):
+    narrow = tracking(velocity=1.0)
+    with pytest.raises(Infeasible, match=r"no motion within the limits in 72 evaluations; .*velocity") as refused:
+        solve(narrow, **QUICK, out=tmp_path / "run")
+    assert "velocity" in refused.value.limit
+    worst = narrow.task.violations(refused.value.motion)
+    assert refused.value.violation == pytest.approx(worst.max())
+    said = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert (said["status"], said["reason"]) == ("Infeasible", str(refused.value))
+
+
+def test_a_plain_problem_without_a_feasible_point_names_the_constraint():
+    with pytest.raises(Infeasible, match=r"constraint 2 is violated by 0\.5") as refused:
+        solve(Walled(), **QUICK)
+    assert (refused.value.limit, refused.value.motion) == ("constraint 2", None)
+
+
+def test_observe_sees_every_generation_as_the_user_knows_it(problem):
+    @pk.objective(unit="", form="general", maximise=True)
+    def height(motion):
+        return motion.q[..., -1, 0]
+
+    seen = []
+    front = solve(tracking(pk.kinetic_energy, height), **QUICK, observe=lambda *shown: seen.append(shown))
+    assert [generation.number for generation, _ in seen] == [1, 2, 3, 4, 5, 6]
+    volumes = [generation.hypervolume for generation, _ in seen]
+    assert volumes == sorted(volumes)
+    assert volumes[-1] > 0
+    last, progress = seen[-1]
+    assert set(front.ids) <= set(last.front_ids)
+    np.testing.assert_array_equal(last.front[:, 1], -progress.front[:, 1])
+    assert np.isin(front.objectives[:, 1], last.front[:, 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("ending", "status"),
+    [
+        ({"generations": 3}, "generations"),
+        ({"time_limit": 1e-9}, "time limit"),
+        ({"evaluations": 20}, "evaluations"),
+        ({"target": (1e3, 1e3)}, "target"),
+    ],
+)
+def test_a_run_says_what_ended_it_and_keeps_its_front(problem, ending, status):
+    front = solve(problem, population=12, **{"generations": 50} | ending)
+    assert front.provenance["status"] == status
+    assert front.provenance["counts"]["generations"] <= 3
+    assert len(front)
+
+
+def test_standing_still_ends_a_run_unless_told_otherwise():
+    ended = solve(Constant(2), population=12, generations=30)
+    assert ended.provenance["status"] == "stagnation"
+    assert solve(Constant(2), population=12, generations=30, stagnation=False).provenance["status"] == "generations"
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"target": (1.0,)}, "target: wants 2 numbers, one an objective, got 1"),
+        ({"population": 3}, "population: an integer of at least 4 wanted, got 3"),
+        ({"generations": 0}, "generations: an integer of at least 1 wanted, got 0"),
+        ({"points": 0}, "points: an integer of at least 1 wanted, got 0"),
+        ({"time_limit": 0.0}, "time limit: more than 0 seconds wanted, got 0"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused_before_a_folder_is_made(problem, tmp_path, settings, words):
+    with pytest.raises(InvalidInput, match=words):
+        solve(problem, **QUICK | settings, out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_front_has_no_more_points_than_asked_for_and_keeps_its_ends(problem, front):
+    few = solve(problem, **QUICK, seed=1, points=3)
+    assert len(few) == 3
+    np.testing.assert_array_equal(few.objectives[[0, -1]], front.objectives[[0, -1]])
+    assert set(few.ids) <= set(front.ids)
+
+
+def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
+    before = signal.getsignal(signal.SIGTERM)
+
+    def stop(generation, _):
+        if generation.number == 2:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    front = solve(problem, **QUICK, observe=stop)
+    assert front.provenance["status"] == "SIGTERM"
+    assert front.provenance["counts"]["generations"] == 2
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.fixture(scope="module")
+def run(problem, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    return folder, solve(problem, **QUICK, seed=1, out=folder)
+
+
+def test_a_saved_run_comes_back_with_its_motions_whole(problem, run):
+    folder, front = run
+    loaded = load_front(folder, problem)
+    np.testing.assert_array_equal(loaded.objectives, front.objectives)
+    np.testing.assert_array_equal(loaded.ids, front.ids)
+    np.testing.assert_array_equal(loaded.motions.torque, front.motions.torque)
+    assert loaded.provenance == front.provenance
+    assert loaded.select(pk.Weights(torque_norm=1.0)).id == front.select(pk.Weights(torque_norm=1.0)).id
+
+
+def test_a_run_that_names_no_problem_still_has_its_joint_positions(run):
+    folder, front = run
+    np.testing.assert_array_equal(load_front(folder).motions.q, front.motions.q)
+
+
+def test_another_problem_is_refused_by_its_fingerprint(run):
+    with pytest.raises(InvalidInput, match="wants the problem that the run solved, but its fingerprint is another"):
+        load_front(run[0], tracking(velocity=6.5))
+
+
+def test_a_run_whose_problem_is_gone_comes_without_its_arm_and_a_warning(problem, tmp_path):
+    solve(problem, **QUICK, out=tmp_path / "run", reference="gone.py:problem")
+    with pytest.warns(RuntimeWarning, match=r"motions come without their arm: problem file gone\.py"):
+        front = load_front(tmp_path / "run")
+    assert len(front.motions) == len(front)
+
+
+def test_the_fingerprint_tells_what_makes_genes_mean_something_else(problem):
+    assert fingerprint(problem) == fingerprint(tracking(velocity=6.0))
+    others = [
+        tracking(velocity=6.1),
+        tracking(velocity=6.0, torque=5.0),
+        tracking(pk.kinetic_energy, pk.jerk, velocity=6.0),
+        pk.Tracking(
+            pk.tringali_3r("fitted"),
+            PATH,
+            objectives=(pk.kinetic_energy, pk.torque_norm),
+            limits=pk.Limits(velocity=6.0),
+            coefficients=4,
+            bases=2,
+        ),
+        ZDT1(n_var=5),
+    ]
+    prints = [fingerprint(other) for other in (problem, *others)]
+    assert len(set(prints)) == len(prints)

@@ -1,0 +1,37 @@
+"""Arrays of samples, traced ones that stand for them, and the numbers that those have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.autodiff.evaluator import program
+from paretoik.autodiff.tape import entry
+from paretoik.autodiff.tracing import Trace
+
+SAMPLES = 6
+RNG = np.random.default_rng(0)
+Q, V, R = (RNG.normal(size=(SAMPLES, *shape)) for shape in ((3,), (3,), (3, 3)))
+ROW, TABLE = RNG.normal(size=3), RNG.normal(size=(SAMPLES, 3))
+TIME = np.linspace(0.0, 1.0, SAMPLES)
+TURNS = RNG.normal(size=(SAMPLES, 3, 3))
+
+
+def traced(*given, samples=SAMPLES):
+    """Return a trace and a traced array for each of the given ones, (time, ...)."""
+    trace = Trace(samples)
+    return trace, [trace.inputs(*(array.shape[1:] if samples else array.shape)) for array in given]
+
+
+def numbers(trace, array, *given):
+    """Return the numbers that a traced array stands for, where those that were traced are the given ones."""
+    lanes = SAMPLES if trace.samples else 1
+    rows = np.zeros((len(trace.tape.inputs), lanes))
+    begun = 0
+    for source in given:
+        flat = source.reshape(lanes, -1).T
+        rows[begun : begun + len(flat)] = flat
+        begun += len(flat)
+    for i, values in trace.data.items():
+        rows[trace.tape.entries[i][1]] = values
+    outputs = [entry(trace.tape, value) for value in array.entries.ravel()]
+    return program(trace.tape, outputs)(rows).T.reshape(array.shape)

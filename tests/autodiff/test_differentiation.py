@@ -1,0 +1,181 @@
+"""Derivatives: exact where functions are smooth, those of the piece that is taken where they are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+from paretoik.autodiff.differentiation import gradient, hessian, tangents, used
+from paretoik.autodiff.tape import BINARY, COMPOSED, UNARY, Tape, choose
+from tests.autodiff.trees import KINKED, SMOOTH, VARIABLES, evaluated, points, seeds, taped, trees
+
+STEP = 1e-6
+
+
+@settings(max_examples=60)
+@given(trees(SMOOTH), seeds)
+def test_the_gradient_is_that_of_the_complex_step(tree, seed):
+    tape, value, variables = taped(tree)
+    at = points(seed)
+    found = evaluated(tape, gradient(tape, value, variables), at)
+    for i in range(VARIABLES):
+        stepped = at.astype(complex)
+        stepped[i] += 1e-30j
+        wanted = np.broadcast_to(np.imag(tree(*stepped)) / 1e-30, at.shape[1:])
+        np.testing.assert_allclose(found[i], wanted, rtol=1e-8, atol=1e-10 * max(1.0, np.abs(found).max()))
+
+
+@settings(max_examples=60)
+@given(trees({**SMOOTH, **KINKED}), seeds)
+def test_the_gradient_is_that_of_central_differences(tree, seed):
+    tape, value, variables = taped(tree)
+    at = points(seed)
+    found = evaluated(tape, gradient(tape, value, variables), at)
+    curved = evaluated(tape, hessian(tape, value, variables).values(), at)
+    assume(np.abs(curved).max(initial=0.0) < 1e4)  # a kink nearly met, of sqrt(a² + b²) with both small
+    scale = max(1.0, np.abs(found).max(), np.abs(evaluated(tape, [value], at)).max())
+    for i, slope in enumerate(found):
+        agree(slope, differences(tape, [value], at, i)[0], scale, 1e-6)
+
+
+@settings(max_examples=60)
+@given(trees({**SMOOTH, **KINKED}), seeds)
+def test_second_derivatives_are_differences_of_the_gradient_and_symmetric(tree, seed):
+    tape, value, variables = taped(tree)
+    at = points(seed)
+    first = gradient(tape, value, variables)
+    whole = np.array(
+        [evaluated(tape, tangents(tape, first, {variable: tape.constant(1.0)}), at) for variable in variables]
+    )
+    scale = max(1.0, np.abs(whole).max(), np.abs(evaluated(tape, first, at)).max())
+    assume(scale < 1e4)
+    np.testing.assert_allclose(whole, whole.swapaxes(0, 1), rtol=0, atol=1e-9 * scale)
+    for (i, j), slope in hessian(tape, value, variables).items():
+        assert i >= j
+        np.testing.assert_allclose(evaluated(tape, [slope], at)[0], whole[j, i], rtol=0, atol=1e-12 * scale)
+    for j in range(VARIABLES):
+        agree(whole[j], differences(tape, first, at, j), scale, 1e-5)
+
+
+def differences(tape, outputs, at, i):
+    """Return central differences; not a number where those of two steps differ: a kink is in between."""
+
+    def with_step(step):
+        ahead, behind = at.copy(), at.copy()
+        ahead[i] += step
+        behind[i] -= step
+        return (evaluated(tape, outputs, ahead) - evaluated(tape, outputs, behind)) / (2 * step)
+
+    found, nearer = with_step(STEP), with_step(STEP / 3)
+    return np.where(np.abs(found - nearer) < 1e-4 * (1.0 + np.abs(found) + np.abs(at).max()), found, np.nan)
+
+
+def agree(slopes, differences, scale, tolerance):
+    smooth = np.isfinite(differences)
+    assert smooth.mean() > 0.5
+    np.testing.assert_allclose(slopes[smooth], differences[smooth], rtol=0, atol=tolerance * scale)
+
+
+FLAT = {"less", "less_equal", "greater", "greater_equal", "equal", "not_equal", "isnan", "isfinite"}
+FLAT |= {"logical_and", "logical_or", "logical_not", "sign"}
+TRUTHS = {"bitwise_and", "bitwise_or", "invert"}
+
+
+@pytest.mark.parametrize("name", sorted({*UNARY, *BINARY, *COMPOSED, "power"} - TRUTHS))
+def test_every_function_has_its_first_and_second_derivatives(name):
+    function = getattr(np, name)
+    tape = Tape()
+    variables = [tape.input() for _ in range(function.nin)]
+    indices = [variable.index for variable in variables]
+    value = function(*variables).index
+    at = np.array([[0.31, 0.52, 0.83], [0.67, 0.24, 0.95]])[: function.nin]
+    first = gradient(tape, value, indices)
+    slope = evaluated(tape, first, at)
+    assert np.all(slope == 0) == (name in FLAT)
+    for i, variable in enumerate(indices):
+        np.testing.assert_allclose(slope[i], differences(tape, [value], at, i)[0], rtol=1e-6, atol=1e-7)
+        second = evaluated(tape, tangents(tape, first, {variable: tape.constant(1.0)}), at)
+        np.testing.assert_allclose(second, differences(tape, first, at, i), rtol=1e-5, atol=1e-6)
+
+
+C, S = np.cos(1.0), np.sin(1.0)
+
+
+def at_points(function, *at):
+    """Return value, first and second derivative of a function of one number, at numbers."""
+    tape = Tape()
+    x = tape.input()
+    y = function(x)
+    first = gradient(tape, y.index, [x.index])
+    return evaluated(tape, [y.index, *first, *tangents(tape, first, {x.index: tape.constant(1.0)})], np.array(at))
+
+
+@pytest.mark.parametrize(
+    ("function", "at", "value", "slope", "second"),
+    [
+        (np.abs, -2.0, 2.0, -1.0, 0.0),
+        (np.abs, 0.0, 0.0, 0.0, 0.0),
+        (np.sign, 0.0, 0.0, 0.0, 0.0),
+        (lambda x: np.maximum(x, 0.0) ** 2, -1.0, 0.0, 0.0, 0.0),
+        (lambda x: np.maximum(x, 0.0) ** 2, 3.0, 9.0, 6.0, 2.0),
+        (lambda x: np.minimum(x * x, 2.0), 1.0, 1.0, 2.0, 2.0),
+        (lambda x: np.minimum(x * x, 2.0), 2.0, 2.0, 0.0, 0.0),
+        (lambda x: choose(np.greater(x, 0), np.sqrt(x), 0.0), -1.0, 0.0, 0.0, 0.0),
+        (lambda x: choose(np.greater(x, 0), np.sqrt(x), 0.0), 0.0, 0.0, 0.0, 0.0),
+        (lambda x: choose(np.greater(x, 0), np.sqrt(x), 0.0), 4.0, 2.0, 0.25, -1 / 32),
+        (lambda x: choose(np.greater(x, 0), np.log(x) * x, x * x), 0.0, 0.0, 0.0, 2.0),
+        (lambda x: choose(np.greater(x, 0), np.log(x) * x, x * x), -1.0, 1.0, -2.0, 2.0),
+        (lambda x: choose(np.not_equal(x, 0), np.sin(x) / x, 1 - x * x / 6), 0.0, 1.0, 0.0, -1 / 3),
+        (lambda x: choose(np.less(np.abs(x), 1), np.arccos(x), 0.0) ** 2, 1.5, 0.0, 0.0, 0.0),
+        (lambda x: choose(np.less(np.abs(x), 1), x**1.5 + x**-2.5, x), -2.0, -2.0, 1.0, 0.0),
+        (lambda x: np.maximum(np.log(x), -5.0), 0.0, -5.0, 0.0, 0.0),
+        (lambda x: np.maximum(np.log(x), -5.0) ** 2, 0.0, 25.0, 0.0, 0.0),
+        (lambda x: np.minimum(1.0 / x, 3.0), 0.0, 3.0, 0.0, 0.0),
+        (lambda x: np.sin(choose(np.less(0, x), np.sqrt(x), x)) * x, -1.0, S, -C - S, 2 * C - S),
+        (lambda x: np.sqrt(x * x), 0.0, 0.0, 0.0, 0.0),
+        (lambda x: np.hypot(x, 0.0 * x), 0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_at_a_kink_the_derivative_is_that_of_the_piece_that_is_taken(function, at, value, slope, second):
+    np.testing.assert_allclose(at_points(function, at)[:, 0], [value, slope, second], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("function", [np.maximum, np.minimum])
+def test_where_two_are_equal_the_slopes_of_both_sum_to_one(function):
+    tape = Tape()
+    x, y = tape.input(), tape.input()
+    slopes = evaluated(tape, gradient(tape, function(x, y).index, [x.index, y.index]), [[1.0], [1.0]])
+    assert sorted(slopes.ravel()) == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
+def test_the_length_of_nothing_grows_nowhere(at):
+    tape, value, variables = taped(lambda x, y, z: np.sqrt(x * x + y * y) + z)
+    first = gradient(tape, value, variables)
+    second = [slope for variable in variables for slope in tangents(tape, first, {variable: tape.constant(1.0)})]
+    found = evaluated(tape, [*first, *second], np.array(at)[:, None])[:, 0]
+    np.testing.assert_array_equal(found, [0.0, 0.0, 1.0, *[0.0] * 9])
+
+
+def test_what_does_not_depend_has_no_derivative_at_all():
+    tape = Tape()
+    x, y = tape.input(), tape.input()
+    nothing = tape.constant(0.0)
+    assert gradient(tape, np.sin(x).index, [x.index, y.index])[1] == nothing
+    assert gradient(tape, tape.constant(3.0), [x.index]) == [nothing]
+    assert gradient(tape, x.index, [x.index]) == [tape.constant(1.0)]
+    assert hessian(tape, (x + 2 * y).index, [x.index, y.index]) == {}
+    assert list(hessian(tape, (x * y).index, [x.index, y.index])) == [(1, 0)]
+
+
+def test_only_what_an_output_needs_is_used_and_in_order():
+    tape = Tape()
+    x, y = tape.input(), tape.input()
+    wanted = np.sin(x * 2.0)
+    np.cos(y)
+    found = used(tape, [wanted.index])
+    assert found == sorted(found)
+    assert y.index not in found
+    assert {x.index, wanted.index} <= set(found)
+    assert len(found) == 4

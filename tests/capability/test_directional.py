@@ -1,0 +1,219 @@
+"""Directional maxima: laws, brute force over postures, and the program in which everything is free at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import paretoik as pk
+from paretoik.capability.best_postures import _climbed, several_postures, values_at
+from paretoik.capability.capability import Capability
+from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.nlp.dense_sqp import minimised
+from paretoik.robot import kinematics
+
+PLACE = np.array([0.2, -0.15])
+ARM = pk.kim_3r()
+DRIVES = {"motors": pk.kim_joint_motors(), "sliders": pk.kim_sliders()}
+SHAPES = ("diamond", "strip", "box")
+seeds = st.integers(0, 10**6)
+
+
+def driven(shape="diamond"):
+    motors = pk.MotorCurve(stall=[12.3, 3.5, 3.5], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
+    return pk.JointActuation(motors=motors)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("quantity", ["velocity", "force"])
+def test_no_posture_of_many_does_more(drive, quantity):
+    polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, quantity=quantity)
+    q = several_postures(ARM, PLACE, 4000, np.random.default_rng(1))
+    values = values_at(ARM, DRIVES[drive], polygon.directions, quantity, q)
+    assert (np.nanmax(values, axis=0) <= polygon.values * (1 + 1e-9)).all()
+    assert (np.nanmax(values, axis=0) >= 0.9 * polygon.values).all()  # and they come near
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(drive, shape):
+    actuation = driven(shape) if drive == "motors" else DRIVES[drive]
+    polygon = pk.directional_maxima(ARM, actuation, PLACE, 5)
+    asked = Capability(arm=ARM, actuation=actuation, quantity="velocity", count=1)
+    cost = np.zeros(asked.unknowns)
+    cost[asked.begins["values"]] = -1.0
+    starts = several_postures(ARM, PLACE, 200, np.random.default_rng(0))
+    held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:8]
+    for direction, value in zip(polygon.directions, polygon.values, strict=True):
+        program = asked.program(PLACE, direction[None], value)
+        ends = [minimised(program, cost, asked.begun(q)) for q in held]
+        found = [end.z[asked.begins["values"]][0] for end in ends if end.violation <= 1e-9]
+        assert max(found) == pytest.approx(1.0, abs=1e-7)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_climbing_as_other_arms_do_finds_the_same(drive):
+    polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6)
+    for quantity in ("velocity", "force"):
+        polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6, quantity=quantity)
+        rng = np.random.default_rng(3)
+        q = _climbed(ARM, DRIVES[drive], PLACE, polygon.directions, quantity, 400, rng)
+        values = np.diagonal(values_at(ARM, DRIVES[drive], polygon.directions, quantity, q))
+        assert values == pytest.approx(polygon.values, rel=1e-8)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_postures_speeds_and_efforts_are_those_that_are_said(drive):
+    actuation = DRIVES[drive]
+    polygon = pk.directional_maxima(ARM, actuation, PLACE)
+    columns = kinematics.jacobian(ARM, polygon.q)[:, :2]
+    assert kinematics.tool_pose(ARM, polygon.q)[1][:, :2] == pytest.approx(np.tile(PLACE, (16, 1)), abs=1e-12)
+    assert np.einsum("kaj,kj->ka", columns, polygon.dq) == pytest.approx(polygon.vertices, abs=1e-12)
+    if polygon.sliders is None:
+        room = actuation.motors.room(polygon.motor_efforts[:, 0], polygon.motor_speeds[:, 0])
+        assert polygon.motor_efforts[:, 0] == pytest.approx(polygon.torque)
+    else:
+        back, a, b = actuation.gears(polygon.q, polygon.sliders[:, 0])
+        assert back == pytest.approx(polygon.sliders[:, 1])
+        assert a * polygon.motor_speeds[:, 0] + b * polygon.motor_speeds[:, 1] == pytest.approx(polygon.dq, abs=1e-12)
+        work = (polygon.motor_efforts * polygon.motor_speeds).sum(axis=1)
+        assert work == pytest.approx(polygon.torque * polygon.dq, abs=1e-12)
+        room = actuation.front.room(polygon.motor_efforts, polygon.motor_speeds)
+    assert room.min() >= -1e-9
+    assert room.min(axis=(-1, -2)).max() <= 1e-9  # some motor is at its limit
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_under_the_diamond_there_and_back_are_as_fast(drive):
+    values = pk.directional_maxima(ARM, DRIVES[drive], PLACE).values
+    assert values == pytest.approx(np.roll(values, 8), rel=1e-12)
+
+
+def test_a_strip_is_faster_than_a_diamond_and_a_box_faster_than_both():
+    one, two, three = (pk.directional_maxima(ARM, driven(shape), PLACE).values for shape in SHAPES)
+    assert (one <= two * (1 + 1e-12)).all()
+    assert (two <= three * (1 + 1e-12)).all()
+    assert (one < 0.99 * three).any()
+
+
+@given(seed=seeds)
+@settings(max_examples=20)
+def test_in_one_posture_the_polygon_is_convex(seed):
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-np.pi, np.pi, 3)
+    ways = np.stack([np.cos(np.linspace(0, 2 * np.pi, 73)), np.sin(np.linspace(0, 2 * np.pi, 73))], axis=1)
+    actuation = driven("strip")
+    values = values_at(ARM, actuation, ways, "velocity", q)
+    corners = values[:, None] * ways
+    steps = np.diff(corners, axis=0)
+    turns = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
+    assert turns.min() >= -1e-12
+
+
+def test_without_gravity_forces_bound_what_any_power_can_do():
+    """Virtual work: a force that joints can hold does with a velocity that they can reach what their motors give."""
+    arm = ARM.mounted(gravity=[0.0, 0.0, 0.0])
+    actuation = driven("box")
+    q = np.array([-0.4, 0.9, 0.8])
+    ways = pk.directional_maxima(arm, actuation, PLACE).directions
+    speed = values_at(arm, actuation, ways, "velocity", q)[:, None] * ways
+    force = values_at(arm, actuation, ways, "force", q)[:, None] * ways
+    most = np.sum(actuation.motors.stall * actuation.motors.fastest)
+    assert (force @ speed.T).max() <= most * (1 + 1e-12)
+    columns = kinematics.jacobian(arm, q)[:2]
+    assert np.abs(force @ columns).max(axis=0) == pytest.approx(actuation.motors.stall, rel=0.2)
+
+
+@given(seed=seeds)
+@settings(max_examples=10)
+def test_turning_arm_gravity_position_and_directions_changes_nothing(seed):
+    turn = np.random.default_rng(seed).uniform(-np.pi, np.pi)
+    cosine, sine = np.cos(turn), np.sin(turn)
+    rotation = np.array([[cosine, -sine], [sine, cosine]])
+    base = pk.Pose([0.3, -0.1, 0.0], [np.cos(turn / 2), 0.0, 0.0, np.sin(turn / 2)])
+    turned = ARM.mounted(base=base, gravity=[*(rotation @ [0.0, -9.81]), 0.0])
+    for actuation in DRIVES.values():
+        one = pk.directional_maxima(ARM, actuation, PLACE, 5)
+        other = pk.directional_maxima(turned, actuation, rotation @ PLACE + [0.3, -0.1], one.directions @ rotation.T)
+        assert other.values == pytest.approx(one.values, rel=1e-9)
+
+
+def test_joint_limits_are_kept_and_can_only_slow():
+    limited = pk.Arm.planar(
+        lengths=[0.114, 0.114, 0.129],
+        masses=[0.5] * 3,
+        centers=[0.057, 0.057, 0.0645],
+        inertias=[0.0] * 3,
+        position_limits=([-2.0, 0.2, 0.2], [0.5, 1.9, 1.9]),
+    ).mounted(gravity=[0.0, -9.81, 0.0])
+    free, kept = (pk.directional_maxima(arm, DRIVES["motors"], PLACE) for arm in (ARM, limited))
+    assert (kept.values <= free.values * (1 + 1e-12)).all()
+    assert (kept.q >= limited.position_limits[:, 0] - 1e-9).all()
+    assert (kept.q <= limited.position_limits[:, 1] + 1e-9).all()
+
+
+def test_planar_arms_of_any_length_and_spatial_arms_are_served():
+    four = pk.Arm.planar(lengths=[0.3] * 4, masses=[0.4] * 4, centers=[0.15] * 4, inertias=[0.0] * 4)
+    motors = pk.JointActuation(motors=pk.MotorCurve(stall=[9.0] * 4, fastest=[1.0] * 4, shape="strip"))
+    polygon = pk.directional_maxima(four, motors, [0.5, 0.2], 4)
+    many = several_postures(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
+    assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
+    arm = pk.wan_7r()
+    solid = pk.directional_maxima(arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
+    assert np.linalg.norm(solid.directions, axis=1) == pytest.approx(np.ones(5))
+    columns = kinematics.jacobian(arm, solid.q)[:, :3]
+    assert np.einsum("kaj,kj->ka", columns, solid.dq) == pytest.approx(solid.vertices, abs=1e-9)
+    assert (np.abs(solid.dq) <= arm.velocity_limits * (1 + 1e-9)).all()
+    assert solid.sliders is None
+
+
+def test_masses_off_the_links_and_a_bent_tool_are_the_same_arm_to_both_ways_of_looking():
+    arm = ARM.with_tool(pk.Pose([0.02, 0.03, 0.0]), mass=0.2, center=(0.01, -0.02, 0.0))
+    polygon = pk.directional_maxima(arm, DRIVES["motors"], PLACE, 6)
+    q = several_postures(arm, PLACE, 3000, np.random.default_rng(2))
+    best = np.nanmax(values_at(arm, DRIVES["motors"], polygon.directions, "velocity", q), axis=0)
+    assert (best <= polygon.values * (1 + 1e-9)).all()
+    assert (best >= 0.98 * polygon.values).all()
+
+
+@pytest.mark.parametrize(
+    ("position", "payload", "error", "said"),
+    [
+        ([0.4, -0.15], 0.0, OutOfReach, "0.4272001873 m from the first joint, the arm reaches from 0 m to 0.357 m"),
+        ([0.2, -0.15], 20.0, Infeasible, "joint2: a torque of at most 3.5 N m wanted"),
+        ([0.356, 0.0], 1.2, Infeasible, "joint2: a torque of at most 3.5 N m wanted"),
+        ([0.2], 0.0, InvalidInput, "position"),
+        ([0.2, np.nan], 0.0, InvalidInput, "position: must be finite"),
+    ],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_what_cannot_be_is_refused_by_name(position, payload, error, said):
+    with pytest.raises(error, match=said):
+        pk.directional_maxima(ARM.with_payload(payload), DRIVES["motors"], position)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_other_bad_input_is_refused_by_name():
+    motors = DRIVES["motors"]
+    for directions, said in (
+        (0, "at least 1"),
+        ([[0.0, 0.0]], "longer than 0"),
+        ([[1.0, 0.0, 0.0]], "at least one, wanted"),
+    ):
+        with pytest.raises(InvalidInput, match=said):
+            pk.directional_maxima(ARM, motors, PLACE, directions)
+    with pytest.raises(InvalidInput, match="quantity must be one of velocity, force"):
+        pk.directional_maxima(ARM, motors, PLACE, quantity="power")
+    with pytest.raises(InvalidInput, match="3 joints of Kim 3R wanted, got 7"):
+        pk.directional_maxima(ARM, pk.JointActuation.of(pk.wan_7r()), PLACE)
+    with pytest.raises(OutOfReach, match="position out of reach"):
+        pk.directional_maxima(pk.wan_7r(), pk.JointActuation.of(pk.wan_7r()), [3.0, 0.0, 0.0])
+
+
+def test_sliders_that_reach_no_posture_are_named_with_the_angle():
+    with pytest.raises(
+        Infeasible, match=r"joint\d: a rod's angle that its sliders can reach wanted, 10° to 117.4° .* toggles"
+    ):
+        pk.directional_maxima(ARM, pk.kim_sliders(base_angle=np.deg2rad(60.0)), PLACE)

@@ -1,0 +1,163 @@
+"""Planar arms with three joints, limits and weak motors, beside a dense look at all their postures."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.capability.actuation import SHAPES
+from paretoik.errors import Infeasible
+
+AROUND = 4000
+ARMS = 150
+GRAVITY = np.array([1.3, -9.7])
+
+
+class Drawn:
+    """A random arm, its motors, a position it reaches and directions, with formulae of its own."""
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        self.lengths, self.masses = rng.uniform(0.1, 0.5, 3), rng.uniform(0.2, 2.0, 3)
+        self.centers = self.lengths * rng.uniform(0.2, 1.0, 3)
+        middle, half = rng.uniform(-2.0, 2.0, 3), rng.uniform(0.3, 2.5, 3)
+        without = rng.uniform(size=(2, 3)) < 0.2
+        self.low, self.high = np.where(without, [[-np.inf], [np.inf]], [middle - half, middle + half])
+        q = middle + half * rng.uniform(-1.0, 1.0, 3)
+        self.position = self.tips(q[None])[0, 2]
+        self.stall = np.abs(self.loads(q[None])[0]) * rng.uniform(1.0, rng.choice([1.02, 1.6]), 3) + 0.001
+        self.fastest, self.shape = rng.uniform(0.5, 3.0, 3), SHAPES[seed % 3]
+        turn = rng.uniform(-np.pi, np.pi, 5)
+        self.directions = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        self.arm = pk.Arm.planar(
+            lengths=self.lengths,
+            masses=self.masses,
+            centers=self.centers,
+            inertias=[0.0] * 3,
+            position_limits=(self.low, self.high),
+        ).mounted(gravity=[*GRAVITY, 0.0])
+        motors = pk.MotorCurve(stall=self.stall, fastest=self.fastest, shape=self.shape)
+        self.actuation = pk.JointActuation(motors=motors)
+
+    def maxima(self, quantity):
+        return pk.directional_maxima(self.arm, self.actuation, self.position, self.directions, quantity=quantity)
+
+    def tips(self, q):
+        ways = np.cumsum(q, axis=1)
+        return np.cumsum(self.lengths[:, None] * np.stack([np.cos(ways), np.sin(ways)], axis=2), axis=1)
+
+    def loads(self, q):
+        ways = np.cumsum(q, axis=1)
+        tips = self.tips(q)
+        starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
+        at = starts + self.centers[:, None] * np.stack([np.cos(ways), np.sin(ways)], axis=2)
+        arms = at[:, None] - starts[:, :, None]  # (posture, joint, body)
+        pulls = self.masses * (arms[..., 1] * GRAVITY[0] - arms[..., 0] * GRAVITY[1])
+        return np.triu(pulls).sum(axis=2)
+
+    def postures(self):
+        """All around, both ways that the elbow bends, within limits."""
+        first = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
+        left = self.position - self.lengths[0] * np.stack([np.cos(first), np.sin(first)], axis=1)
+        one, two = self.lengths[1:]
+        cosine = ((left**2).sum(axis=1) - one**2 - two**2) / (2 * one * two)
+        reached = np.abs(cosine) <= 1.0
+        first, left, elbow = first[reached], left[reached], np.arccos(cosine[reached])
+        both = []
+        for bent in (elbow, -elbow):
+            way = np.arctan2(left[:, 1], left[:, 0]) - np.arctan2(two * np.sin(bent), one + two * np.cos(bent))
+            both.append(np.stack([first, way - first, bent], axis=1))
+        q = np.concatenate(both)
+        q = np.where(np.isfinite(self.low), q + 2 * np.pi * np.ceil((self.low - q) / (2 * np.pi)), q)
+        q = np.where(np.isfinite(self.low), q, q - 2 * np.pi * np.maximum(np.ceil((q - self.high) / (2 * np.pi)), 0.0))
+        return q[(q <= self.high).all(axis=1)]
+
+    def values(self, q, quantity):
+        """The most along each direction; NaN where some joint cannot hold."""
+        tips, load = self.tips(q), self.loads(q)
+        starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
+        arms = tips[:, 2:] - starts
+        columns = np.stack([-arms[..., 1], arms[..., 0]], axis=2)
+        share = load / self.stall
+        held = (np.abs(share) <= 1.0).all(axis=1)
+        if quantity == "force":
+            pushed = np.einsum("pja,ka->pkj", columns, self.directions)
+            left = np.where(pushed > 0, self.stall - load[:, None], self.stall + load[:, None])
+            return np.where(held[:, None], (left / np.abs(pushed)).min(axis=2), np.nan)
+        room = {"diamond": (1 - abs(share),) * 2, "box": (1 + 0 * share,) * 2}
+        room["strip"] = np.minimum(1.0, 1 + share), np.minimum(1.0, 1 - share)
+        low, high = (sign * each * self.fastest for sign, each in zip((-1, 1), room[self.shape], strict=True))
+        found = [self.fastest_along(columns, low, high, way) for way in self.directions]
+        return np.where(held[:, None], np.stack(found, axis=1), np.nan)
+
+    @staticmethod
+    def fastest_along(columns, low, high, way):
+        """A linear program with one equality has its most where all joints but one are at an end."""
+        along, across = columns @ way, columns @ [-way[1], way[0]]
+        best = np.zeros(len(columns))
+        for free in range(3):
+            i, j = [k for k in range(3) if k != free]
+            for x, y in product((low[:, i], high[:, i]), (low[:, j], high[:, j])):
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    z = -(across[:, i] * x + across[:, j] * y) / across[:, free]
+                inside = (z >= low[:, free]) & (z <= high[:, free])
+                speed = along[:, i] * x + along[:, j] * y + along[:, free] * np.where(inside, z, 0.0)
+                best = np.where(inside, np.maximum(best, speed), best)
+        return best
+
+
+@pytest.fixture(scope="module", params=["velocity", "force"])
+def compared(request):
+    """Of many arms: the arm, what was found (None for nothing), and the most of all postures looked at."""
+    found = []
+    for seed in range(ARMS):
+        drawn = Drawn(seed)
+        values = drawn.values(drawn.postures(), request.param)
+        swept = np.nanmax(values, axis=0) if not np.isnan(values).all() else np.full(5, np.nan)
+        try:
+            polygon = drawn.maxima(request.param)
+        except Infeasible:
+            polygon = None
+        found.append((drawn, polygon, swept))
+    return request.param, found
+
+
+def test_where_some_posture_holds_one_is_found(compared):
+    held = [np.isfinite(swept).all() for *_, swept in compared[1]]
+    assert sum(held) >= 0.9 * ARMS
+    assert all(polygon is not None for (_, polygon, _), is_held in zip(compared[1], held, strict=True) if is_held)
+
+
+def test_no_posture_of_thousands_does_more(compared):
+    shares = np.concatenate([swept / polygon.values for _, polygon, swept in compared[1] if np.isfinite(swept).all()])
+    assert shares.max() <= 1 + 2e-3
+    assert (shares <= 1 + 1e-6).mean() >= 0.95
+    assert (shares >= 0.98).mean() >= 0.8  # and they come near
+
+
+def test_what_is_found_can_be_done_by_other_formulae(compared):
+    quantity, found = compared
+    for drawn, polygon, _ in found:
+        if polygon is None:
+            continue
+        q = polygon.q
+        assert drawn.tips(q)[:, 2] == pytest.approx(np.tile(drawn.position, (5, 1)), abs=1e-12)
+        assert (q >= drawn.low - 1e-9).all()
+        assert (q <= drawn.high + 1e-9).all()
+        assert np.abs(drawn.loads(q) / drawn.stall).max() <= 1 + 1e-9
+        if quantity == "velocity":
+            assert polygon.torque == pytest.approx(drawn.loads(q), abs=1e-12)
+        drawn.stall = drawn.stall * (1 + 1e-9)
+        assert np.diagonal(drawn.values(q, quantity)) == pytest.approx(polygon.values, rel=1e-6, abs=1e-9)
+
+
+def test_where_none_holds_the_joint_is_named_with_the_least_that_would_do():
+    drawn = Drawn(0)
+    most = np.abs(drawn.loads(drawn.postures())).max(axis=1).min()
+    drawn.actuation = pk.JointActuation(motors=pk.MotorCurve(stall=[0.5 * most] * 3, fastest=drawn.fastest))
+    with pytest.raises(Infeasible, match=rf"joint\d: a torque of at most {0.5 * most:.4g} N m wanted") as said:
+        drawn.maxima("velocity")
+    assert said.value.violation == pytest.approx(1.0, abs=0.05)

@@ -1,0 +1,202 @@
+"""Plans that claim little more than is true, and control that arrives when the fastest path does."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import jaxtyping
+import numpy as np
+import pytest
+
+from paretoik.capability import time_optimal
+from paretoik.capability.fastest_path import fastest_path, path_time
+from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
+from paretoik.errors import EvaluationFailed, InvalidInput
+from tests.capability.test_fastest_path import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
+
+pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; one test below makes them checked
+
+
+@pytest.mark.parametrize("task", [2, 3])
+def test_at_even_speed_a_plan_is_exact(task):
+    root, (start, target) = np.random.default_rng(task).normal(size=(task, task)), ends(task, task)
+    plan = fastest_plan(Even(root, np.zeros(task), np.ones(task)), start, target)
+    exact = np.linalg.norm(root @ (target - start))
+    assert plan.time_to_go == pytest.approx(exact, rel=1e-9)
+    assert plan.velocity == pytest.approx((target - start) / exact, rel=1e-6)
+
+
+def test_plans_scale_and_turn_back_too():
+    model, (start, target) = Waves(3), ends(3)
+    there, back = fastest_plan(model, start, target), fastest_plan(model, target, start)
+    slower = fastest_plan(Turned(model, 3.0), start, target)
+    assert back.time_to_go == pytest.approx(there.time_to_go, rel=1e-6)
+    assert slower.time_to_go == pytest.approx(3 * there.time_to_go, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_of_ten_pieces_claims_nearly_what_its_path_takes(seed):
+    model, (start, target) = Waves(seed), ends(seed)
+    plan, fastest = fastest_plan(model, start, target), fastest_path(model, start, target).duration
+    true = path_time(model, plan.points)
+    assert plan.time_to_go == pytest.approx(true, rel=0.02)
+    assert fastest * (1 - 1e-6) <= true <= 1.02 * fastest
+    assert np.ptp(plan.intervals) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("model", "start", "target", "columns"), [(Waves(1), (4, 6), (35, 30), 41), (Ridge(), (4, 100), (36, 100), 201)]
+)
+def test_plans_and_control_take_as_long_as_the_best_way_along_a_lattice(model, start, target, columns):
+    """Plans begin at a fastest path, so that they cannot tell whether it is one; a lattice knows nothing of it."""
+    found = lattice_time(model, start, target, 41, columns)
+    ends = [model.lower + np.divide(end, (40, columns - 1)) * (model.upper - model.lower) for end in (start, target)]
+    plan, run = fastest_plan(model, *ends), time_optimal_control(model, *ends, period=5e-3)
+    assert [path_time(model, plan.points), plan.time_to_go, run.arrival] == pytest.approx([found] * 3, rel=0.01)
+
+
+def test_as_printed_a_plan_jumps_over_what_is_slow():
+    model, start, target = HalfPlane(), np.array([1.0, 3.0]), np.array([-1.0, 0.2])
+    printed = fastest_plan(model, start, target, formulation="printed")
+    honest = fastest_plan(model, start, target)
+    assert printed.time_to_go < 0.4 * path_time(model, printed.points)
+    assert printed.time_to_go < 0.4 * model.time(start, target)
+    assert honest.time_to_go == pytest.approx(path_time(model, honest.points), rel=0.01)
+    assert path_time(model, honest.points) == pytest.approx(model.time(start, target), rel=2e-3)
+
+
+@cache
+def run_down(formulation="midpoint"):
+    return time_optimal_control(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], period=5e-3, formulation=formulation)
+
+
+def test_control_arrives_when_the_fastest_path_does():
+    """At constant velocity over a period T a reference gains or loses at most T/2 for each e-fold of speed: ln 15."""
+    exact, period = HalfPlane().time(np.array([1.0, 3.0]), np.array([-1.0, 0.2])), 5e-3
+    run = run_down()
+    assert exact - 1.4 * period <= run.arrival <= 1.005 * exact + 1.4 * period
+    assert path_time(HalfPlane(), run.references) == pytest.approx(run.arrival, abs=2.4 * period)
+    assert run.settled == run.arrival
+    assert run.cuts == 0
+    assert run.to_go == pytest.approx(run.arrival - run.times[: len(run.to_go)], abs=0.03)
+
+
+def test_control_follows_a_wall():
+    model, start, target = HalfPlane(top=1.2), [-1.0, 1.0], [1.0, 1.0]
+    run = time_optimal_control(model, start, target, period=5e-3)
+    assert run.references[:, 1].max() <= 1.2
+    assert run.arrival == pytest.approx(fastest_path(model, start, target).duration, abs=2 * 5e-3)
+
+
+def test_control_as_printed_loses_what_it_claims():
+    run = run_down("printed")
+    assert run.to_go[0] < 0.4 * run.arrival
+    assert run.arrival > 1.05 * run_down().arrival
+
+
+def test_a_plan_from_the_last_one_takes_one_cone_program():
+    run = time_optimal_control(Waves(1), *ends(1))
+    assert len(run.iterations) > 300
+    assert np.quantile(run.iterations, 0.95) == 1
+
+
+@pytest.mark.parametrize("task", [2, 3])
+def test_the_tool_keeps_its_limits_and_makes_up_for_a_wrong_start(task):
+    model, (start, target) = Waves(1, task), ends(1, task)
+    run = time_optimal_control(model, start, target, period=5e-3, initial=start + 0.02)
+    near = time_optimal_control(model, start, target, period=5e-3)
+    speeds = np.linalg.norm(np.einsum("nij,nj->ni", model.roots(run.positions[:-1])[0], run.velocities), axis=1)
+    assert speeds.max() <= 1 + 1e-9
+    assert np.diff(run.positions, axis=0) == pytest.approx(5e-3 * run.velocities, abs=1e-12)
+    assert np.linalg.norm(run.positions[-1] - target) <= 1e-6 < np.linalg.norm(run.positions[-2] - target)
+    assert run.arrival == near.arrival
+    assert run.settled > run.arrival
+    assert run.cuts > 0
+    assert np.array_equal(run.references[-1], target)
+    assert np.array_equal(run.references[0], start)
+
+
+@pytest.mark.parametrize("task", [2, 3])
+def test_a_tool_beside_the_way_comes_onto_it_while_the_reference_goes_on(task):
+    model, (start, target) = Waves(1, task), ends(1, task)
+    run = time_optimal_control(model, start, target, period=5e-3, initial=start + 0.02)
+    apart = np.linalg.norm(run.positions[:, None] - run.references, axis=2).min(axis=1)
+    assert apart[0] > 0.01
+    assert apart[run.times > 0.6 * run.arrival].max() < 2e-3
+
+
+@pytest.mark.parametrize("formulation", ["midpoint", "printed"])
+def test_from_the_target_there_is_nowhere_to_go(formulation):
+    here = np.array([0.3, 1.0])
+    plan = fastest_plan(HalfPlane(), here, here, formulation=formulation)
+    run = time_optimal_control(HalfPlane(), here, here, formulation=formulation)
+    assert [fastest_path(HalfPlane(), here, here).duration, plan.time_to_go, run.arrival, run.settled] == [0, 0, 0, 0]
+    assert run.positions == pytest.approx(here[None])
+    assert run.velocities.shape == (0, 2)
+
+
+def test_a_target_within_a_period_is_reached_in_one():
+    run = time_optimal_control(HalfPlane(), [0.0, 1.0], [0.0, 1.0005], period=1e-3)
+    assert run.arrival == run.settled == 1e-3
+    assert len(run.seconds) == 0
+
+
+def test_with_one_piece_the_way_is_straight():
+    plan = fastest_plan(HalfPlane(), [-1.0, 1.0], [1.0, 1.0], horizon=1)
+    assert plan.time_to_go == pytest.approx(2.0)
+    run = time_optimal_control(HalfPlane(), [-1.0, 1.0], [1.0, 1.0], horizon=1, period=0.1, gain=10.0)
+    assert run.references[:, 1] == pytest.approx(np.ones(len(run.times)))
+
+
+def test_shapes_are_as_annotated():
+    jaxtyping.config.update("jaxtyping_disable", False)
+    run = time_optimal_control(HalfPlane(), [0.0, 1.0], [0.3, 1.0], period=0.05, gain=20.0, initial=[0.0, 1.01])
+    assert run.positions.shape == run.references.shape == (len(run.times), 2)
+    assert run.seconds.shape == run.to_go.shape == run.iterations.shape
+
+
+HERE, THERE = [0.0, 1.0], [1.0, 1.0]
+WRONG = {
+    "start: must be finite": {"start": [np.nan, 1.0]},
+    "target: must have shape": {"target": [1.0, 1.0, 1.0]},
+    "start: coordinate 1 must be in the model's box": {"start": [0.0, 0.01]},
+    "target: coordinate 0 must be in the model's box": {"target": [11.0, 1.0]},
+    "initial: coordinate 1 must be in the model's box": {"initial": [0.0, 30.0]},
+    "initial: must have shape": {"initial": [0.0]},
+    "horizon: an integer of at least 1": {"horizon": 0},
+    "period: a finite number above 0": {"period": 0.0},
+    "tolerance: a finite number above 0": {"tolerance": -1e-3},
+    "gain: must be finite": {"gain": np.nan},
+    "gain: at most 1 / period": {"gain": 2000.0},
+    "formulation: one of midpoint, printed": {"formulation": "printd"},
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_what_cannot_be_used_is_refused_by_name(message):
+    with pytest.raises(InvalidInput, match=message):
+        time_optimal_control(HalfPlane(), **{"start": HERE, "target": THERE, **WRONG[message]})
+
+
+class Broken(HalfPlane):
+    """Not a number beyond a line."""
+
+    def roots(self, positions):
+        roots, slopes = super().roots(positions)
+        return np.where(positions[..., :1, None] > 0.5, np.nan, roots), slopes
+
+
+def test_a_model_that_is_not_finite_is_refused_with_the_place():
+    with pytest.raises(InvalidInput, match=r"model: finite R and ∂R/∂p wanted, got others at \[0\.5"):
+        time_optimal_control(Broken(), HERE, THERE)
+
+
+def test_what_does_not_converge_says_so(monkeypatch):
+    monkeypatch.setattr(time_optimal, "ITERATIONS", 1)
+    with pytest.raises(EvaluationFailed, match=r"plan from \[1 3\] m: settled within 1 iterations"):
+        fastest_plan(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], formulation="printed")
+
+
+def test_a_tolerance_below_rounding_is_not_waited_for():
+    with pytest.raises(EvaluationFailed, match="tool: within 1e-30 m of the target wanted, it stands still at"):
+        time_optimal_control(HalfPlane(), HERE, [0.1, 1.1], initial=[0.05, 1.3], gain=3.0, tolerance=1e-30)

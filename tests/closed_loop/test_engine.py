@@ -1,0 +1,155 @@
+"""The compiled selection against ``search.maximin``, and the compiled search against the problem in plain NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from moocore import pareto_rank
+from tests.formulations.closed_loop.postures import posture
+
+import paretoik as pk
+from paretoik.closed_loop import engine
+from paretoik.closed_loop.objectives import joint_displacement, position_error
+from paretoik.closed_loop.step import ControlStep
+from paretoik.closed_loop.workspace import room
+from paretoik.formulations.closed_loop import ClosedLoop
+from paretoik.front.indicators import hypervolume
+from paretoik.search.maximin import survivors
+from problems import marcos_2012
+
+
+def selected(F, parents):
+    """Return which points (of two populations in turn) survive one selection after another."""
+    N = len(parents)
+    made = room(3, 1, N, F.shape[1], 1)
+    number = 0
+
+    def inside(points, level, new=N):
+        nonlocal number
+        made.children[0] = np.arange(number, number + N)
+        number += N
+        made.F[:, N:] = F[points].T
+        return engine.survive(made, new, level)
+
+    made.F[:, :N] = np.inf
+    made.order[:] = np.arange(N)
+    made.genes[:] = -1
+    return made, inside
+
+
+def fronts(kind, count, rng):
+    if kind == "noise":
+        return rng.normal(size=(count, 2))
+    t = rng.uniform(size=count)
+    if kind == "tail":
+        return np.stack([t**6, (1 - t) ** 6], axis=1)
+    if kind == "front":
+        return np.stack([t, 1 - np.sqrt(t)], axis=1)
+    return np.round(rng.uniform(size=(count, 2)), 1)  # ties and copies
+
+
+@pytest.mark.parametrize("kind", ["noise", "front", "tail", "ties"])
+@pytest.mark.parametrize("N", [4, 20, 57])
+def test_the_compiled_selection_is_that_of_maximin(kind, N):
+    rng = np.random.default_rng(N)
+    F = fronts(kind, 6 * N, rng)
+    made, inside = selected(F, np.arange(N))
+    level = inside(np.arange(N), False)
+    kept = np.arange(N)
+    for turn in range(1, 6):
+        children = np.arange(turn * N, (turn + 1) * N)
+        both = np.concatenate([kept, children])
+        wanted = both[survivors(F[both], np.zeros(2 * N), N).index]
+        level = inside(children, level)
+        kept = made.genes[made.order, 0].astype(int)
+        np.testing.assert_array_equal(made.F[:, :N].T, F[kept])
+        if kind == "ties":  # of equals either may stay: as many of every rank are kept
+            ranks = pareto_rank(F[both])
+            expected = np.sort(ranks)[:N]
+            np.testing.assert_array_equal(np.sort(ranks[np.isin(both, kept)]), expected)
+        else:
+            assert sorted(kept) == sorted(wanted.tolist())
+
+
+def test_three_objectives_are_selected_as_maximin_does():
+    rng, N = np.random.default_rng(0), 30
+    F = rng.normal(size=(3 * N, 3))
+    made, inside = selected(F, np.arange(N))
+    level = inside(np.arange(N), False)
+    kept = np.arange(N)
+    for turn in (1, 2):
+        both = np.concatenate([kept, np.arange(turn * N, (turn + 1) * N)])
+        wanted = both[survivors(F[both], np.zeros(2 * N), N).index]
+        level = inside(both[N:], level)
+        kept = made.genes[made.order, 0].astype(int)
+        assert sorted(kept) == sorted(wanted.tolist())
+
+
+def test_failed_points_survive_only_where_no_others_are_left():
+    N = 6
+    F = np.concatenate([np.full((N, 2), np.inf), [[0, 1], [1, 0], [0.5, 0.5], [2, 2], [np.inf, np.inf], [3, 3]]])
+    made, inside = selected(F, np.arange(N))
+    level = inside(np.arange(N), False)
+    assert not inside(np.arange(N, 2 * N), level)
+    assert np.isfinite(made.F[0, :N]).sum() == 5
+
+
+@pytest.fixture(scope="module", params=[3, 4])
+def loop(request):
+    links = request.param
+    return marcos_2012.loop(links, 0.7, start=posture(links), steps=4, population=40, generations=15)
+
+
+def test_a_search_finds_what_the_problem_says_its_genes_are_worth(loop):
+    found = loop.search()(loop.instant(1))
+    step = ControlStep(loop.instant(1), loop.objectives)
+    np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)
+    np.testing.assert_allclose(step.scores(found.q), found.F, rtol=1e-7, atol=1e-12)
+    assert np.abs(found.genes).max() <= 1.0
+
+
+def test_the_same_seed_and_step_give_the_same_bits(loop):
+    search, other = loop.search(), loop.search()
+    first = search(loop.instant(1))
+    search(loop.instant(2))
+    for again in (search(loop.instant(1)), other(loop.instant(1))):
+        np.testing.assert_array_equal(again.genes, first.genes)
+        np.testing.assert_array_equal(again.F, first.F)
+    assert not np.array_equal(search(loop.instant(2)).genes, first.genes)
+
+
+def test_longer_searches_find_better_fronts(loop):
+    search, found = loop.search(), []
+    for generations in (2, 60):
+        search.generations = generations
+        found.append(search(loop.instant(1)).F)
+    corner = found[0].max(axis=0)
+    assert hypervolume(found[1], corner) > hypervolume(found[0], corner)
+    assert np.all(found[1].min(axis=0) <= found[0].min(axis=0))
+
+
+def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
+    arm = pk.wan_7r()
+    q = np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
+    where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
+    path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
+    objectives = [joint_displacement, position_error, pk.joint_limit_distance]
+    found = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
+    population = found.search()(found.instant(1))
+    step = ControlStep(found.instant(1), found.objectives)
+    np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-8)
+    np.testing.assert_allclose(step.scores(population.q), population.F, rtol=1e-6, atol=1e-10)
+
+
+def test_steps_that_are_too_long_are_shortened_alike_by_engine_and_problem():
+    loop = marcos_2012.loop(4, 0.7, start=posture(4), steps=4, population=40, generations=10)
+    step = ControlStep(loop.instant(1), loop.objectives)
+    drawn = np.random.default_rng(0).uniform(-1, 1, size=(200, step.n_var))
+    assert not step.free(drawn).all()
+    short = step.shortened(drawn)
+    assert step.free(short).all()
+    near = step.free(drawn)
+    np.testing.assert_array_equal(short[near], drawn[near])
+    found = loop.search()(loop.instant(1))
+    assert np.abs(found.q - loop.start).max() <= 0.1 * (1 + 1e-9)
+    np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)

@@ -1,0 +1,74 @@
+"""Sequential quadratic programming on small smooth programs with known minima, and beside SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from paretoik.nlp.dense_sqp import minimised
+from paretoik.nlp.traced import smooth
+
+
+def sphere(z, known):
+    return [z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - known[0]], [z[2] - 0.1]
+
+
+def test_the_lowest_point_of_a_sphere_above_a_plane():
+    program = smooth(3, 1, sphere)
+    program = type(program)(**{**vars(program), "parameters": np.array([1.0])})
+    found = minimised(program, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8]))
+    assert found.converged
+    assert found.z == pytest.approx([-np.sqrt(0.99), 0.0, 0.1], abs=1e-7)
+
+
+def test_derivatives_are_those_of_the_rows():
+    def rows(z, known):
+        return [np.sin(z[0]) * z[1] - known[0]], [np.exp(z[1]) / z[0], z[0] ** 3 - z[1]]
+
+    program, z, weights = smooth(2, 1, rows), np.array([0.7, -0.4]), np.array([1.3, -0.2, 0.8])
+    step = 1e-6 * np.eye(2)
+    slopes = (
+        np.array([np.concatenate(program.rows(z + d)) - np.concatenate(program.rows(z - d)) for d in step]).T / 2e-6
+    )
+    assert program.jacobian(z) == pytest.approx(slopes, rel=1e-8)
+    bends = np.array([weights @ (program.jacobian(z + d) - program.jacobian(z - d)) for d in step]) / 2e-6
+    assert program.curvature(z, weights) == pytest.approx(bends, rel=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_worse_than_slsqp_from_the_same_start(seed):
+    rng = np.random.default_rng(seed)
+    a, b = rng.normal(size=(2, 4, 4))
+
+    def rows(z, known):
+        circle = sum(x * x for x in z) - 2.0
+        bent = [sum(a[i, j] * z[j] for j in range(4)) + 0.3 * np.sin(z[i]) + 1.0 for i in range(4)]
+        return [circle], bent
+
+    program, cost = smooth(4, 0, rows), b[0]
+    start = rng.normal(size=4)
+    start *= np.sqrt(2) / np.linalg.norm(start)
+    ours = minimised(program, cost, start)
+    theirs = minimize(
+        lambda z: cost @ z,
+        start,
+        jac=lambda z: cost,
+        method="SLSQP",
+        constraints=[
+            {"type": "eq", "fun": lambda z: program.rows(z)[0], "jac": lambda z: program.jacobian(z)[:1]},
+            {"type": "ineq", "fun": lambda z: program.rows(z)[1], "jac": lambda z: program.jacobian(z)[1:]},
+        ],
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    assert ours.violation <= 1e-8
+    assert ours.converged
+    if theirs.success and np.linalg.norm(ours.z - theirs.x) < 0.5:  # the same basin
+        assert cost @ ours.z <= cost @ theirs.x + 1e-7
+
+
+def test_what_cannot_be_met_is_said():
+    program = smooth(1, 0, lambda z, known: ([], [z[0] - 1.0, -1.0 - z[0]]))
+    found = minimised(program, np.array([1.0]), np.array([0.3]))
+    assert not found.converged
+    assert found.violation == pytest.approx(1.0, abs=1e-6)

@@ -1,0 +1,162 @@
+"""Fronts of small smooth programs whose fronts are known, and those of ways and postures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.pareto.epsilon import epsilon_points
+from tests.pareto.sketches import sketched
+
+
+def apart(x, place):
+    return (x[0] - place[0]) ** 2 + (x[1] - place[1]) ** 2
+
+
+def two_places(limit):
+    """Squared distances to (0, 0) and (1, 0), the second coordinate at least a limit."""
+    return sketched(2, lambda x: [apart(x, (0.0, 0.0)), apart(x, (1.0, 0.0))], lambda x: ([], [x[1] - limit]))
+
+
+def starts(sketch, count, seed=0, size=2.0):
+    return size * np.random.default_rng(seed).normal(size=(count, sketch.costs.shape[1]))
+
+
+@pytest.mark.parametrize("limit", [-1.0, 0.3])
+def test_between_two_places_the_front_is_the_line_that_joins_them(limit):
+    sketch, seen = two_places(limit), []
+    z, ranges = epsilon_points(sketch, starts(sketch, 3), points=9, observe=lambda *counts: seen.append(counts))
+    values, height = z @ sketch.costs.T, max(limit, 0.0)
+    along = np.sqrt(values[:, 0] - height**2)
+    assert values[:, 1] == pytest.approx((1 - along) ** 2 + height**2, abs=1e-6)
+    assert ranges == pytest.approx([1.0, 1.0], abs=2e-2)
+    assert len(z) == 9
+    assert values.min(axis=0) == pytest.approx([height**2] * 2, abs=1e-5)  # it gives way by 1e-6 of the ranges
+    assert z[:, 1] == pytest.approx(np.full(9, height), abs=1e-3)
+    assert np.linalg.norm(np.diff(values[np.argsort(values[:, 0])], axis=0), axis=1).max() <= 0.4
+    assert seen
+    assert seen == sorted(seen)
+    assert {wanted for _, wanted in seen} == {9}
+    assert seen[-1][0] >= 9
+
+
+def fonseca(size=1.0):
+    def values(x):
+        ahead = sum((one - 1 / np.sqrt(2)) ** 2 for one in x)
+        behind = sum((one + 1 / np.sqrt(2)) ** 2 for one in x)
+        return [size * (1 - np.exp(-ahead)), 1 - np.exp(-behind)]
+
+    return sketched(2, values, lambda x: ([], [*(4 - one for one in x), *(4 + one for one in x)]))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_a_front_that_is_bent_in_is_found_whole(size):
+    """Fonseca & Fleming 1995: both coordinates are equal, between −1/√2 and 1/√2; sums of weights find the ends."""
+    sketch = fonseca(size)
+    begun = np.random.default_rng(1).uniform(-0.9, 0.9, (4, 4))
+    z, _ = epsilon_points(sketch, begun, points=11)
+    values = z @ sketch.costs.T / [size, 1.0]
+    root = np.sqrt(-np.log1p(-values[:, 0]))
+    assert values[:, 1] == pytest.approx(1 - np.exp(-((2 - root) ** 2)), abs=1e-6)
+    assert len(z) == 11
+    assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=5e-6)
+    assert values.max(axis=0) == pytest.approx([1 - np.exp(-4.0)] * 2, abs=5e-3)
+    assert np.linalg.norm(np.diff(values[np.argsort(values[:, 0])], axis=0), axis=1).max() <= 0.35
+
+
+def test_of_three_objectives_the_front_is_the_triangle_between_their_places():
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.3, 0.8]])
+    sketch = sketched(2, lambda x: [apart(x, one) for one in corners])
+    z, ranges = epsilon_points(sketch, starts(sketch, 1), points=14)
+    x, values = z[:, :2], z @ sketch.costs.T
+    assert len(z) == 14
+    assert values == pytest.approx(np.sum((x[:, None] - corners) ** 2, axis=2), abs=1e-7)
+    share = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), np.vstack([x.T, np.ones(len(x))]))
+    assert share.min() >= -2e-3  # inside, or so near to an edge that the values are the same within 1e-6
+    assert values.min(axis=0) == pytest.approx(np.zeros(3), abs=1e-5)
+    assert (share > 0.05).all(axis=0).any()
+    gap = np.linalg.norm((values[:, None] - values[None]) / ranges, axis=2) + 9 * np.eye(len(z))
+    assert gap.min() > 0.1
+
+
+def test_a_front_in_pieces_has_points_on_all_of_them_and_on_nothing_else():
+    """A wave that falls: only where it is lower than all before it is it best, from 0 to 0.2 and from 0.64 to 0.87."""
+
+    def wave(x):
+        return 1.2 - x - 0.35 * np.sin(3 * np.pi * x)
+
+    sketch = sketched(1, lambda x: [x[0], wave(x[0])], lambda x: ([], [x[0], 1.0 - x[0]]))
+    z, _ = epsilon_points(sketch, np.random.default_rng(0).uniform(0.0, 1.0, (8, 3)), points=12)
+    values = z @ sketch.costs.T
+    place = np.linspace(0.0, 1.0, 20001)
+    best = np.minimum.accumulate(wave(place))
+    assert values[:, 1] == pytest.approx(wave(values[:, 0]), abs=1e-6)
+    assert (values[:, 1] <= np.interp(values[:, 0], place, best) + 1e-5).all()
+    assert (values[:, 0] < 0.21).sum() >= 4
+    assert (values[:, 0] > 0.63).sum() >= 4
+    assert values.min(axis=0) == pytest.approx([0.0, best.min()], abs=1e-5)
+
+
+def test_no_more_points_than_wanted_and_the_ends_among_them():
+    sketch = two_places(-1.0)
+    for points in (2, 3, 5):
+        values = epsilon_points(sketch, starts(sketch, 2), points=points)[0] @ sketch.costs.T
+        assert len(values) == points
+        assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+
+
+def test_one_point_that_is_the_best_of_all_is_a_front():
+    sketch = sketched(2, lambda x: [apart(x, (0.2, 0.1)), 3.0 + 2.0 * apart(x, (0.2, 0.1))])
+    z, _ = epsilon_points(sketch, starts(sketch, 2), points=5)
+    assert z[:, :2] == pytest.approx(np.tile([0.2, 0.1], (len(z), 1)), abs=1e-3)
+    assert len(z) == 1
+
+
+def test_where_no_start_leads_within_limits_that_is_said():
+    sketch = sketched(1, lambda x: [x[0], 1.0 - x[0]], lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
+    with pytest.raises(EvaluationFailed, match="a start that leads to a point within all limits wanted, found none"):
+        epsilon_points(sketch, np.zeros((2, 3)), points=3)
+
+
+DRIVES = {"motors": (pk.kim_joint_motors, 9, 4), "sliders": (pk.kim_sliders, 7, 3)}
+
+
+@pytest.fixture(scope="module", params=DRIVES)
+def way(request):
+    actuation, samples, points = DRIVES[request.param]
+    ends = (0.1, -0.15), (0.2, -0.15)
+    problem = pk.PointToPoint(pk.kim_3r(), actuation(), *ends, samples=samples, coefficients=5)
+    return problem, points, pk.epsilon_front(problem, points=points, starts=4)
+
+
+def test_ways_of_the_front_are_certified_minima(way):
+    problem, points, front = way
+    known = front.certificates
+    assert 2 <= len(front) <= points
+    assert known.kkt_residual.max() <= 1e-6
+    assert known.violation.max() <= 1e-8
+    assert set(known.status) == {"minimum"}
+    assert problem.timing(np.array(front.genes)).duration == pytest.approx(front.objectives[:, 0], rel=1e-6)
+    better = np.all(front.minimised[:, None] <= front.minimised[None], axis=2) & ~np.eye(len(front), dtype=bool)
+    assert not better.any()
+
+
+def test_its_ends_are_no_worse_than_what_a_short_search_and_polishing_find(way):
+    problem, _, front = way
+    found = pk.refine(pk.solve(problem, population=24, generations=12, seed=0, points=3))
+    assert (front.minimised.min(axis=0) <= found.minimised.min(axis=0) * (1 + 1e-5)).all()
+
+
+def test_it_is_the_same_again_bit_for_bit(way):
+    problem, points, front = way
+    again = pk.epsilon_front(problem, points=points, starts=4)
+    assert np.array_equal(again.objectives, front.objectives)
+    assert np.array_equal(again.genes, front.genes)
+
+
+def test_one_objective_is_no_front():
+    problem = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False)
+    with pytest.raises(InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
+        pk.epsilon_front(problem, points=3)

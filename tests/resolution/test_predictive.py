@@ -1,0 +1,230 @@
+"""Laws of looking ahead: what is found is the least, the spline is one, and motions are better for it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+import paretoik as pk
+from paretoik import line, marcos_nr, tringali_3r
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.resolution.horizon import horizon
+from paretoik.resolution.predictive import quartics
+from paretoik.robot import dynamics, kinematics
+from paretoik.task.motion_task import motion_task
+from paretoik.task.retraction import task_errors
+from tests.formulations.problems import panda
+from tests.resolution.test_resolve import begun
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+START = np.array([0.0, 0.327, -0.754])
+HOME = np.array([0.1, -0.6, 0.2, -2.2, 0.1, 1.7, 0.5])
+FIRST = kinematics.tool_pose(tringali_3r(), START)[1][:2]
+ALONG = np.array([-0.924, 0.382])
+
+
+def straight(length, samples=501):
+    return line(FIRST, FIRST + length * ALONG, duration=10.0, samples=samples)
+
+
+def task_of(arm, path, objective):
+    return motion_task(
+        arm,
+        path,
+        objectives=[objective],
+    )
+
+
+def plainly(arm, objective, q, posture, velocity, interval):
+    """Return an objective over the samples ahead, from q alone."""
+    q = np.vstack([posture, q])
+    dq = np.diff(q, axis=0) / interval
+    ddq = np.diff(np.vstack([velocity, dq]), axis=0) / interval
+    if objective is pk.kinetic_energy:
+        return interval * dynamics.kinetic_energy(arm, q[1:], dq).sum()
+    return interval * (dynamics.inverse_dynamics(arm, q[1:], dq, ddq) ** 2).sum()
+
+
+@pytest.mark.parametrize("objective", [pk.kinetic_energy, pk.torque_norm], ids=lambda one: one.name)
+@pytest.mark.parametrize("ahead", [1, 2, 4])
+@pytest.mark.parametrize("name", ["planar", "spatial"])
+def test_what_is_found_ahead_is_what_another_solver_finds(name, ahead, objective):
+    arm, start = (tringali_3r(), START) if name == "planar" else (panda(), HOME)
+    path = begun(arm, start)
+    task, rng = task_of(arm, path, objective), np.random.default_rng(0)
+    velocity, targets = rng.normal(scale=0.05, size=arm.dof), task.targets[8 : 8 * ahead + 1 : 8]
+    found = horizon(task, objective, ahead, 0.4).solved(np.tile(start, (ahead, 1)), start, velocity, targets)
+    assert found.converged
+    wanted = plainly(arm, objective, found.q, start, velocity, 0.4)
+    assert found.value == pytest.approx(wanted, rel=1e-10)
+    left = task_errors(arm, task.tasks, found.q, targets)[0]
+    assert np.abs(left).max() < 1e-9
+
+    def gaps(z):
+        return task_errors(arm, task.tasks, z.reshape(found.q.shape), targets)[0].T.ravel()
+
+    other = minimize(
+        lambda z: plainly(arm, objective, z.reshape(found.q.shape), start, velocity, 0.4) / wanted,
+        found.q.ravel() + rng.normal(scale=1e-3, size=found.q.size),
+        method="SLSQP",
+        constraints={"type": "eq", "fun": gaps},
+        options={"ftol": 1e-13, "maxiter": 300},
+    )
+    assert np.abs(gaps(other.x)).max() < 1e-6
+    assert other.fun == pytest.approx(1.0, rel=1e-5)
+
+
+def test_the_last_sample_may_count_more():
+    task = task_of(tringali_3r(), straight(0.3), pk.kinetic_energy)
+    targets, guess = task.targets[[50, 100]], np.tile(START, (2, 1))
+    plain, more = (
+        horizon(task, pk.kinetic_energy, 2, 1.0, terminal).solved(guess, START, np.zeros(3), targets)
+        for terminal in (0.0, 5.0)
+    )
+    energies = [
+        [plainly(tringali_3r(), pk.kinetic_energy, one.q[: k + 1], START, np.zeros(3), 1.0) for k in (0, 1)]
+        for one in (plain, more)
+    ]
+    assert more.value == pytest.approx(energies[1][1] + 5 * (energies[1][1] - energies[1][0]), rel=1e-10)
+    assert energies[1][1] - energies[1][0] < energies[0][1] - energies[0][0]
+    motion = pk.resolve(
+        tringali_3r(), straight(0.1), pk.PredictiveKineticEnergy(terminal=np.array([0.0, 2.0])), start=START
+    )
+    assert np.abs(motion.q[0] - motion.q[1]).max() > 1e-4
+
+
+@given(pieces=st.integers(1, 6), seed=st.integers(0, 1000))
+def test_the_spline_goes_through_all_points_and_keeps_rates(pieces, seed):
+    rng = np.random.default_rng(seed)
+    points, rate, second = rng.normal(size=(pieces + 1, 2)), rng.normal(size=2), rng.normal(size=2)
+    found = quartics(points, rate, second)
+
+    def at(piece, u, order):
+        part = np.polynomial.Polynomial
+        return np.array(
+            [part(found[piece, :, j]).deriv(order)(u) if order else part(found[piece, :, j])(u) for j in (0, 1)]
+        )
+
+    for piece in range(pieces):
+        np.testing.assert_allclose(at(piece, 0, 0), points[piece], atol=1e-8)
+        np.testing.assert_allclose(at(piece, 1, 0), points[piece + 1], atol=1e-8)
+        for order in (1, 2) if piece else ():
+            np.testing.assert_allclose(at(piece - 1, 1, order), at(piece, 0, order), atol=1e-7)
+    np.testing.assert_allclose([at(0, 0, 1), at(0, 0, 2)], [rate, second], atol=1e-8)
+    for order in (1, 2) if pieces > 1 else (1,):
+        np.testing.assert_allclose(at(pieces - 1, 1, order), 0.0, atol=1e-7)
+
+
+def test_looking_ahead_costs_less_than_the_least_velocities_and_more_than_the_optimum():
+    path = straight(0.1)
+    problem = pk.Tracking(tringali_3r(), path, objectives=[pk.kinetic_energy], start=START)
+    least = pk.plan(problem, starts=8).best.objective
+    ahead, local = (
+        pk.resolve(tringali_3r(), path, m, start=START)
+        for m in (pk.PredictiveKineticEnergy(), pk.LeastSquaresVelocity())
+    )
+    assert least < pk.kinetic_energy(ahead) < 1.02 * least
+    assert pk.kinetic_energy(local) > 1.3 * least
+
+
+def test_it_passes_where_the_least_velocities_meet_a_singularity():
+    path = straight(0.4)
+    ahead, local = (
+        pk.resolve(tringali_3r(), path, method, start=START, unreachable="track")
+        for method in (pk.PredictiveKineticEnergy(), pk.LeastSquaresVelocity())
+    )
+    assert ahead.manipulability.min() > 3 * local.manipulability.min()
+    assert np.abs(ahead.dq).max() < 1.0 < np.abs(local.dq).max()
+    assert pk.kinetic_energy(local) > 2 * pk.kinetic_energy(ahead)
+
+
+def test_it_looks_ahead_when_the_paper_does():
+    motion = pk.resolve(tringali_3r(), straight(0.1, 1001), pk.PredictiveKineticEnergy(), start=START)
+    np.testing.assert_array_equal(motion.traces.updates, np.arange(0, 801, 50))
+    assert motion.traces.predictions.shape == (17, 2, 3)
+    assert motion.traces.converged.all()
+    assert (motion.traces.seconds > 0).all()
+
+
+def test_what_is_added_leaves_the_task_alone():
+    motion = pk.resolve(tringali_3r(), straight(0.1), pk.PredictiveKineticEnergy(), start=START)
+    task = task_of(tringali_3r(), straight(0.1), pk.kinetic_energy)
+    slopes = np.moveaxis(task_errors(task.arm, task.tasks, motion.q[:-1], task.targets[:-1])[1], -1, 0)
+    assert np.abs(motion.traces.projected).max() > 0.01
+    assert np.abs(slopes @ motion.traces.projected[:, 0, :, None]).max() < 1e-14
+
+
+def test_other_objectives_are_made_less_than_by_looking_at_kinetic_energy():
+    path = straight(0.3)
+    energy, torque = (
+        pk.resolve(tringali_3r(), path, pk.PredictiveKineticEnergy(objective=one, horizon=4), start=START)
+        for one in (pk.kinetic_energy, pk.torque_norm)
+    )
+    assert pk.torque_norm(torque) < pk.torque_norm(energy)
+    assert pk.kinetic_energy(energy) < pk.kinetic_energy(torque)
+
+
+def test_starts_and_rhythms_are_a_batch():
+    path, starts = straight(0.1), np.stack([START, START + 1e-4])
+    method = pk.PredictiveKineticEnergy(horizon=np.array([[2], [3]]), prediction_step=1.0)
+    motion = pk.resolve(tringali_3r(), path, method, start=starts)
+    assert motion.q.shape == (2, 2, 501, 3)
+    assert motion.traces.predictions.shape == (2, 2, 17, 3, 3)
+    alone = pk.resolve(tringali_3r(), path, pk.PredictiveKineticEnergy(prediction_step=1.0, horizon=3), start=starts[1])
+    np.testing.assert_allclose(motion.q[1, 1], alone.q, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(motion[1].traces.updates[1], np.append(np.arange(0, 351, 25), [-1, -1]))
+
+
+@pytest.mark.parametrize("arm", [panda(), marcos_nr(4)], ids=lambda arm: arm.name)
+def test_other_arms_look_ahead(arm):
+    start = HOME if arm.dof == 7 else np.array([0.3, 0.5, -0.8, 0.4])
+    objective = pk.kinetic_energy if arm.dof == 7 else pk.joint_travel
+    motion = pk.resolve(
+        arm, begun(arm, start), pk.PredictiveKineticEnergy(objective=objective, feedback=10.0), start=start
+    )
+    assert motion.tracking_error.max() < 2e-3
+    assert motion.traces.status.tolist() == ["done"] * 40
+
+
+def test_nedungadis_motion_is_the_variational_one():
+    path = straight(0.1, 101)
+    motion = pk.resolve(tringali_3r(), path, pk.Nedungadi(), start=np.stack([START, START]))
+    assert motion.q.shape == (2, 101, 3)
+    assert motion.tracking_error.max() < 1e-9
+    least = pk.resolve(tringali_3r(), path, pk.LeastSquaresVelocity(), start=START)
+    assert pk.kinetic_energy(motion[0]) < pk.kinetic_energy(least)
+    assert np.abs(motion.dq[0, 1:] - motion.traces.velocities[0]).max() < 0.02
+    with pytest.raises(Infeasible, match="singular"):
+        pk.resolve(tringali_3r(), line(FIRST, [0.4895, 0.0], duration=1.0, samples=51), pk.Nedungadi(), start=START)
+
+
+def test_an_arm_without_masses_has_no_kinetic_energy_to_look_ahead_for():
+    arm = pk.marcos_nr(4)
+    path = line([1.5, 0.5], [1.2, 0.6], duration=1.0, samples=41)
+    with pytest.raises(InvalidInput, match=r"objective kinetic_energy: is the same whatever .* does; has it no masses"):
+        pk.resolve(arm, path, pk.PredictiveKineticEnergy())
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: {"horizon": [[1], [1, 2]]}, "horizon: must be an array of numbers, got rows of different lengths"),
+        (lambda: {"horizon": 0}, "PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got 0"),
+        (lambda: {"prediction_step": -1.0}, "prediction_step of more than 0 s wanted, got -1.0"),
+        (lambda: {"prediction_step": 0.033}, "prediction_step of whole samples of 0.02 s wanted, got 0.033 s"),
+        (lambda: {"prediction_step": 8.0}, "a horizon within the path's 10 s wanted, got 2 times 8 s"),
+        (lambda: {"objective": pk.peak_velocity}, "objective peak_velocity: form 'integral' wanted, got 'peak'"),
+        (lambda: {"objective": pk.jerk}, "objective jerk: wants a function of positions, velocities and accelerations"),
+        (lambda: {"horizon": np.array([2, 3, 4])}, "starts of shape (2,) and its numbers do not fit each other"),
+        (lambda: {"terminal": -1.0}, "PredictiveKineticEnergy: terminal of 0 or more wanted, got -1.0"),
+        (lambda: {"feedback": -1.0}, "feedback of 0 or more wanted, got -1.0"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_by_name(make, said):
+    with pytest.raises(InvalidInput, match=re.escape(said)):
+        pk.resolve(tringali_3r(), straight(0.1), pk.PredictiveKineticEnergy(**make()), start=np.tile(START, (2, 1)))

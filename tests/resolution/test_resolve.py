@@ -1,0 +1,474 @@
+"""Laws of ``resolve``: its methods are the papers' formulas, and what they promise holds."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik import Criterion, Limits, Pose, line, tringali_3r, wan_7r
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach
+from paretoik.robot import kinematics
+from tests.resolution.plainly import Plainly, coefficient, damping, repulsions, weights_of_clamping
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+START = np.array([0.0, 0.327, -0.754])
+DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=41)
+FEEDBACK = 20.0
+TIGHT = Limits(position=([-0.3, 0.1, -1.9], [0.35, 1.2, -0.6]))
+BENT = np.array([0.3, -0.4, 0.5, -0.9, 0.4, 0.7, -0.3])
+
+
+@pk.objective(unit="", form="integral")
+def middle(motion):
+    return np.sum((motion.q - 0.3) ** 2, axis=-1)
+
+
+@pk.objective(unit="", form="integral", maximise=True)
+def slowness(motion):
+    return -np.sum(motion.dq**2, axis=-1)
+
+
+def begun(arm, q):
+    """Return a path that leaves a posture, of poses for a spatial arm."""
+    rotation, position = kinematics.tool_pose(arm, q)
+    if arm.is_planar:
+        return line(position[:2], position[:2] + np.array([-0.08, 0.05]), duration=1.0, samples=41)
+    first = Pose.from_matrix(rotation, position)
+    last = Pose.from_rpy((0.1, -0.05, 0.05), (0.1, 0.0, 0.2)) @ Pose.from_matrix(rotation, position)
+    return line(first, last, duration=1.0, samples=41)
+
+
+ARMS = {"planar": (tringali_3r, START), "spatial": (wan_7r, BENT)}
+every_arm = pytest.mark.parametrize("name", ARMS)
+
+
+@cache
+def followed(name, method, **settings):
+    make, start = ARMS[name]
+    arm = make()
+    return pk.resolve(arm, begun(arm, start), method, start=start, unreachable="track", **settings)
+
+
+def pseudoinverse(self, q, jacobian, v, dq):
+    return np.linalg.pinv(jacobian) @ v
+
+
+def damped_inverse(jacobian, region, most):
+    squared = damping(jacobian, region, most)
+    return jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + squared * np.eye(len(jacobian)))
+
+
+REGION, MOST = 0.2, 0.05  # wide enough to be met
+
+
+def damped_least_squares(self, q, jacobian, v, dq):
+    return damped_inverse(jacobian, REGION, MOST) @ v
+
+
+def weighted_least_norm():
+    before = [None]
+
+    def rates(self, q, jacobian, v, dq):
+        with np.errstate(invalid="ignore"):
+            slope = np.abs(
+                (self.upper - self.lower) ** 2
+                * (2 * q - self.upper - self.lower)
+                / (4 * (self.upper - q) ** 2 * (q - self.lower) ** 2)
+            )
+        slope = np.where(np.isfinite(self.upper - self.lower), slope, 0.0)
+        nearer = slope >= (0 if before[0] is None else before[0])
+        before[0] = slope
+        half = np.diag(np.where(nearer, 1 + slope, 1.0) ** -0.5)
+        return half @ damped_inverse(jacobian @ half, REGION, MOST) @ v
+
+    return rates
+
+
+def gradient_projection(self, q, jacobian, v, dq):
+    inverse = damped_inverse(jacobian, REGION, MOST)
+    z = -0.7 * 2 * (q - 0.3) + 0.1 * -2 * dq
+    return inverse @ v + (np.eye(len(q)) - inverse @ jacobian) @ z
+
+
+def weighted_projection(variant):
+    def rates(self, q, jacobian, v, dq):
+        e = weights_of_clamping(q, self.lower, self.upper, 0.3)
+        clamped = np.diag(e)
+        inverse = damped_inverse(jacobian @ clamped, REGION, MOST)
+        first = coefficient(np.exp(0.01 - np.sum((q - 0.3) ** 2) / 2.0), 0.2)
+        second = coefficient(1 - np.exp(-0.5 + np.sum(dq**2)), 0.2)
+        z = -(1 - e) * repulsions(q, self.lower, self.upper, 0.3, 0.8)
+        z -= 0.7 * first * np.exp(-e / 2) * 2 * (q - 0.3)  # the second in priority
+        z += 0.1 * second * -2 * dq
+        projector = clamped @ inverse @ jacobian if variant == "consistent" else inverse @ jacobian @ clamped
+        return clamped @ inverse @ v + z - projector @ z
+
+    return rates
+
+
+CRITERIA = [
+    Criterion(objective=middle, gain=0.7, reference=0.01, scale=2.0),
+    Criterion(objective=slowness, gain=0.1, reference=-0.5),
+]
+DAMPED = {"region": REGION, "damping": MOST, "feedback": FEEDBACK}
+WEIGHTED = {"criteria": CRITERIA, "priorities": np.array([3.0, 1.0]), "buffer": 0.3, "repulsion": 0.8, "band": 0.2}
+METHODS = {
+    "pseudoinverse": (pk.PseudoInverse(feedback=FEEDBACK), lambda: pseudoinverse),
+    "damped": (pk.DampedLeastSquares(**DAMPED), lambda: damped_least_squares),
+    "least norm": (pk.WeightedLeastNorm(**DAMPED), weighted_least_norm),
+    "gradient": (pk.GradientProjection(criteria=CRITERIA, **DAMPED), lambda: gradient_projection),
+    "paper": (
+        pk.WeightedGradientProjection(variant="paper", **WEIGHTED, **DAMPED),
+        lambda: weighted_projection("paper"),
+    ),
+    "consistent": (pk.WeightedGradientProjection(**WEIGHTED, **DAMPED), lambda: weighted_projection("consistent")),
+}
+
+
+@every_arm
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_is_its_formula(method, name):
+    chosen, rates = METHODS[method]
+    motion = followed(name, chosen, limits=TIGHT if name == "planar" else None)
+    assert np.abs(motion.q[-1] - motion.q[0]).max() > 0.05
+    np.testing.assert_allclose(motion.q, Plainly(motion, rates(), FEEDBACK).followed(), rtol=0, atol=1e-10)
+
+
+def test_what_was_compared_was_damped_clamped_and_weighed():
+    for method in ("damped", "paper"):
+        assert "damped" in followed("planar", METHODS[method][0], limits=TIGHT).traces.status
+    traces = followed("planar", METHODS["consistent"][0], limits=TIGHT).traces
+    assert (traces.weights < 0.9).any()
+    assert ((traces.coefficients[..., 0] > 0) & (traces.coefficients[..., 0] < 0.69)).any()
+    assert (np.ptp(traces.coefficients, axis=0) > 1e-4).all()
+
+
+@every_arm
+def test_without_damping_criteria_or_limits_near_weighted_projection_is_the_pseudoinverse(name):
+    free = Limits(position=100.0)
+    one = followed(name, pk.WeightedGradientProjection(region=0.0), limits=free)
+    other = followed(name, pk.PseudoInverse(), limits=free)
+    np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-12)
+
+
+@every_arm
+def test_the_consistent_variant_leaves_the_task_alone_where_nothing_is_damped(name):
+    limits = TIGHT if name == "planar" else None
+    method = pk.WeightedGradientProjection(region=0.0, criteria=CRITERIA, repulsion=0.3)
+    motion = followed(name, method, limits=limits)
+    plainly = Plainly(motion, None, 0.0)
+    disturbed = {}
+    for variant in ("consistent", "paper"):
+        motion = followed(name, pk.WeightedGradientProjection(**{**vars(method), "variant": variant}), limits=limits)
+        own = motion.traces.repulsion + motion.traces.projected.sum(axis=1)
+        disturbed[variant] = max(np.abs(plainly.at(motion.q[k], k)[1] @ own[k]).max() for k in range(40))
+        assert np.abs(own).max() > 0.1
+    assert disturbed["consistent"] < 1e-12
+    if name == "planar":
+        assert disturbed["paper"] > 1e-3
+
+
+@every_arm
+def test_the_task_part_is_stationary_in_the_damped_problem(name):
+    motion = followed(name, METHODS["consistent"][0], limits=TIGHT if name == "planar" else None)
+    plainly, traces, looked = Plainly(motion, None, FEEDBACK), motion.traces, 0
+    for k in range(40):
+        task = traces.velocities[k] - traces.repulsion[k] - traces.projected[k].sum(axis=0)
+        if traces.weights[k].min() > 0.01:
+            jacobian = plainly.at(motion.q[k], k)[1]
+            left = jacobian.T @ (plainly.wanted(motion.q[k], k) - jacobian @ task)
+            assert np.abs(left - traces.damping[k] ** 2 * task / traces.weights[k] ** 2).max() < 1e-10
+            looked += 1
+    assert looked > 10
+
+
+def test_a_clamped_joint_does_nothing_for_the_task():
+    limits = Limits(position=([-0.3, 0.1, -0.754], [0.35, 1.2, 1.0]))
+    motion = followed("planar", pk.WeightedGradientProjection(repulsion=0.0), limits=limits)
+    assert (motion.traces.velocities[:, 2] == 0.0).all()
+    assert np.abs(motion.q[-1, :2] - START[:2]).min() > 0.05
+
+
+def test_weighted_projection_frees_a_joint_that_the_weighted_least_norm_keeps_at_its_limit():
+    limits = Limits(position=([-3.0, -3.0, -0.80], [3.0, 3.0, 1.0]))
+    kept, freed = (
+        pk.resolve(tringali_3r(), DOWN.resampled(201), method, start=START, limits=limits).q[-1, 2]
+        for method in (pk.WeightedLeastNorm(), pk.WeightedGradientProjection())
+    )
+    assert kept < -0.75
+    assert freed > -0.6
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_batch_is_resolved_as_its_motions_are(method):
+    arm, rng = wan_7r(), np.random.default_rng(0)
+    starts = BENT + rng.uniform(-0.005, 0.005, (5, 7))
+    chosen = METHODS[method][0]
+    settings = {"path": begun(arm, BENT), "method": chosen, "unreachable": "track"}
+    together = pk.resolve(arm, **settings, start=starts)
+    assert together.q.shape == (5, 41, 7)
+    for i, start in enumerate(starts):
+        alone = pk.resolve(arm, **settings, start=start)
+        np.testing.assert_array_equal(alone.q, together.q[i])
+        np.testing.assert_array_equal(alone.traces.projected, together[i].traces.projected)
+
+
+def test_starts_and_numbers_are_broadcast():
+    numbers = np.linspace(0.1, 0.4, 4)
+    method = pk.WeightedGradientProjection(
+        buffer=numbers,
+        criteria=[Criterion(objective=middle, gain=numbers[:, None])],
+        feedback=np.array([5.0, 20.0])[:, None, None],
+    )
+    starts = np.tile(START, (3, 1))
+    with pytest.raises(InvalidInput, match=r"WeightedGradientProjection: starts of shape \(3,\) and numbers"):
+        pk.resolve(tringali_3r(), DOWN, method, start=starts)
+    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=TIGHT, tolerance=0.1)
+    assert motion.q.shape == (2, 4, 4, 41, 3)
+    one = pk.WeightedGradientProjection(buffer=0.3, criteria=[Criterion(objective=middle, gain=0.2)], feedback=20.0)
+    alone = pk.resolve(tringali_3r(), DOWN, one, start=START, limits=TIGHT, tolerance=0.1)
+    np.testing.assert_allclose(motion.q[1, 1, 2], alone.q, rtol=0, atol=1e-12)
+
+
+def test_open_loop_errors_stay_and_feedback_takes_them_away():
+    drifting, kept = (followed("planar", method) for method in (pk.LeastSquaresVelocity(), pk.PseudoInverse()))
+    assert drifting.tracking_error[-1] > 10 * kept.tracking_error[-1]
+    half = pk.resolve(tringali_3r(), DOWN.resampled(81), pk.LeastSquaresVelocity(), start=START)
+    whole = pk.resolve(tringali_3r(), DOWN, pk.LeastSquaresVelocity(), start=START)
+    assert half.tracking_error[-1] / whole.tracking_error[-1] == pytest.approx(0.5, abs=0.1)  # Euler's
+
+
+def test_traces_are_what_happened():
+    motion = followed("planar", METHODS["consistent"][0], limits=TIGHT)
+    np.testing.assert_allclose(motion.dq[1:], motion.traces.velocities, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(motion.traces.errors).max(axis=1), motion.tracking_error, rtol=0, atol=1e-15)
+
+
+def test_a_singular_start_is_refused_or_held_or_damped():
+    stretched, path = np.zeros(3), line([0.4895, 0.0], [0.40, 0.05], duration=1.0, samples=41)
+    with pytest.raises(
+        Infeasible,
+        match=r"no velocities do what the task wants at sample 1 .* condition number is (inf|\d\.?\d*e\+1\d)",
+    ):
+        pk.resolve(tringali_3r(), path, pk.PseudoInverse(), start=stretched)
+    held = pk.resolve(tringali_3r(), path, pk.PseudoInverse(), start=stretched, unreachable="track")
+    assert (held.traces.status == "held").all()
+    damped = pk.resolve(tringali_3r(), path, pk.DampedLeastSquares(), start=stretched, unreachable="track")
+    assert damped.traces.status[0] == "damped"
+    assert np.abs(damped.traces.velocities).max() < 20.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_out_of_reach_is_refused_or_tracked_with_bounded_velocities(method):
+    path, chosen = line([0.468, 0.0], [0.568, 0.0], duration=1.0, samples=101), METHODS[method][0]
+    with pytest.raises(
+        Infeasible, match=r"resolve: .* at sample \d+ \(0\.\d+ s\), where the Jacobian's condition number"
+    ):
+        pk.resolve(tringali_3r(), path, chosen, start=START)
+    motion = pk.resolve(tringali_3r(), path, chosen, start=START, unreachable="track")
+    assert np.isfinite(motion.q).all()
+    assert np.abs(motion.traces.velocities).max() * 0.01 <= 1.0 + 1e-12
+    assert motion.tracking_error[-1] > 0.05
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_starts_beyond_their_limits_give_bounded_velocities(method):
+    limits = Limits(position=([0.1, 0.4, -0.6], [0.35, 1.2, 1.0]))
+    motion = pk.resolve(tringali_3r(), DOWN, METHODS[method][0], start=START, limits=limits, unreachable="track")
+    assert np.abs(motion.traces.velocities).max() < 50.0
+
+
+def test_limits_may_vary_along_the_path():
+    upper = np.tile([0.35, 1.2, -0.6], (41, 1))
+    upper[:20] = 3.0
+    limits = Limits(position=(np.full((41, 3), -3.0), upper))
+    motion = followed("planar", pk.WeightedGradientProjection(), limits=limits)
+    assert (motion.traces.weights[:20] == 1.0).all()
+    assert (motion.traces.weights[25:] < 1.0).any()
+
+
+def test_without_a_start_one_is_found_far_from_singular():
+    motion = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse())
+    assert motion.tracking_error.max() < 1e-3
+    again = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse())
+    np.testing.assert_array_equal(motion.q, again.q)
+    with pytest.raises(OutOfReach):
+        pk.resolve(tringali_3r(), line([0.6, 0.0], [0.5, 0.0], duration=1.0, samples=11), pk.PseudoInverse())
+
+
+@pytest.mark.parametrize("objective", [pk.manipulability, pk.joint_limit_distance], ids=lambda one: one.name)
+def test_a_criterion_means_the_same_whatever_the_duration(objective):
+    quick, slow = (
+        pk.resolve(
+            tringali_3r(),
+            line([0.468, 0.0], [0.368, 0.0], duration=duration, samples=41),
+            pk.WeightedGradientProjection(criteria=[Criterion(objective=objective, scale=0.01, reference=1.0)]),
+            start=START,
+            limits=Limits(position=3.0),
+            tolerance=0.2,
+        )
+        for duration in (1.0, 10.0)
+    )
+    np.testing.assert_allclose(quick.traces.projected[0], slow.traces.projected[0], atol=1e-12)
+    np.testing.assert_allclose(quick.traces.coefficients[0], slow.traces.coefficients[0], atol=1e-12)
+
+
+def test_a_criterion_sees_the_time_of_its_path():
+    @pk.objective(unit="", form="integral")
+    def following(motion):
+        return (motion.q[..., 0] - motion.time) ** 2
+
+    path = line([0.468, 0.0], [0.40, 0.0], duration=2.0, samples=41)
+    motion = pk.resolve(tringali_3r(), path, pk.GradientProjection(criteria=following), start=START, tolerance=0.1)
+    for k in (0, 12, 30):
+        free = -2 * (motion.q[k, 0] - motion.time[k]) * np.array([1.0, 0.0, 0.0])
+        jacobian = kinematics.jacobian(tringali_3r(), motion.q[k])[:2]
+        wanted = free - np.linalg.pinv(jacobian) @ jacobian @ free
+        np.testing.assert_allclose(motion.traces.projected[k, 0], wanted, atol=1e-10)
+
+
+def test_a_criterion_without_a_value_is_named_or_left_out():
+    @pk.objective(unit="", form="integral")
+    def rooted(motion):
+        return np.sqrt(motion.q[..., 2] + 0.7)
+
+    for method in (pk.GradientProjection(criteria=rooted), pk.WeightedGradientProjection(criteria=[rooted])):
+        with pytest.raises(
+            EvaluationFailed, match=r"criterion rooted: wants a finite value .* none at sample 0 \(0 s\)"
+        ):
+            pk.resolve(tringali_3r(), DOWN, method, start=START)
+        motion = pk.resolve(tringali_3r(), DOWN, method, start=START, unreachable="track")
+        missing = np.isnan(motion.traces.coefficients[:, 0])
+        assert missing[0]
+        assert (motion.traces.projected[missing] == 0).all()
+        assert motion.tracking_error.max() < 1e-2
+
+
+@pytest.mark.parametrize("variant", ["paper", "consistent"])
+def test_a_joint_held_at_one_place_stays_there(variant):
+    limits = Limits(position=([-3.0, -3.0, START[2]], [3.0, 3.0, START[2]]))
+    method = pk.WeightedGradientProjection(variant=variant, criteria=[middle])
+    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
+    assert (motion.q[:, 2] == START[2]).all()
+    assert np.abs(motion.traces.projected[..., :2]).max() > 0
+    assert (motion.traces.velocities[:, 2] == 0).all()
+
+
+def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
+    limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 0.3, 3.0]))
+    method = pk.WeightedGradientProjection(damping=0.0)
+    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
+    assert motion.traces.status[0] == "held"
+    assert motion.traces.repulsion[0, 1] < 0 < motion.traces.repulsion[0, 2]
+    assert (motion.traces.status[-20:] == "done").all()
+    assert motion.tracking_error[-1] < 1e-3
+    harder = pk.WeightedGradientProjection(damping=0.0, repulsion=100.0)
+    motion = pk.resolve(tringali_3r(), DOWN, harder, start=START, limits=limits, unreachable="track")
+    assert motion.traces.status[0] == "held"
+    assert np.abs(np.diff(motion.q, axis=0)).max() <= 1.0 + 1e-12
+
+
+def test_criteria_may_be_one_objective_or_come_from_a_generator():
+    given = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
+    motions = [pk.resolve(tringali_3r(), DOWN, pk.GradientProjection(criteria=each), start=START) for each in given]
+    for motion in motions:
+        np.testing.assert_array_equal(motion.traces.projected, motions[0].traces.projected)
+    assert np.abs(motions[0].traces.projected).max() > 0
+
+
+def test_a_joint_past_its_limit_stays_there_by_the_weighted_least_norm():
+    limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 3.0, 3.0]))
+    motion = pk.resolve(tringali_3r(), DOWN, pk.WeightedLeastNorm(), start=START, limits=limits, unreachable="track")
+    assert np.abs(motion.q[:, 2] - START[2]).max() < 1e-9
+    assert motion.traces.weights[:, 2].max() <= 2e12
+
+
+def test_the_default_start_is_within_the_limits_of_the_first_sample():
+    lower, upper = np.full((41, 3), -3.0), np.full((41, 3), 3.0)
+    upper[:5, 0] = -0.2
+    motion = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse(), limits=Limits(position=(lower, upper)))
+    assert motion.q[0, 0] <= -0.2
+
+
+def test_more_redundancy_and_several_tasks():
+    arm = pk.Arm.planar(lengths=[1.0] * 5)
+    q = np.array([0.3, 0.4, -0.5, 0.9, -0.4])
+    nodes = kinematics.link_nodes(arm, q)
+    hand = line(nodes[-1, :2], nodes[-1, :2] + np.array([-0.05, 0.1]), duration=1.0, samples=201)
+    elbow = line(nodes[4, :2], nodes[4, :2] + np.array([-0.05, 0.05]), duration=1.0, samples=201)
+    frames = [pk.Task(hand), pk.Task(elbow, frame="joint4")]
+    motion = pk.resolve(arm, frames, pk.PseudoInverse(), start=q)
+    assert motion.traces.errors.shape == (201, 4)
+    assert motion.tracking_error.max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"method": pk.PseudoInverse}, "resolve: wants a method, such as PseudoInverse(), got <class"),
+        ({"method": "pinv"}, "resolve: wants a method, such as PseudoInverse(), got 'pinv'"),
+        ({"unreachable": "ignore"}, "unreachable must be one of refuse, track, got 'ignore'"),
+        ({"tolerance": 0.0}, "tolerance: a positive distance in m or rad wanted, got 0.0"),
+        ({"start": [0.0, np.nan, 0.0]}, "start: must be finite, got nan at index 1"),
+        ({"start": [0.0, 1.0]}, "start: joint positions (..., 3) wanted, got shape (2,)"),
+        ({"start": np.zeros((0, 3))}, "start: joint positions (..., 3) wanted, got shape (0, 3)"),
+        ({"seed": "x"}, "seed: an integer of at least 0 wanted, got 'x'"),
+        ({"limits": 5}, "limits: Limits(...) wanted, got 5"),
+        ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
+        ({"link_radius": -1.0}, "link_radius: 0 m or more wanted, got -1.0"),
+        ({"method": pk.PseudoInverse(feedback=np.zeros(0))}, "PseudoInverse: numbers wanted, got an empty array"),
+        (
+            {"method": pk.PredictiveKineticEnergy(terminal=np.zeros(0))},
+            "PredictiveKineticEnergy: numbers wanted, got an empty",
+        ),
+        ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
+        ({"start": "home"}, "start: joint positions (..., 3) wanted, got 'home'"),
+        ({"method": pk.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
+        (
+            {"method": pk.GradientProjection(criteria=[Criterion(objective=pk.torque_norm)])},
+            "criterion torque_norm: wants a function of positions, velocities or both",
+        ),
+        (
+            {"method": pk.WeightedGradientProjection(criteria=CRITERIA, priorities=np.zeros(3))},
+            "WeightedGradientProjection: priorities for each of 2 criteria wanted, got shape (3,)",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused_by_name(changed, said):
+    given = {"method": pk.PseudoInverse(), "start": START, **changed}
+    with pytest.raises(InvalidInput, match=re.escape(said)):
+        pk.resolve(tringali_3r(), DOWN, **given)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: pk.WeightedGradientProjection(buffer=0.5), "buffer of 0 or more and less than 0.5 wanted, got 0.5"),
+        (lambda: pk.WeightedGradientProjection(band=-0.1), "band of 0 or more and less than 0.5 wanted, got -0.1"),
+        (lambda: pk.DampedLeastSquares(damping=np.nan), "DampedLeastSquares: damping: must be finite, got nan"),
+        (lambda: pk.DampedLeastSquares(region="a"), "DampedLeastSquares: region: must hold real numbers, got <U1"),
+        (lambda: pk.DampedLeastSquares(region=-1.0), "DampedLeastSquares: region of 0 or more wanted, got -1.0"),
+        (lambda: pk.PseudoInverse(feedback="a"), "PseudoInverse: feedback: must hold real numbers, got <U1"),
+        (lambda: pk.WeightedGradientProjection(priorities=[np.nan]), "priorities: must be finite, got nan at index 0"),
+        (lambda: pk.Nedungadi(tolerance=0.0), "Nedungadi: a positive tolerance wanted, got 0.0"),
+        (lambda: pk.WeightedGradientProjection(variant="ours"), "variant must be one of paper, consistent, got 'ours'"),
+        (lambda: Criterion(objective=pk.joint_drift), "criteria: wants objectives of form integral or peak, got Obj"),
+        (
+            lambda: pk.GradientProjection(criteria=["speed"]),
+            "criteria: wants objectives of form integral or peak, got 's",
+        ),
+        (lambda: pk.GradientProjection(criteria=5), "criteria: wants objectives of form integral or peak, got 5"),
+        (lambda: pk.GradientProjection(criteria=[middle, middle]), "criteria: names must differ, got middle, middle"),
+        (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: a positive scale wanted, got 0.0"),
+        (lambda: Criterion(objective=middle, reference=np.inf), "criterion middle, reference: must be finite, got inf"),
+        (lambda: Criterion(objective=middle, gain="a"), "criterion middle, gain: must hold real numbers, got <U1"),
+        (lambda: Criterion(objective=middle, gain=-1.0), "criterion middle: a gain of 0 or more wanted, got -1.0"),
+    ],
+)
+def test_numbers_out_of_range_are_refused_by_name(make, said):
+    with pytest.raises(InvalidInput, match=re.escape(said)):
+        make()

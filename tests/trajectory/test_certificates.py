@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+from scipy import sparse
+
+import paretoik as pk
+from paretoik.nlp.conic import Constraints
+from paretoik.pareto.exchange_rates import exchange_rates, weight_ratios
+from paretoik.trajectory.certificates import certify
+from problems import tringali_2020
+
+
+@pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
+def test_planned_optima_are_certified_minima(name):
+    problem = getattr(tringali_2020, name)()
+    found = pk.plan(problem, starts=24)
+    known = certify(problem.task, np.stack([o.motion.q for o in found.optima]), np.array([found.best.objective]))
+    assert known.kkt_residual.max() <= 1e-6
+    assert known.violation.max() <= 1e-8
+    assert set(known.status) == {"minimum"}
+
+
+def test_a_motion_that_is_not_optimal_has_a_criticality():
+    problem = tringali_2020.simulation_1()
+    best = pk.plan(problem, starts=12).best
+    q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
+    known = certify(problem.task, q, np.array([best.objective]))
+    assert known.kkt_residual[0] > 1e-3
+    assert known.status[0] == "undetermined"
+
+
+def test_units_do_not_matter():
+    criticalities = []
+    for factor in (1.0, 1e-6, 1e6):
+        effort = pk.objective(unit="", form="integral")(
+            lambda motion, factor=factor: factor * np.sum(motion.dq**2, axis=-1)
+        )
+        problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1)
+        q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
+        criticalities.append(certify(problem.task, q, np.array([factor])).kkt_residual[0])
+    assert criticalities[0] > 1e-3
+    assert criticalities[1:] == pytest.approx(criticalities[:1] * 2, rel=1e-6)
+
+
+def test_exchange_rates_stand_in_natural_units_and_own_signs():
+    weights, ranges, signs = np.array([[0.75, 0.25], [1.0, 0.0]]), np.array([2.0, 10.0]), np.array([1.0, -1.0])
+    rates = exchange_rates(weights, ranges, signs)
+    assert rates[0] == pytest.approx(np.array([[1.0, 15.0], [1 / 15.0, 1.0]]))
+    assert np.isnan(rates[1, 0, 1])
+    assert rates[1, 1, 0] == 0.0
+
+
+def test_where_more_multipliers_balance_the_gradients_exchange_rates_are_an_interval():
+    gradients = np.array([[1.0, 0.0], [0.0, 1.0]])
+    slopes = sparse.csr_array(np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    at_a_corner = Constraints(unknowns=2, gaps=np.zeros(3), slopes=slopes)
+    found = weight_ratios(gradients, at_a_corner, np.array([0.5, 0.5]))
+    assert found[0, 1] == pytest.approx([0.0, np.inf])
+    apart = Constraints(unknowns=2, gaps=np.ones(3), slopes=slopes)
+    assert weight_ratios(np.array([[1.0, 0.0], [-3.0, 0.0]]), apart, np.array([0.75, 0.25]))[0, 1] == pytest.approx(
+        [3, 3]
+    )
+
+
+def test_the_ends_of_an_interval_are_those_of_the_dual_set():
+    # λ₁ + λ₂ = μ₁ + μ₂ and λ₁ = 2 μ₁ + μ₂ / 2: λ₁ / λ₂ is at least 1 (μ₁ = 0), and unbounded (μ₂ = 0 needs λ₂ < 0).
+    gradients = np.array([[1.0, 1.0], [1.0, 0.0]])
+    slopes = sparse.csr_array(np.array([[1.0, 2.0], [1.0, 0.5]]))
+    found = weight_ratios(gradients, Constraints(unknowns=2, gaps=np.zeros(2), slopes=slopes), np.array([0.6, 0.4]))
+    assert found[0, 1, 0] == pytest.approx(1.0, abs=1e-5)

@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.front.indicators import hypervolume
+from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.task.motion import steepest
+from paretoik.task.retraction import retract, task_errors
+from paretoik.trajectory.epsilon import _Found, _settle
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
+from problems import tringali_2020
+from studies.benchmarks.energy_torque import REFERENCE_POINT, reference_front
+
+
+@pytest.fixture(scope="module")
+def front():
+    return pk.epsilon_front(tringali_2020.energy_torque(), points=12)
+
+
+def test_the_front_reaches_both_of_ipopts_ends_and_is_not_beaten(front):
+    reference = reference_front()
+    assert front.minimised.min(axis=0) == pytest.approx(reference.min(axis=0), rel=1e-6)
+    gain = (front.minimised[:, None] - reference[None]) / np.ptp(reference, axis=0)
+    assert gain.max(axis=2).min() > -1e-2  # the reference is a front itself: nobody is far below it
+    assert np.all(gain.max(axis=2).min(axis=1) < 0.05)
+    dominated = np.all(gain > 1e-6, axis=2).any(axis=1)
+    assert not dominated.any()
+
+
+@pytest.mark.parametrize("seed", [12, 19, 21])
+def test_few_points_too_lie_on_the_best_branch_where_neither_end_does(seed):
+    few, reference = pk.epsilon_front(tringali_2020.energy_torque(), points=5, seed=seed), reference_front()
+    gain = (few.minimised[:, None] - reference[None]) / np.ptp(reference, axis=0)
+    assert not np.all(gain > 1e-6, axis=2).any()
+
+
+def test_every_point_is_a_certified_minimum_on_the_path(front):
+    known = front.certificates
+    assert len(front) >= 12
+    assert known.kkt_residual.max() <= 1e-6
+    assert known.violation.max() <= 1e-8
+    assert set(known.status) == {"minimum"}
+    assert front.motions.tracking_error.max() <= 1e-9
+
+
+def test_exchange_rates_are_the_slopes_of_neighbouring_solves(front):
+    program = motion_program(tringali_2020.energy_torque().task)
+    q, values = front.motions.q[4], front.objectives[4]
+    step = 1e-4 * np.ptp(front.objectives[:, 1])
+    caps = np.array([[np.inf, values[1] + step], [np.inf, values[1] - step]])
+    factors = np.array([[1.0 / np.ptp(front.objectives[:, 0]), 0.0]])
+    near = polish(program, np.stack([q, q]), factors, caps, Rules(barrier=1e-4))
+    assert near.converged.all()
+    slope = np.diff(near.totals[:, 1]) / np.diff(near.totals[:, 0])
+    assert front.certificates.exchange_rates[4, 0, 1] == pytest.approx(slope[0], rel=1e-3)
+    assert front.certificates.exchange_rates[4, 1, 0] == pytest.approx(1 / slope[0], rel=1e-3)
+
+
+def test_more_points_mean_more_hypervolume(front):
+    fewer = pk.epsilon_front(tringali_2020.energy_torque(), points=5)
+    assert hypervolume(fewer.minimised, REFERENCE_POINT) < hypervolume(front.minimised, REFERENCE_POINT)
+
+
+def test_a_certified_front_is_saved_and_loaded(front, tmp_path):
+    front.save(tmp_path)
+    again = pk.Front.load(tmp_path)
+    for name in ("violation", "violation_between", "kkt_residual", "weights", "exchange_rates"):
+        assert np.array_equal(getattr(again.certificates, name), getattr(front.certificates, name), equal_nan=True)
+    assert again.certificates.status.tolist() == front.certificates.status.tolist()
+
+
+def test_three_objectives_make_a_front_of_certified_points():
+    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
+    goals = [pk.kinetic_energy, pk.torque_norm, pk.joint_limit_distance]
+    problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    found = pk.epsilon_front(problem, points=8, starts=16)
+    assert len(found) >= 5
+    assert found.certificates.kkt_residual.max() <= 1e-6
+    assert found.certificates.exchange_rates.shape == (len(found), 3, 3)
+
+
+def test_refinement_worsens_nothing_keeps_ids_and_certifies():
+    problem = tringali_2020.energy_torque()
+    rough = pk.solve(problem, population=30, generations=20, seed=1)
+    fine = pk.refine(rough)
+    assert set(fine.ids) <= set(rough.ids)
+    for point, values in zip(fine.ids, fine.minimised, strict=True):
+        before = rough.minimised[list(rough.ids).index(point)]
+        assert np.all(values <= before + 1e-9 * np.abs(before))
+    assert np.median(fine.certificates.kkt_residual) <= 1e-6
+    assert fine.genes is None
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: pk.epsilon_front(tringali_2020.energy_torque(), points=1), "points"),
+        (lambda: pk.epsilon_front(tringali_2020.simulation_1()), "plan finds"),
+        (lambda: pk.epsilon_front(3), "Tracking"),
+    ],
+)
+def test_what_cannot_be_a_front_is_named(call, said):
+    with pytest.raises(pk.InvalidInput, match=said):
+        call()
+
+
+def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
+    problem = pk.Tracking(
+        pk.marcos_nr(4),
+        pk.line([2.0, 0.0], [1.5, 1.0], duration=1.0, samples=26),
+        objectives=[pk.joint_limit_distance, pk.manipulability],
+        limits=pk.Limits(position=3.0),
+    )
+    front = pk.epsilon_front(problem, points=5, starts=8)
+    ranges = np.ptp(front.minimised, axis=0)
+    program, task = motion_program(problem.task, ranges), problem.task
+    bump = 0.01 * np.sin(np.linspace(0, np.pi, 26))[:, None] * np.array([0.3, -1.0, 1.0, -0.4])
+    motion = front.motions.q[2] + bump
+    directions = steepest(task_errors(task.arm, task.tasks, motion, task.targets)[1])
+    spoiled = retract(task.arm, task.tasks, motion, task.targets, directions)
+    assert spoiled.on_path.all()
+    ends = polish(program, front.motions.q[:1], np.ones((1, len(program.totals))))
+    found = _Found(program, front.motions.q, ends, ranges, None, 5)
+    found.q = np.array(front.motions.q)
+    found.q[2] = spoiled.q
+    found.values = np.stack([o(task.motion(found.q)) * o.sign for o in task.objectives], axis=1) / ranges
+    worse = found.values[2].copy()
+    others = np.delete(found.values, 2, axis=0)
+    assert not np.any(np.all(others <= worse, axis=1))
+    _settle(found, 5)
+    gained = np.all(found.values <= worse + 1e-9, axis=1) & np.any(found.values < worse - 1e-4, axis=1)
+    assert gained.any()

@@ -1,0 +1,351 @@
+"""Laws of the grid oracle: it is never beaten on its grid, keeps every limit, and finds what the planner finds."""
+
+from __future__ import annotations
+
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import paretoik as pk
+from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, marcos_nr, torque_norm, tringali_3r
+from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.self_motion.starts import candidates, postures
+from paretoik.task.motion_task import motion_task
+from paretoik.task.obstacles import Circle
+from paretoik.trajectory import grid_oracle as module
+from paretoik.trajectory import grid_terms
+from paretoik.trajectory.grid_oracle import grid_oracle
+from paretoik.trajectory.layered_graph import Layers, best_way
+from tests.formulations.problems import panda
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
+ROUND = circle([0.4178, 0.0], 0.05, duration=1.0, samples=26)
+POSITION = np.deg2rad([90.0, 120.0, 120.0])
+
+
+def task_of(path=LINE, arm=None, **changed):
+    given = {
+        "objectives": [kinetic_energy],
+        "limits": None,
+        "constraints": (),
+        "obstacles": (),
+        "link_radius": 0.0,
+        "start": "free",
+        "end_velocity": None,
+        "cyclic": False,
+        "differences": "backward",
+    }
+    return motion_task(arm or tringali_3r(), path, **{**given, **changed})
+
+
+def short(samples=4):
+    return line([0.35, 0.05], [0.3, 0.1], duration=1.0, samples=samples)
+
+
+@cache
+def along_the_line():
+    return grid_oracle(task_of())
+
+
+def captured(monkeypatch, name):
+    """Return a list that will hold the grids over which ``name`` makes its graph."""
+    grids, make = [], getattr(module, name)
+
+    def recorded(task, grid, terms):
+        grids.append(grid)
+        return make(task, grid, terms)
+
+    monkeypatch.setattr(module, name, recorded)
+    return grids
+
+
+def every_motion(grid):
+    """Return all motions through the nodes of a small grid."""
+    ways = np.indices([len(nodes) for nodes in grid.nodes]).reshape(len(grid.nodes), -1)
+    q = np.stack([nodes[way] for nodes, way in zip(grid.nodes, ways, strict=True)], axis=1)
+    return np.cumsum(np.concatenate([q[:, :1], grid.step(q[:, 1:], q[:, :-1])], axis=1), axis=1)
+
+
+def within(grid, q):
+    """Return which motions go no further in a step than the grid lets them."""
+    return (np.abs(np.diff(q, axis=1)) <= grid.windows[1:]).all(axis=(1, 2))
+
+
+@pytest.mark.parametrize("resolution", [0.15, 0.3])
+def test_no_way_through_the_grid_is_better(monkeypatch, resolution):
+    grids = captured(monkeypatch, "_singles")
+    task = task_of(short(3))
+    found = grid_oracle(task, resolution=resolution)
+    q = every_motion(grids[0])
+    q = q[within(grids[0], q)]
+    assert len(q) > 20
+    assert found.best == pytest.approx(kinetic_energy(task.motion(q)).min(), rel=1e-12)
+
+
+def test_no_way_is_better_where_accelerations_count(monkeypatch):
+    grids = captured(monkeypatch, "_pairs")
+    task = task_of(short(3), objectives=[torque_norm])
+    found = grid_oracle(task, resolution=0.15)
+    q = every_motion(grids[0])
+    second = np.abs(np.diff(q, n=2, axis=1)) <= grids[0].windows[2:] / 2
+    q = q[within(grids[0], q) & second.all(axis=(1, 2))]
+    assert len(q) > 20
+    assert found.best == pytest.approx(torque_norm(task.motion(q)).min(), rel=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [False, True])
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10_000), states=st.integers(1, 5), steps=st.integers(1, 4), share=st.floats(0.3, 1.0))
+def test_the_best_way_of_a_graph_is_that_of_all_its_ways(cyclic, seed, states, steps, share):
+    rng = np.random.default_rng(seed)
+    costs = np.where(rng.random((steps, states, states)) < share, rng.random((steps, states, states)), np.inf)
+    start = rng.random(states)
+    kept = [np.nonzero(np.isfinite(cost)) for cost in costs]  # (end, source), sorted by the end
+    graph = Layers(
+        start=start,
+        offsets=[np.searchsorted(ends, np.arange(states + 1)) for ends, _ in kept],
+        sources=[sources for _, sources in kept],
+        costs=[cost[pair] for cost, pair in zip(costs, kept, strict=True)],
+        nodes=[np.arange(states)] * (steps + 1),
+    )
+    ways = [w for w in itertools.product(range(states), repeat=steps + 1) if not cyclic or w[0] == w[-1]]
+    values = [start[w[0]] + sum(costs[s, w[s + 1], w[s]] for s in range(steps)) for w in ways]
+    best, way = best_way(graph, cyclic)
+    assert best == pytest.approx(min(values))
+    if np.isfinite(best):
+        assert values[ways.index(tuple(way))] == pytest.approx(best)
+
+
+def test_the_best_value_sinks_as_nodes_move_together():
+    task = task_of(short(11))
+    found = [grid_oracle(task, resolution=h) for h in (0.08, 0.04, 0.02)]
+    assert found[0].best > found[1].best > found[2].best
+
+
+@pk.objective(unit="rad", form="integral")
+def speed(motion):
+    return np.sum(np.abs(motion.dq), axis=-1)
+
+
+@pk.objective(unit="rad s", form="integral")
+def from_a_posture(motion):
+    return np.sum(np.abs(motion.q - [0.3, -1.1, 1.7]), axis=-1)
+
+
+@pk.constraint(unit="m", upper=0.08)
+def low_elbow(motion):
+    return motion.links[..., 1, 1]
+
+
+START = np.array([0.2, -1.0, 1.2])
+BOUNDED = [
+    {},
+    {"objectives": [speed]},
+    {"objectives": [speed, from_a_posture]},
+    {"limits": Limits(velocity=1.5)},
+    {"limits": Limits(position=POSITION)},
+    {"constraints": [low_elbow], "obstacles": [Circle([0.1, -0.12], 0.03)]},
+    {"start": START},
+]
+
+
+@pytest.mark.parametrize("changed", BOUNDED)
+def test_no_finer_grid_comes_below_the_lower_bound(changed):
+    begin = task_of().motion(np.tile(START, (26, 1))).links[0, -1, :2]
+    task = task_of(line(begin, [0.3, 0.1], duration=1.0, samples=26), **changed)
+    found, finer = (grid_oracle(task, resolution=h) for h in (0.04, 0.02))
+    assert found.lower_bound < min(found.best, finer.best)
+    assert found.lower_bound < finer.lower_bound
+
+
+@pytest.mark.parametrize("limits", [None, Limits(position=POSITION, velocity=3.2)])
+def test_the_lower_bound_comes_near_as_nodes_move_together(limits):
+    found = [grid_oracle(task_of(limits=limits), resolution=h) for h in (0.02, 0.01)]
+    gaps = [1 - one.lower_bound / one.best for one in found]
+    assert gaps[1] < 0.4 * gaps[0] < 0.02
+
+
+def test_the_planner_finds_nothing_that_the_oracle_does_not_know_of():
+    found = along_the_line()
+    plan = pk.plan(pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy]), starts=24)
+    assert found.exact
+    assert found.lower_bound < plan.best.objective < found.best < 1.02 * plan.best.objective
+    assert found.labels[0] == plan.best.label
+
+
+def test_polishing_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
+    problem = pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy])
+    led = pk.plan(problem, starts=1, initial=problem.task.motion(along_the_line().q))
+    reached = np.array([optimum.objective for optimum in led.optima])
+    for optimum in pk.plan(problem, starts=24).optima:
+        assert np.abs(reached / optimum.objective - 1).min() < 1e-8
+
+
+def test_motions_follow_the_path_and_are_worth_what_is_said():
+    found, task = along_the_line(), task_of()
+    motions = task.motion(found.q)
+    assert motions.tracking_error.max() < 1e-9
+    np.testing.assert_allclose(kinetic_energy(motions), found.values, rtol=1e-12)
+    assert (np.diff(found.values) >= 0).all()
+    assert len(set(found.labels)) > 3
+
+
+def test_the_oracle_hardly_depends_on_its_first_postures():
+    task = task_of(short(11))
+    one, same, other = (grid_oracle(task, resolution=0.03, seed=seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one.q, same.q)
+    assert other.best == pytest.approx(one.best, rel=0.01)
+
+
+def test_limits_on_positions_and_velocities_are_kept_and_cost():
+    limits = Limits(position=POSITION, velocity=3.2)
+    found = grid_oracle(task_of(limits=limits))
+    assert found.exact
+    assert found.violations.max() <= 1e-9
+    motion = task_of(limits=limits).motion(found.q)
+    assert np.abs(motion.dq).max() <= 3.2 * (1 + 1e-8)
+    assert (np.abs(motion.q) <= POSITION + 1e-9).all()
+    assert found.best > along_the_line().best
+
+
+def test_obstacles_and_own_limits_are_kept():
+    @pk.constraint(unit="m", upper=0.12)
+    def low_elbow(motion):
+        return motion.links[..., 2, 1]
+
+    task = task_of(short(11), constraints=[low_elbow], obstacles=[Circle([0.1, -0.12], 0.03)])
+    free, found = grid_oracle(task_of(short(11)), resolution=0.05), grid_oracle(task, resolution=0.05)
+    assert task.violations(task.motion(free.q)).max() > 0.01
+    assert task.violations(task.motion(found.q)).max() <= 1e-9
+
+
+def test_a_limit_on_torques_holds_at_the_grids_samples_and_makes_it_inexact():
+    task = task_of(short(11), limits=Limits(torque=0.03))
+    found = grid_oracle(task, resolution=0.02)
+    assert not found.exact
+    assert np.isnan(found.lower_bound)
+    assert found.samples == 11
+    assert np.abs(task.motion(found.q).torque).max() <= 0.03 * (1 + 1e-8)
+
+
+def test_motions_come_back_on_all_samples_where_accelerations_count():
+    task = task_of(line([0.35, 0.05], [0.3, 0.1], duration=1.0, samples=51), objectives=[torque_norm])
+    found = grid_oracle(task, resolution=0.03)
+    assert found.samples == 26
+    assert found.q.shape[1:] == (51, 3)
+    assert task.motion(found.q).tracking_error.max() < 1e-9
+
+
+@pytest.mark.parametrize("measure", [kinetic_energy, torque_norm])
+def test_a_cycle_closes_to_the_bit(measure):
+    task = task_of(ROUND, cyclic=True, objectives=[measure], limits=Limits(position=POSITION, velocity=3.8))
+    found = grid_oracle(task, resolution=0.03)
+    np.testing.assert_array_equal(found.q[:, 0], found.q[:, -1])
+    assert task.motion(found.q).tracking_error.max() < 1e-9
+    assert found.violations[0] <= 1e-9
+
+
+def test_the_best_cycle_is_no_better_than_the_best_motion_that_need_not_close():
+    limits = Limits(position=POSITION, velocity=3.8)
+    closed, free = (grid_oracle(task_of(ROUND, cyclic=c, limits=limits), resolution=0.02) for c in (True, False))
+    assert closed.best >= free.best
+
+
+def test_a_cycle_around_the_base_has_no_closed_motion():
+    path = circle([0.0, 0.0], 0.3, duration=1.0, samples=61, timing="uniform")
+    with pytest.raises(Infeasible, match="closed"):
+        grid_oracle(task_of(path, cyclic=True), resolution=0.1)
+
+
+def test_motions_begin_at_the_given_start_to_the_bit():
+    start = postures(task_of(), 40, np.random.default_rng(0))[0] + [2 * np.pi, 0.0, 0.0]
+    found = grid_oracle(task_of(start=start))
+    np.testing.assert_array_equal(found.q[:, 0], np.tile(start, (len(found.q), 1)))
+    assert found.best >= along_the_line().best * (1 - 1e-3)
+
+
+def test_turns_within_wide_limits_are_told_apart():
+    task = task_of(short(11), limits=Limits(position=([np.pi, -4.0, -4.0], [3 * np.pi, 4.0, 4.0])))
+    found = grid_oracle(task, resolution=0.05)
+    assert found.q[..., 0].min() >= np.pi
+    assert found.violations.max() <= 1e-9
+    assert found.best == pytest.approx(grid_oracle(task_of(short(11)), resolution=0.05).best, rel=0.01)
+
+
+def test_a_spatial_arm_follows_poses_within_its_own_limits():
+    path = line(*(Pose.from_rpy((0.45, y, 0.3), (np.pi, 0, 0)) for y in (-0.05, 0.05)), duration=1.0, samples=6)
+    task = task_of(path, panda(), limits=Limits(torque=np.inf))
+    found = grid_oracle(task, resolution=0.08)
+    assert task.motion(found.q).tracking_error.max() < 1e-9
+    assert found.violations.max() <= 1e-9
+    rolled = task.motion(candidates(task, 60, np.random.default_rng(0)))
+    kept = task.violations(rolled).max(axis=1) <= 0
+    assert kept.sum() > 3
+    assert found.best < kinetic_energy(rolled)[kept].min()
+
+
+def test_objectives_are_weighed():
+    task = task_of(short(11), objectives=[kinetic_energy, joint_travel])
+    found = grid_oracle(task, weights=[2.0, 0.5], resolution=0.1)
+    motions = task.motion(found.q)
+    np.testing.assert_allclose(found.values, 2 * kinetic_energy(motions) + 0.5 * joint_travel(motions), rtol=1e-12)
+    with pytest.raises(InvalidInput, match="weights: one an objective wanted, 2 in all, got 1"):
+        grid_oracle(task, weights=[1.0])
+
+
+def test_more_redundancy_than_one_is_refused_by_name():
+    task = task_of(line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=11), marcos_nr(4))
+    with pytest.raises(InvalidInput, match="redundancy 1 wanted, got 2"):
+        grid_oracle(task)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"differences": "central"}, "got central differences"),
+        ({"end_velocity": 0.0}, "got end_velocity=0"),
+        ({"objectives": [pk.joint_drift]}, "objective joint_drift: form 'integral' wanted"),
+        ({"objectives": [pk.jerk]}, "no further than accelerations"),
+    ],
+)
+def test_what_is_not_supported_is_refused_by_name(changed, said):
+    with pytest.raises(InvalidInput, match=said):
+        grid_oracle(task_of(**changed))
+
+
+@pytest.mark.parametrize("resolution", [0.0, -1.0, np.nan])
+def test_a_resolution_that_is_no_distance_is_refused(resolution):
+    with pytest.raises(InvalidInput, match="resolution: a positive distance"):
+        grid_oracle(task_of(), resolution=resolution)
+
+
+def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
+    monkeypatch.setattr(grid_terms, "LARGEST", 1000)
+    with pytest.raises(InvalidInput, match="make it coarser"):
+        grid_oracle(task_of(short()), resolution=0.01)
+
+
+def test_an_objective_that_looks_at_other_samples_is_refused():
+    @pk.objective(unit="", form="integral")
+    def steps(motion):
+        return np.sum(np.gradient(motion.q, axis=-2) ** 2, axis=-1)
+
+    with pytest.raises(InvalidInput, match="one sample alone"):
+        grid_oracle(task_of(short(), objectives=[steps]), resolution=0.05)
+
+
+def test_a_path_out_of_reach_is_refused_with_its_sample():
+    with pytest.raises(OutOfReach):
+        grid_oracle(task_of(line([0.3, 0.0], [0.6, 0.0], duration=1.0, samples=11)))
+
+
+def test_limits_that_no_way_keeps_are_named_with_the_sample():
+    with pytest.raises(Infeasible, match=r"no posture keeps the limits at sample \d+"):
+        grid_oracle(task_of(short(11), limits=Limits(position=0.05)), resolution=0.1)
+    with pytest.raises(Infeasible, match=r"comes to sample \d+ of 11 .* within the limits"):
+        grid_oracle(task_of(short(11), limits=Limits(velocity=0.05)), resolution=0.01)

@@ -1,0 +1,154 @@
+"""What a certified front must not depend on: units, the scale of an objective, the number of samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.trajectory.certificates import certify
+from paretoik.trajectory.multistart import distance
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import motion_program
+from problems import tringali_2020
+
+LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
+CHOICE = pk.Weights({"kinetic_energy": 0.4, "theirs": 0.6})
+
+
+def effort(factor):
+    """Squared torques, as in the library's norm, in whatever unit."""
+
+    @pk.objective(unit="", form="integral", name="theirs")
+    def theirs(motion):
+        return factor * np.sum(motion.torque**2, axis=-1)
+
+    return theirs
+
+
+def tool_detour(factor):
+    """How far the second joint is from where it would be on a straight arm, squared: a length, in m² s or mm² s."""
+
+    @pk.objective(unit="", form="integral", name="theirs")
+    def theirs(motion):
+        first, second = motion.q[..., 0], motion.q[..., 0] + motion.q[..., 1]
+        x = factor * (0.176 * np.cos(first) + 0.176 * np.cos(second))
+        y = factor * (0.176 * np.sin(first) + 0.176 * np.sin(second))
+        return (x - factor * 0.3) ** 2 + y**2
+
+    return theirs
+
+
+def tracking(other, samples=26, limits=LIMITS):
+    path = tringali_2020.straight(samples)
+    return pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits)
+
+
+def front_of(other, samples=26, limits=LIMITS):
+    return pk.epsilon_front(tracking(other, samples, limits), points=5, starts=12)
+
+
+# How an objective is made, the factor within, and what that makes of its value.
+FORMS = {"a million times as large": (effort, 1e6, 1e6), "in mm": (tool_detour, 1e3, 1e6)}
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return {make: front_of(make(1.0)) for make in (effort, tool_detour)}
+
+
+@pytest.fixture(scope="module")
+def scaled():
+    return {name: front_of(make(factor)) for name, (make, factor, _) in FORMS.items()}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_an_objective_has_the_same_front_but_for_its_factor(name, plain, scaled):
+    make, _, scale = FORMS[name]
+    one, other = plain[make], scaled[name]
+    assert len(one) == len(other) >= 5
+    natural = np.array([1.0, scale])
+    ranges = np.ptp(one.objectives, axis=0)
+    np.testing.assert_allclose(other.objectives / natural / ranges, one.objectives / ranges, atol=1e-7)
+    np.testing.assert_allclose(other.shares, one.shares, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_certificates_are_the_same_whatever_the_unit(name, plain, scaled):
+    make, _, scale = FORMS[name]
+    one, other = plain[make].certificates, scaled[name].certificates
+    assert max(one.kkt_residual.max(), other.kkt_residual.max()) <= 1e-6
+    assert other.status.tolist() == one.status.tolist()
+    np.testing.assert_allclose(other.weights, one.weights, atol=1e-5)
+    ends = one.weights.min(axis=1) > 1e-3
+    np.testing.assert_allclose(other.exchange_rates[ends, 0, 1], scale * one.exchange_rates[ends, 0, 1], rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_criticality_of_a_motion_that_is_not_optimal_is_the_same_whatever_the_unit(name):
+    make, factor, scale = FORMS[name]
+    found = []
+    for unit, natural in ((1.0, 1.0), (factor, scale)):
+        problem = tracking(make(unit))
+        q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
+        found.append(certify(problem.task, q, np.array([0.05, 0.05 * natural])).kkt_residual[0])
+    assert found[0] > 1e-3
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_same_motion_is_chosen_whatever_the_unit(name, plain, scaled):
+    make, *_ = FORMS[name]
+    one, other = plain[make].select(CHOICE), scaled[name].select(CHOICE)
+    assert one.index == other.index
+    assert float(distance(plain[make].problem.task, other.motion.q, one.motion.q)) < 1e-4
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    """Fronts without limits, which hold at samples only, at 51 and at 101 samples."""
+    return [front_of(effort(1.0), samples, limits=None) for samples in (51, 101)]
+
+
+def test_twice_as_many_samples_leave_every_point_a_critical_minimum(doubled):
+    for front in doubled:
+        assert front.certificates.kkt_residual.max() <= 1e-8
+        assert set(front.certificates.status) == {"minimum"}
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_twice_as_many_samples_change_an_end_of_the_front_by_the_discretisation_alone(end, doubled):
+    """The finer optimum is no worse than the coarser one's motion on the finer samples, and the other way round."""
+    (coarse, coarser), (fine, finer) = ((front, front.problem.task) for front in doubled)
+    objective = finer.objectives[end]
+    best = [front.motions[int(front.objectives[:, end].argmin())] for front in (coarse, fine)]
+    values = [float(objective(motion)) for motion in best]
+    up = float(objective(finer.motion(coarser.motion(best[0].q).at(finer.times)))) - values[0]
+    down = values[1] - float(objective(coarser.motion(best[1].q[::2])))
+    assert down - 1e-6 * values[0] <= values[1] - values[0] <= up + 1e-6 * values[0]
+    assert max(abs(up), abs(down)) < 0.1 * values[0]
+
+
+def test_with_twice_as_many_samples_the_motion_chosen_is_nearer_than_any_other_point(doubled):
+    coarse, fine = doubled
+    task = fine.problem.task
+    one = np.asarray(coarse.problem.task.motion(coarse.select(CHOICE).motion.q).at(task.times))
+    chosen = fine.select(CHOICE)
+    apart = distance(task, one, np.asarray(fine.motions.q))
+    assert apart.argmin() == chosen.index
+    assert apart.min() < 0.3 * np.sort(apart)[1]
+
+
+@pytest.mark.parametrize("point", [1, 3])
+def test_exchange_rates_are_the_slopes_between_neighbouring_epsilon_solves(point, plain):
+    front = plain[tool_detour]
+    ranges = np.ptp(front.minimised, axis=0)
+    program = motion_program(front.problem.task, ranges)
+    caps = np.full((2, 2), np.inf)
+    caps[:, 0] = front.minimised[point, 0] / ranges[0] + 1e-4 * np.array([-1.0, 1.0])
+    near = polish(program, np.repeat(front.motions.q[[point]], 2, axis=0), np.array([[0.0, 1.0]]), caps)
+    assert near.converged.all()
+    low, high = near.totals * ranges
+    slope = (high[1] - low[1]) / (high[0] - low[0])
+    assert front.certificates.exchange_rates[point, 0, 1] == pytest.approx(slope, rel=1e-4)
+    assert front.certificates.exchange_rates[point, 1, 0] == pytest.approx(1 / slope, rel=1e-4)

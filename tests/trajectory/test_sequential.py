@@ -1,0 +1,233 @@
+"""Sequential quadratic programming beside the interior point, and on what only it can do."""
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.trajectory.certificates import certify
+from paretoik.trajectory.linearisation import evaluated, linearised
+from paretoik.trajectory.multistart import coarse_starts
+from paretoik.trajectory.polish import within_limits
+from paretoik.trajectory.sequential import sequential
+from paretoik.trajectory.transcription import motion_program
+from problems import tringali_2020
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+
+LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
+
+
+@pk.objective(unit="rad", form="general")
+def reach_of_joint(motion):
+    return np.ptp(motion.q[..., 1], axis=-1)
+
+
+@pk.objective(unit="rad", form="general")
+def unrest(motion):
+    return np.std(motion.q[..., 2], axis=-1)
+
+
+@pk.objective(unit="", form="integral")
+def forward(motion):
+    return np.where(motion.dq[..., 0] > 0, motion.dq[..., 0], 0.0) + np.linalg.norm(motion.dq[..., 1:], axis=-1)
+
+
+@pk.objective(unit="", form="integral")
+def memory(motion):
+    return np.cumsum(motion.dq[..., 0] ** 2, axis=-1)
+
+
+def problem_of(*objectives, samples=26, **settings):
+    path = tringali_2020.straight(samples)
+    return pk.Tracking(pk.tringali_3r(), path, objectives=objectives, limits=LIMITS, bases=1, **settings)
+
+
+def solved(task, q, **settings):
+    program = motion_program(task)
+    rules = {"radius": 0.3, "iterations": 150, "tolerance": 1e-8} | settings
+    return sequential(program, q, np.ones(len(program.totals)), program.caps, **rules)
+
+
+@pytest.mark.parametrize("name", ["simulation_1", "simulation_2", "simulation_4", "simulation_5"])
+def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
+    problem = getattr(tringali_2020, name)()
+    best = pk.plan(problem, starts=12).best
+    found = solved(problem.task, best.motion.q, radius=0.01)
+    assert found.status == 0
+    assert found.totals[0] == pytest.approx(best.objective, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "objective",
+    [pk.joint_travel, pk.peak_velocity, pk.peak_torque, pk.joint_drift, reach_of_joint, unrest, forward, memory],
+    ids=lambda objective: objective.name,
+)
+def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_near_it_is_better(objective):
+    problem = problem_of(objective)
+    best = pk.plan(problem, starts=6).best
+    task, q = problem.task, best.motion.q
+    known = certify(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
+    assert known.kkt_residual[0] <= 1e-6
+    assert known.violation[0] <= 1e-8
+    for motion in nearby(task, q, 200):
+        if task.violations(motion).max() <= 0:
+            assert float(objective(motion)) >= best.objective - 1e-7 * (1 + abs(best.objective))
+
+
+def nearby(task, q, count):
+    """Motions on the path near one, by smooth steps of the self-motion of many sizes."""
+    rng = np.random.default_rng(0)
+    at = linearised(motion_program(task), q)
+    for _ in range(count):
+        waves = np.cumsum(rng.normal(size=at.unknowns)) / at.unknowns
+        step = np.pad(10 ** rng.uniform(-6, -1) * waves, (0, at.gradients.shape[1] - at.unknowns))
+        yield task.motion(task.motion(q + at.displacement(step)).at(task.times))
+
+
+@pytest.mark.parametrize(
+    "objectives",
+    [(pk.mechanical_energy,), (pk.peak_torque, pk.joint_travel), (reach_of_joint, pk.joint_drift, forward), (memory,)],
+    ids=str,
+)
+def test_values_are_the_motions_and_slopes_those_of_differences(objectives):
+    task = problem_of(*objectives).task
+    program, q = motion_program(task), coarse_starts(task, starts=3, seed=2)[1]
+    at, step = linearised(program, q), 1e-8
+    assert at.values.totals == pytest.approx([float(o(task.motion(q))) for o in objectives], rel=1e-12)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        along = np.pad(rng.normal(size=at.unknowns), (0, at.gradients.shape[1] - at.unknowns))
+        ahead, behind = (
+            evaluated(program, task.motion(q + sign * step * at.displacement(along)).at(task.times)).totals
+            for sign in (1, -1)
+        )
+        assert first_order(at, along) == pytest.approx((ahead - behind) / (2 * step), rel=1e-4, abs=1e-4)
+
+
+def first_order(at, along):
+    """How the totals change along a step of the self-motion, slacks and tops going where they have to."""
+    from scipy.optimize import linprog
+
+    unknowns, ties = at.unknowns, len(at.gaps) - at.kinks
+    columns = at.gradients.shape[1]
+    slopes, gaps = at.slopes[ties:].toarray(), at.gaps[ties:]
+    tight = gaps < 1e-9
+    found = []
+    if unknowns == columns:
+        return at.gradients @ along
+    for gradient in at.gradients:
+        extra = linprog(
+            gradient[unknowns:],
+            A_ub=-slopes[tight][:, unknowns:],
+            b_ub=slopes[tight][:, :unknowns] @ along[:unknowns],
+            bounds=[(-1e3, None)] * (columns - unknowns),
+        )
+        cones = 0.0
+        for cone in at.cones:
+            cones += gradient[cone.column] * (cone.values @ (cone.rows @ along) / np.linalg.norm(cone.values) + 1e3)
+        found.append(gradient[:unknowns] @ along[:unknowns] + extra.fun + cones)
+    return np.array(found)
+
+
+def test_a_motion_that_should_stop_ends_without_self_motion():
+    stopping = pk.plan(problem_of(pk.torque_norm, samples=51, end_velocity=0), starts=12).best
+    running = pk.plan(problem_of(pk.torque_norm, samples=51), starts=12).best
+    assert np.abs(stopping.motion.dq[-1]).max() < 1e-3 < np.abs(running.motion.dq[-1]).max()
+    assert stopping.objective > running.objective
+    assert stopping.motion.tracking_error.max() <= 1e-9
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        pk.Circle([0.15, 0.05], 0.02),
+        pk.Box([0.15, 0.05], [0.02, 0.02]),
+        pk.Capsule([0.15, 0.05, -1], [0.15, 0.05, 1], 0.02),
+    ],
+    ids=lambda obstacle: type(obstacle).__name__,
+)
+def test_a_motion_keeps_clear_of_obstacles_and_pays_for_it(obstacle):
+    clear = pk.plan(problem_of(pk.kinetic_energy, samples=51, obstacles=[obstacle], link_radius=0.01), starts=24).best
+    assert clear.motion.clearance.min() >= -1e-8
+    free = pk.plan(problem_of(pk.kinetic_energy, samples=51), starts=24).best
+    assert clear.objective > free.objective
+
+
+def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_just_above_it_holds():
+    least = pk.plan(problem_of(pk.peak_torque), starts=6).best.objective
+
+    def limited(share):
+        limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * least)
+        path = tringali_2020.straight(26)
+        return pk.plan(
+            pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=4
+        )
+
+    with pytest.raises(pk.Infeasible, match=r"torque of joint\d .*at sample \d+"):
+        limited(0.999)
+    assert np.abs(limited(1.001).best.motion.torque).max() <= 1.001 * least * (1 + 1e-7)
+
+
+def test_the_least_violation_is_found_where_limits_cannot_hold():
+    limits = pk.Limits(velocity=1.0)
+    path = tringali_2020.straight(26)
+    task = pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
+    q = coarse_starts(task, starts=3, seed=0)
+    program = motion_program(task)
+    eased = within_limits(program, q, np.full(1, np.inf), Rules())
+    assert np.all(eased.violation < np.maximum(task.violations(task.motion(q)).max(axis=1), 1e-12))
+
+
+def test_constraints_of_every_form_hold():
+    @pk.constraint(unit="rad", form="terminal", upper=0.3)
+    def drift(motion):
+        return np.abs(motion.q[..., -1, 2] - motion.q[..., 0, 2])
+
+    @pk.constraint(unit="rad", form="general", upper=0.8)
+    def swing(motion):
+        return np.ptp(motion.q[..., 0], axis=-1)
+
+    @pk.constraint(unit="rad", form="integral", lower=0.2)
+    def bent(motion):
+        return motion.q[..., 1]
+
+    @pk.constraint(unit="rad/s", form="peak", upper=2.4)
+    def slow(motion):
+        return np.maximum(np.abs(motion.dq[..., 0]), np.abs(motion.dq[..., 2]))
+
+    free = pk.plan(problem_of(pk.kinetic_energy), starts=4).best
+    for limit in (drift, swing, bent, slow):
+        found = pk.plan(problem_of(pk.kinetic_energy, constraints=[limit]), starts=4).best
+        assert limit.violation(found.motion) <= 1e-8
+        assert found.objective >= free.objective - 1e-9
+
+
+def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_solved():
+    @pk.objective(unit="", form="integral")
+    def jumping(motion):
+        return np.sum(np.where(motion.q > 0.3, 1.0, 0.0) + motion.dq**2, axis=-1)
+
+    @pk.objective(unit="", form="integral")
+    def bent(motion):
+        return np.sum(np.where(motion.dq > 0, motion.dq, -2 * motion.dq), axis=-1)
+
+    with pytest.raises(pk.InvalidInput, match=r"jumping: jumps where the condition"):
+        motion_program(problem_of(jumping).task)
+    best = pk.plan(problem_of(bent), starts=6).best
+    known = certify(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
+    assert known.kkt_residual[0] <= 1e-6
+
+
+def test_a_limit_that_holds_is_not_left_for_a_better_objective():
+    @pk.constraint(unit="rad", form="integral", upper=3.0)
+    def travel(motion):
+        return np.sum(np.abs(motion.dq), axis=-1)
+
+    found = pk.plan(problem_of(pk.torque_norm, constraints=[travel]), starts=6).best
+    assert travel.violation(found.motion) <= 1e-8
+
+
+def test_central_differences_and_a_stop_are_refused_together():
+    with pytest.raises(pk.InvalidInput, match="end_velocity=0"):
+        motion_program(problem_of(pk.torque_norm, end_velocity=0, differences="central").task)

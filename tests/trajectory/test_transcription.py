@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.self_motion.starts import candidates
+from paretoik.trajectory.transcription import motion_program
+from problems import panda, tringali_2020
+
+
+def lanes(program, q, factors, pushes):
+    """Inputs of the programs at a motion, with multipliers of sums and rows."""
+    n, orders = program.task.arm.dof, len(program.stencil.weights)
+    u = np.einsum("oik,ikj->oji", program.stencil.weights, q[program.stencil.window]).reshape(orders * n, -1)
+    inputs = program.inputs.copy()
+    inputs[: orders * n] = u
+    inputs[program.multipliers[1] : program.multipliers[2]] = factors[:, None] * program.task.weights
+    inputs[program.multipliers[2] :] = pushes
+    return inputs
+
+
+def motion_of(task, seed=0):
+    return candidates(task, 8, np.random.default_rng(seed))[0]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [tringali_2020.simulation_4, tringali_2020.simulation_5, panda.across_the_table],
+    ids=lambda make: make.__name__,
+)
+def test_sums_and_rates_are_those_of_the_motion(make):
+    task = make().task
+    if len(task.objectives) > 1:
+        task = pk.Tracking(
+            task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy, pk.torque_norm, pk.manipulability], bases=1
+        ).task
+    program, q = motion_program(task), motion_of(task)
+    inputs = lanes(program, q, np.ones(program.sums), 0.0)
+    values = program.value(inputs)
+    motion = task.motion(q)
+    found = values[: program.sums] @ task.weights
+    wanted = [o(motion) * o.sign for o in task.objectives]
+    assert found == pytest.approx(wanted, rel=1e-12)
+    n = task.arm.dof
+    assert np.allclose(inputs[n : 2 * n].T, motion.dq, rtol=0, atol=1e-10 * np.abs(motion.dq).max())
+    torque = [i for i, row in enumerate(program.rows) if row.startswith("torque")]
+    for row, j in zip(torque, range(n), strict=False):
+        assert values[program.sums + row] == pytest.approx(motion.torque[:, j], rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["simulation_4", "simulation_5"])
+def test_slopes_and_second_derivatives_are_those_of_central_differences(name):
+    task = getattr(tringali_2020, name)().task
+    program = motion_program(task)
+    rng = np.random.default_rng(0)
+    factors = rng.uniform(0.5, 2.0, size=program.sums)
+    pushes = rng.normal(size=(len(program.rows), len(task.times)))
+    inputs = lanes(program, motion_of(task), factors, pushes)
+    variables = program.stencil.weights.shape[0] * task.arm.dof
+    functions = program.sums + len(program.rows)
+    weights = inputs[program.multipliers[1] :]
+
+    def lagrangian_slope(at):
+        table = np.zeros((variables, at.shape[1]))
+        for k, j, values in zip(
+            program.slopes.function, program.slopes.variable, program.slope(at)[functions:], strict=True
+        ):
+            table[j] += weights[k] * values
+        return table
+
+    slope, step = lagrangian_slope(inputs), 1e-6
+    curvature = np.zeros((variables, variables, len(task.times)))
+    for i, j, values in zip(program.second.function, program.second.variable, program.curvature(inputs), strict=True):
+        curvature[i, j] = curvature[j, i] = values
+    for j in range(variables):
+        ahead, behind = inputs.copy(), inputs.copy()
+        ahead[j] += step
+        behind[j] -= step
+        first = np.sum(weights * (program.value(ahead) - program.value(behind)), axis=0) / (2 * step)
+        assert np.allclose(slope[j], first, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
+        second = (lagrangian_slope(ahead) - lagrangian_slope(behind)) / (2 * step)
+        assert np.allclose(curvature[:, j], second, rtol=1e-6, atol=1e-7 * np.abs(curvature).max())
+
+
+def test_the_path_equations_have_the_jacobian_and_the_curvature_of_the_chain():
+    task = panda.across_the_table().task
+    task = pk.Tracking(task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy], bases=1).task
+    program, q = motion_program(task), motion_of(task)
+    inputs = lanes(program, q, np.zeros(1), 0.0)
+    n, rows, step = task.arm.dof, task.rows, 1e-6
+    tracked = program.track(inputs)
+    assert np.abs(tracked[:rows]).max() < 1e-9
+    for j in range(n):
+        ahead, behind = inputs.copy(), inputs.copy()
+        ahead[j] += step
+        behind[j] -= step
+        change = (program.track(ahead)[:rows] - program.track(behind)[:rows]) / (2 * step)
+        assert np.allclose(tracked[rows + j :: n][:rows], change, atol=1e-8)
+
+
+def test_what_has_no_derivative_is_named():
+    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
+
+    @pk.objective(unit="", form="integral")
+    def spectrum(motion):
+        return np.abs(np.fft.fft(motion.q[..., 0]))
+
+    with pytest.raises(pk.InvalidInput, match=r"objective spectrum.*fft"):
+        motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[spectrum], bases=1).task)
