@@ -13,11 +13,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
-from tests.formulations.closed_loop.postures import posture
 
 import paretoik as pk
 from paretoik.api.solve import reweighed
 from problems import marcos_2012
+from tests.closed_loop.postures import posture
 
 ROOT = Path(__file__).parents[2]
 STEPS = 12

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from moocore import pareto_rank
-from tests.formulations.closed_loop.postures import posture
 
 import paretoik as pk
 from paretoik.closed_loop import engine
@@ -16,6 +15,7 @@ from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from paretoik.search.maximin import survivors
 from problems import marcos_2012
+from tests.closed_loop.postures import posture
 
 
 def selected(F, parents):

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from pymoo.optimize import minimize
-from tests.formulations.closed_loop.postures import posture
 
 import paretoik as pk
 from paretoik.closed_loop.objectives import Step, of_step, step_objective
@@ -10,6 +9,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_result import chosen
 from problems import marcos_2012
+from tests.closed_loop.postures import posture
 
 
 @pytest.fixture(params=[3, 4])

@@ -2,7 +2,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from tests.formulations.closed_loop.postures import posture
 
 from paretoik.closed_loop.admissible_steps import blocked, clearance_before
 from paretoik.closed_loop.configurations import configurations
@@ -15,6 +14,7 @@ from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
 from paretoik.task.obstacles import Circle, signed_distance
 from problems import marcos_2012
+from tests.closed_loop.postures import posture
 
 STEPS = 25
 

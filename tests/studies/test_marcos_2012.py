@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.formulations.closed_loop.postures import posture
 
 from paretoik.formulations.closed_loop_result import mean_position_error
 from paretoik.task.objectives import joint_drift
@@ -19,6 +18,7 @@ from studies.marcos_2012.pictures import draw
 from studies.marcos_2012.starts import posture as posture_at
 from studies.marcos_2012.starts import start_rows
 from studies.marcos_2012.tables import oracle_rows, paper, reproduced_rows, table_rows, time_rows, warm_rows
+from tests.closed_loop.postures import posture
 
 CELL = Cell(links=3, distance=0.7, blocked=False, weight=0.5)
 
