@@ -1,4 +1,4 @@
-from .api.plan import epsilon_front as epsilon_front
+from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
 from .api.solve import load_front as load_front
