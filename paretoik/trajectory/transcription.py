@@ -22,6 +22,7 @@ from paretoik.autodiff.kinks import Smoothed, smoothed, spelled_out
 from paretoik.autodiff.tape import Expression, entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
+from paretoik.trajectory.motion_kernel import MotionKernel
 from paretoik.robot.kinematics import chain
 from paretoik.task.limits import ranges as widths
 from paretoik.task.motion_task import MotionTask
@@ -111,6 +112,34 @@ class MotionProgram:
             place=self.stencil.place,
             unknowns=self.stencil.unknowns,
             seam=self.stencil.seam,
+            stops=self.task.stops,
+            ones=np.ones(len(self.task.times)),
+            quadrature=np.array(self.task.weights),
+            inputs=self.inputs,
+            multipliers=self.multipliers,
+            limited=self.limited,
+            sides=self.sides,
+            bounds=self.bounds,
+        )
+
+    @property
+    def kernel(self) -> MotionKernel:
+        """The program as compiled code takes it; each has registers of its own: one for every thread."""
+        assert self.smooth, "compiled code takes sums of smooth functions only"
+        return MotionKernel(
+            value=self.value.parts,
+            slope=self.slope.parts,
+            slope_of=self.slopes.function,
+            slope_by=self.slopes.variable,
+            curvature=self.curvature.parts,
+            second_i=self.second.function,
+            second_j=self.second.variable,
+            track=self.track.parts,
+            neighbours=self.stencil.window,
+            coefficients=self.stencil.weights,
+            first_unknown=self.stencil.place,
+            unknowns=self.stencil.unknowns,
+            border=self.stencil.seam,
             stops=self.task.stops,
             ones=np.ones(len(self.task.times)),
             quadrature=np.array(self.task.weights),
