@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed, Infeasible
+from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
@@ -219,7 +219,7 @@ def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> 
         ends = ends.replace_rows(better, other[better])
     if not ends.converged.all():
         failed = program.task.objectives[int(np.argmin(ends.converged))].name
-        raise EvaluationFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
+        raise SolverFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
     own, weight = np.eye(count) > 0, np.full(count, FIRST_WEIGHT)
     for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
         factors[:, :count] = np.where(own, 1.0, weight[:, None])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.solutions import STATUSES, Solutions, concatenate
 from paretoik.self_motion.branches import labels
@@ -95,7 +95,7 @@ def planned(
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
-    motion; Infeasible with the least-violating motion where none keeps the limits; EvaluationFailed where limits hold
+    motion; Infeasible with the least-violating motion where none keeps the limits; SolverFailed where limits hold
     but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
@@ -359,7 +359,7 @@ def _distinct(task: MotionTask, found: Solutions, cost: np.ndarray, *, most: int
 def _optima(task: MotionTask, found: Solutions) -> tuple[Optimum, ...]:
     motions = task.motion(found.x)
     if not found.converged.any() and found.violation.max() <= HOLDS:
-        raise EvaluationFailed(f"no start led to an optimum; the best ended with: {STATUSES[int(found.status[0])]}")
+        raise SolverFailed(f"no start led to an optimum; the best ended with: {STATUSES[int(found.status[0])]}")
     if not found.converged.any():
         said = task.binding(motions[0]) or STATUSES[int(found.status[0])]
         raise Infeasible(
