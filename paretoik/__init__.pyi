@@ -27,6 +27,7 @@ from .errors import InvalidRobot as InvalidRobot
 from .errors import InvalidRun as InvalidRun
 from .errors import OutOfReach as OutOfReach
 from .errors import ParetoikError as ParetoikError
+from .errors import SolverFailed as SolverFailed
 from .formulations.closed_loop import ClosedLoop as ClosedLoop
 from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
 from .formulations.point_to_point import PointToPoint as PointToPoint

@@ -46,7 +46,7 @@ def epsilon_front(
         Naming what cannot be used; OutOfReach where the path leaves what the arm can reach.
     Infeasible
         Where no motion within the limits was found, with the least-violating one and the limit that binds.
-    EvaluationFailed
+    SolverFailed
         Where an end of the front could not be made optimal.
     """
     check_size("points", points, 2)

@@ -48,7 +48,7 @@ def plan(
         path leaves what the arm can reach.
     Infeasible
         Where no motion within the limits was found, with the least-violating one and the limit that binds.
-    EvaluationFailed
+    SolverFailed
         Where motions within the limits were found, but none of them could be made optimal.
 
     >>> import paretoik as pk
