@@ -32,3 +32,6 @@ Objectives: TypeAlias = Float[np.ndarray, "points n_obj"]
 Constraints: TypeAlias = Float[np.ndarray, "points n_constr"]
 Ids: TypeAlias = Int[np.ndarray, "points"]
 Mask: TypeAlias = Bool[np.ndarray, "points"]
+
+Point: TypeAlias = Float[np.ndarray, "*point"]
+Points: TypeAlias = Float[np.ndarray, "points *point"]

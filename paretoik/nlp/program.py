@@ -1,0 +1,87 @@
+"""What a solver needs to know of a nonlinear program, whatever it describes: motions, postures, paths.
+
+    minimise    weights · F(x)
+    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+
+x is a point: an array of any shape. F are the objectives, always minimised, then whatever else is bounded as a number
+of the whole point. Steps are taken along the tangent space of h(x) = 0; ``Linearisation.retract`` leads back to it:
+for a motion, its own self-motion at every sample. Functions with kinks (peaks, absolute values, norms) are written with
+auxiliary columns, slack and epigraph variables that follow from x, so that every function of the columns is smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+
+from paretoik.arrays import Point, Points
+from paretoik.nlp.conic import Cone
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Goal:
+    """Minimise ``weights`` · F where ``rows`` · F ≤ ``upper``; a bound of inf does not count."""
+
+    weights: Float[np.ndarray, " objectives"]
+    rows: Float[np.ndarray, "bounds objectives"]
+    upper: Float[np.ndarray, " bounds"]
+
+
+class Linearisation(Protocol):
+    """A program to first order at a point, in columns: a step along the equalities, then auxiliary variables.
+
+    ``gradients`` are those of F; ``inequalities`` and their ``jacobian`` are c, divided by their ranges, and, after the
+    first ``elastic`` of them, those that tie auxiliary columns and hold exactly at any step that a solver may take.
+    ``cones`` tie an auxiliary column to a length. A step of RMS length one has the Euclidean length ``unit``.
+    """
+
+    x: Point
+    columns: int
+    unknowns: int
+    unit: float
+    objectives: Float[np.ndarray, " objectives"]
+    equalities: Float[np.ndarray, " equalities"]
+    inequalities: Float[np.ndarray, " inequalities"]
+    elastic: int
+    gradients: Float[np.ndarray, "objectives columns"]
+    jacobian: sparse.csr_array
+    cones: tuple[Cone, ...]
+
+    def hessian(
+        self,
+        weights: Float[np.ndarray, " objectives"],
+        multipliers: Float[np.ndarray, " inequalities"],
+        cone_multipliers: tuple[np.ndarray, ...],
+    ) -> sparse.csr_array:
+        """Return the Hessian (columns, columns) of the Lagrangian weights · F + ν · h − multipliers · c − cones.
+
+        ν are the multipliers of the equalities that leave no gradient across their tangent space.
+        """
+
+    def retract(self, step: Float[np.ndarray, " columns"]) -> Point | None:
+        """Return the point that a step leads to, back on the equalities; None where it cannot be led back."""
+
+
+@runtime_checkable
+class Program(Protocol):
+    """A nonlinear program; ``kernel`` is what compiled solvers take, None where F or c has kinks."""
+
+    objective_names: tuple[str, ...]
+    inequality_names: tuple[str, ...]
+    upper: Float[np.ndarray, " objectives"]
+    kernel: Any
+
+    def evaluate(
+        self, x: Point
+    ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
+        """Return F, h and c, c divided by its ranges."""
+
+    def linearise(self, x: Point) -> Linearisation:
+        """Return the program to first order at a point."""
+
+    def distance(self, x: Point, others: Points) -> np.ndarray:
+        """Return how far a point is from others (others,), RMS in rad or m: optima nearer than 0.01 are one."""
