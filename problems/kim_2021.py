@@ -7,7 +7,8 @@ angle and the way joints bend are assumptions, since the paper does not print th
 
 from __future__ import annotations
 
-from paretoik import DirectionalMaxima, PointToPoint, kim_3r, kim_joint_motors, kim_sliders
+from paretoik import DirectionalMaxima, PointToPoint, kim_3r
+from paretoik.capability import kim_joint_motors, kim_sliders
 
 PLACE = (0.2, -0.15)  # m, Figure 5
 START, TARGET = (0.1, -0.15), (0.2, -0.15)  # m, positions 4 and 6 of Figure 6, as its grid is read
