@@ -1,5 +1,5 @@
 from . import capability as capability
-from .api.plan import epsilon_front as epsilon_front
+from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
 from .api.solve import load_front as load_front
@@ -16,6 +16,7 @@ from .errors import InvalidRobot as InvalidRobot
 from .errors import InvalidRun as InvalidRun
 from .errors import OutOfReach as OutOfReach
 from .errors import ParetoikError as ParetoikError
+from .errors import SolverFailed as SolverFailed
 from .formulations.closed_loop import ClosedLoop as ClosedLoop
 from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
 from .formulations.point_to_point import PointToPoint as PointToPoint

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 
 
 class Entries(NamedTuple):
@@ -120,7 +120,7 @@ def asked(
 ) -> Answer:
     """Return the answer to: least ½ xᵀ P x + q·x with right − blocks · x in the cones.
 
-    ``blocks`` stand one below the other, each with its height; of P the upper half counts. Raises EvaluationFailed,
+    ``blocks`` stand one below the other, each with its height; of P the upper half counts. Raises SolverFailed,
     naming ``what``, where there is no answer.
     """
     settings = clarabel.DefaultSettings()
@@ -137,7 +137,7 @@ def asked(
     matrix = _compressed(stacked, int(begins[-1]), len(linear))
     found = clarabel.DefaultSolver(square, linear, matrix, np.concatenate(right), list(cones), settings).solve()
     if str(found.status) not in ("Solved", "AlmostSolved"):
-        raise EvaluationFailed(f"{what}: Clarabel wanted to end with Solved, got {found.status}")
+        raise SolverFailed(f"{what}: Clarabel wanted to end with Solved, got {found.status}")
     return Answer(x=np.array(found.x), dual=np.array(found.z), value=float(found.obj_val))
 
 

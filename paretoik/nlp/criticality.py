@@ -14,7 +14,7 @@ import clarabel
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.conic import Constraints, Entries, asked
 
 SHORT = 0.01  # of the longest step: limits that one so short cannot reach are asked only where the others leave a gain
@@ -38,7 +38,7 @@ def criticality(
     """Return the criticality where objectives have these gradients.
 
     Of the limits those nearest are asked first: with fewer limits the gain can only be greater, so that none with them
-    is none with all. Raises EvaluationFailed where Clarabel finds no solution.
+    is none with all. Raises SolverFailed where Clarabel finds no solution.
     """
     steepest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
     found = _within(gradients, constraints, radius, constraints.in_reach(SHORT * radius, order=2), steepest)
@@ -112,7 +112,7 @@ def criticality_model(
     problem = cvxpy.Problem(cvxpy.Maximize(t), [gain, within, ball, *tops])
     problem.solve(solver=cvxpy.CLARABEL)
     if d.value is None:
-        raise EvaluationFailed(f"criticality: a solution wanted, got {problem.status}")
+        raise SolverFailed(f"criticality: a solution wanted, got {problem.status}")
     return Criticality(
         value=max(float(problem.value), 0.0),
         step=np.array(d.value),

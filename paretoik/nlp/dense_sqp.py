@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.subproblem import Step, step
@@ -232,7 +232,7 @@ def _asked(
         return step(
             gradient, sparse.csr_array(bent), constraints, yielding=len(constraints.gaps), radius=radius, price=price
         )
-    except EvaluationFailed:
+    except SolverFailed:
         return None
 
 

@@ -4,7 +4,7 @@
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
 x is a point: an array of any shape. F are the objectives, always minimised, then whatever else is bounded as a number
-of the whole point. Steps are taken along the tangent space of h(x) = 0, from which ``Linearisation.retract`` leads back:
+of the whole point. Steps are taken along the tangent space of h(x) = 0; ``Linearisation.retract`` leads back to it:
 for a motion, its own self-motion at every sample. Functions with kinks (peaks, absolute values, norms) are written with
 auxiliary columns, slack and epigraph variables that follow from x, so that every function of the columns is smooth.
 """

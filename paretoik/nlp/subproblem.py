@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.conic import Constraints, Entries, asked
 
 
@@ -39,7 +39,7 @@ def step(
 ) -> Step:
     """Return the best step; the first ``yielding`` limits may be violated at a price.
 
-    ``hessian`` has to be positive semidefinite. Raises EvaluationFailed where Clarabel finds no solution.
+    ``hessian`` has to be positive semidefinite. Raises SolverFailed where Clarabel finds no solution.
     """
     columns, unknowns = len(gradient), constraints.unknowns
     near = constraints.in_reach(radius, order=1)
@@ -104,7 +104,7 @@ def step_model(
     problem = cvxpy.Problem(cvxpy.Minimize(worth), [within, box, *tops])
     problem.solve(solver=cvxpy.CLARABEL)
     if d.value is None:
-        raise EvaluationFailed(f"step: a solution wanted, got {problem.status}")
+        raise SolverFailed(f"step: a solution wanted, got {problem.status}")
     return Step(
         step=np.array(d.value),
         violation=float(t.value),

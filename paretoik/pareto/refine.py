@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
 from paretoik.nlp.criticality import Criticality, criticality
 from paretoik.nlp.dense_sqp import Caps, Local, Minimum, local, minimised
@@ -67,7 +67,7 @@ def least(
     """Return the local minimum of a cost below caps that interior points lead to; None where they lead to none."""
     try:
         end = approached(sketch.program, cost, z, caps=caps)
-    except EvaluationFailed:
+    except (EvaluationFailed, SolverFailed):
         return None
     return end if end.converged and end.violation <= HELD else None
 
@@ -83,7 +83,7 @@ def quadratic(
     """Return the same by quadratic programs, which stay nearer; it need not have converged."""
     try:
         end = minimised(sketch.program, cost, z, caps=caps, iterations=iterations)
-    except EvaluationFailed:
+    except (EvaluationFailed, SolverFailed):
         return None
     return end if end.violation <= HELD else None
 
@@ -150,7 +150,7 @@ def certified(
 def _settled(sketch: Sketch, z: np.ndarray, ranges: np.ndarray) -> bool:
     try:
         at = local(sketch.program, z)
-    except EvaluationFailed:
+    except (EvaluationFailed, SolverFailed):
         return False
     return at.violation <= HELD and _critical(sketch, at, ranges).value <= SETTLED
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
@@ -84,7 +84,7 @@ def sequential(
         while not accepted and length > SHORTEST:
             try:
                 taken = step(gradient, hessian, model.constraints, yielding=model.yielding, radius=length, price=price)
-            except EvaluationFailed:
+            except SolverFailed:
                 length /= 4
                 continue
             before = float(factors @ at.values.totals) + price * at.violation
@@ -258,7 +258,7 @@ def _again(
 ) -> Step | None:
     try:
         return step(gradient, hessian, bent, yielding=yielding, radius=length, price=price)
-    except EvaluationFailed:
+    except SolverFailed:
         return None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.pareto.epsilon import epsilon_points
 from tests.pareto.sketches import sketched
 
@@ -116,7 +116,7 @@ def test_one_point_that_is_the_best_of_all_is_a_front():
 
 def test_where_no_start_leads_within_limits_that_is_said():
     sketch = sketched(1, lambda x: [x[0], 1.0 - x[0]], lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
-    with pytest.raises(EvaluationFailed, match="a start that leads to a point within all limits wanted, found none"):
+    with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
         epsilon_points(sketch, np.zeros((2, 3)), points=3)
 
 
