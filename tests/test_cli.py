@@ -25,7 +25,8 @@ TRINGALI = str(ROOT / "problems" / "tringali_2020.py")
 PANDA = str(ROOT / "problems" / "robots" / "panda.urdf")
 SMALL = ("--population", "8", "--generations", "3")
 MINE = """
-from paretoik import Limits, Tracking, kinetic_energy, line, objective, torque_norm, tringali_3r
+from paretoik import Limits, Tracking, kinetic_energy, line, objective, torque_norm
+from paretoik.robot.arms import tringali_3r
 
 PATH = line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
 

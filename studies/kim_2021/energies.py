@@ -89,7 +89,7 @@ class Postures:
 
 def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
     """Return the postures of a mechanism along its trajectory, by a grid of so many pieces, made four times finer."""
-    mechanism = Mechanism(arm=pk.kim_3r(), actuation=actuation_of(one.mechanism))
+    mechanism = Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(one.mechanism))
     straight = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
     soonest, other = (resolved(mechanism, path, pieces=pieces, cell=cell) for path in (one.path, straight))
     maxima, following = along_maxima(mechanism, evenly(one.path, 4 * pieces))

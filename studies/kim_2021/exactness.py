@@ -46,7 +46,7 @@ def random_postures(
 def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
     """Return the largest difference of the closed form from linear programs, as a share: in the plane and in space."""
     robot = panda()
-    arms = [(pk.kim_3r(), actuation_of(each), each) for each in MECHANISMS]
+    arms = [(pk.arms.kim_3r(), actuation_of(each), each) for each in MECHANISMS]
     rows = []
     for arm, actuation, name in [*arms, (robot, pk.capability.JointActuation.of(robot), "Panda, 3-D, its own limits")]:
         columns, low, high = random_postures(arm, actuation, count, rng)
@@ -66,7 +66,7 @@ def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
         half = found.shape[1] // 2
         worst = float(np.abs(found[:, half:] / found[:, :half] - 1.0).max())
         rows.append(_small(name, "v(−d) beside v(d), at most", worst, "nine positions, 16 directions"))
-        columns, low, high = random_postures(pk.kim_3r(), actuation_of(name), count, rng)
+        columns, low, high = random_postures(pk.arms.kim_3r(), actuation_of(name), count, rng)
         vertices = fastest(columns, low, high, ways)[..., None] * ways
         edges = np.roll(vertices, -1, axis=1) - vertices
         size = np.linalg.norm(vertices, axis=2).max(axis=1)[:, None] ** 2

@@ -74,7 +74,7 @@ class Race:
 
 def problem_of(name: str, samples: int) -> pk.PointToPoint:
     """Return the problem of a mechanism."""
-    return pk.PointToPoint(pk.kim_3r(), MECHANISMS[name](), START, TARGET, samples=samples)
+    return pk.PointToPoint(pk.arms.kim_3r(), MECHANISMS[name](), START, TARGET, samples=samples)
 
 
 def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEnergy:

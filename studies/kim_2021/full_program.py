@@ -109,7 +109,7 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
         lower=lower,
         upper=upper,
         inequalities=len(rows),
-        mechanism=Mechanism(arm=pk.kim_3r(), actuation=motors),
+        mechanism=Mechanism(arm=pk.arms.kim_3r(), actuation=motors),
     )
 
 

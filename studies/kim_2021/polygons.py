@@ -32,7 +32,7 @@ class Polygons:
 
 def polygons(directions: int = DIRECTIONS) -> list[Polygons]:
     """Return both polygons at the nine positions."""
-    arm = pk.kim_3r()
+    arm = pk.arms.kim_3r()
     found = []
     for name, position in POSITIONS.items():
         jam, dam = (pk.directional_maxima(arm, actuation_of(each), position, directions) for each in MECHANISMS)

@@ -70,7 +70,7 @@ class Assumed:
     @property
     def free(self) -> pk.Arm:
         """The arm with these masses, as DAM has it: its rods limit its joints."""
-        return pk.kim_3r([self.mass] * 3)
+        return pk.arms.kim_3r([self.mass] * 3)
 
     @property
     def limited(self) -> pk.Arm:

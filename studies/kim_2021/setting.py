@@ -28,7 +28,7 @@ def actuation_of(mechanism: str) -> pk.capability.JointActuation | pk.capability
 
 def speeds(mechanism: str, position: Float[np.ndarray, " 2"], directions: object = DIRECTIONS) -> np.ndarray:
     """Return the directional maxima [m/s] of the arm as the library has it by default, 0.5 kg a link."""
-    return pk.directional_maxima(pk.kim_3r(), actuation_of(mechanism), position, directions).values
+    return pk.directional_maxima(pk.arms.kim_3r(), actuation_of(mechanism), position, directions).values
 
 
 @cache

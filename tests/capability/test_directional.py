@@ -15,7 +15,7 @@ from paretoik.nlp.dense_sqp import minimised
 from paretoik.robot import kinematics
 
 PLACE = np.array([0.2, -0.15])
-ARM = pk.kim_3r()
+ARM = pk.arms.kim_3r()
 DRIVES = {"motors": pk.capability.kim_joint_motors(), "sliders": pk.capability.kim_sliders()}
 SHAPES = ("diamond", "strip", "box")
 seeds = st.integers(0, 10**6)
@@ -162,7 +162,7 @@ def test_planar_arms_of_any_length_and_spatial_arms_are_served():
     polygon = pk.directional_maxima(four, motors, [0.5, 0.2], 4)
     many = several_postures(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
     assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
     assert np.linalg.norm(solid.directions, axis=1) == pytest.approx(np.ones(5))
     columns = kinematics.jacobian(arm, solid.q)[:, :3]
@@ -209,9 +209,9 @@ def test_other_bad_input_is_refused_by_name():
     with pytest.raises(InvalidInput, match="quantity must be one of velocity, force"):
         pk.directional_maxima(ARM, motors, PLACE, quantity="power")
     with pytest.raises(InvalidInput, match="3 joints of Kim 3R wanted, got 7"):
-        pk.directional_maxima(ARM, pk.capability.JointActuation.of(pk.wan_7r()), PLACE)
+        pk.directional_maxima(ARM, pk.capability.JointActuation.of(pk.arms.wan_7r()), PLACE)
     with pytest.raises(OutOfReach, match="position out of reach"):
-        pk.directional_maxima(pk.wan_7r(), pk.capability.JointActuation.of(pk.wan_7r()), [3.0, 0.0, 0.0])
+        pk.directional_maxima(pk.arms.wan_7r(), pk.capability.JointActuation.of(pk.arms.wan_7r()), [3.0, 0.0, 0.0])
 
 
 def test_sliders_that_reach_no_posture_are_named_with_the_angle():

@@ -127,7 +127,7 @@ DRIVES = {"motors": (pk.capability.kim_joint_motors, 9, 4), "sliders": (pk.capab
 def way(request):
     actuation, samples, points = DRIVES[request.param]
     ends = (0.1, -0.15), (0.2, -0.15)
-    problem = pk.PointToPoint(pk.kim_3r(), actuation(), *ends, samples=samples, coefficients=5)
+    problem = pk.PointToPoint(pk.arms.kim_3r(), actuation(), *ends, samples=samples, coefficients=5)
     return problem, points, pk.epsilon_front(problem, points=points, starts=4)
 
 
@@ -158,7 +158,7 @@ def test_it_is_the_same_again_bit_for_bit(way):
 
 def test_one_objective_is_no_front():
     problem = pk.DirectionalMaxima(
-        pk.kim_3r(), pk.capability.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False
     )
     with pytest.raises(InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
         pk.epsilon_front(problem, points=3)

@@ -53,7 +53,7 @@ def ways(trajectories):
 
 
 def mechanism(name):
-    return Mechanism(arm=pk.kim_3r(), actuation=actuation_of(name))
+    return Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(name))
 
 
 def test_the_papers_totals_are_its_sums():
@@ -147,7 +147,7 @@ def test_points_are_spread_evenly():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_postures_follow_the_path_and_no_joint_is_hurried(name, ways):
     known = ways[name].soonest
-    arm = pk.kim_3r()
+    arm = pk.arms.kim_3r()
     tool = tool_pose(arm, known.q)[1][..., :2]
     np.testing.assert_allclose(tool, known.points, atol=1e-12)
     assert np.all(np.diff(known.times) > 0)
