@@ -20,8 +20,8 @@ class Polygons:
     """The speeds of both mechanisms from one position."""
 
     name: str
-    jam: pk.PerformancePolygon
-    dam: pk.PerformancePolygon
+    jam: pk.capability.PerformancePolygon
+    dam: pk.capability.PerformancePolygon
 
     @property
     def gain(self) -> Float[np.ndarray, " directions"]:

@@ -49,16 +49,16 @@ class Assumed:
         return ", ".join(told + ["JAM with DAM's joint ranges"] * self.joint_ranges) or "as is"
 
     @property
-    def motors(self) -> pk.JointActuation:
+    def motors(self) -> pk.capability.JointActuation:
         """JAM."""
-        known = pk.kim_joint_motors().motors
-        return pk.JointActuation(motors=_shaped(known, self.shape))
+        known = pk.capability.kim_joint_motors().motors
+        return pk.capability.JointActuation(motors=_shaped(known, self.shape))
 
     @property
-    def sliders(self) -> pk.DistributedActuation:
+    def sliders(self) -> pk.capability.DistributedActuation:
         """DAM."""
-        known = pk.kim_sliders(float(np.deg2rad(self.base_angle)), self.bend)
-        return pk.DistributedActuation(
+        known = pk.capability.kim_sliders(float(np.deg2rad(self.base_angle)), self.bend)
+        return pk.capability.DistributedActuation(
             front=_shaped(known.front, self.shape),
             rod=known.rod,
             front_bounds=known.front_bounds,
@@ -177,5 +177,5 @@ def _near(assumed: Assumed, gain: np.ndarray, printed: float, note: str) -> Row:
     )
 
 
-def _shaped(curve: pk.MotorCurve, shape: Literal["diamond", "strip"]) -> pk.MotorCurve:
-    return pk.MotorCurve(stall=curve.stall, fastest=curve.fastest, shape=shape)
+def _shaped(curve: pk.capability.MotorCurve, shape: Literal["diamond", "strip"]) -> pk.capability.MotorCurve:
+    return pk.capability.MotorCurve(stall=curve.stall, fastest=curve.fastest, shape=shape)
