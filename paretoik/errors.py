@@ -8,7 +8,8 @@
     │   ├── OutOfReach                   a path that the arm cannot follow
     │   └── InvalidRun                   a run folder that is damaged or not ours
     ├── Infeasible                       no motion satisfies the limits          exit code 3
-    └── EvaluationFailed                 no evaluation gave a usable number      exit code 4
+    ├── EvaluationFailed                 no evaluation gave a usable number      exit code 4
+    └── SolverFailed                     a solver ended without a solution       exit code 4
 
 Every message is one line: the name of the thing, what was wanted, what was found.
 """
@@ -72,7 +73,13 @@ class Infeasible(ParetoikError):  # noqa: N818
 
 
 class EvaluationFailed(ParetoikError):  # noqa: N818
-    """Every evaluation failed; the message names the first cause."""
+    """No evaluation gave a usable number; the message names the first cause."""
+
+    exit_code = 4
+
+
+class SolverFailed(ParetoikError):  # noqa: N818
+    """A solver ended without a solution, although one may exist; the message names it and how it ended."""
 
     exit_code = 4
 

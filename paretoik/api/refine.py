@@ -60,7 +60,7 @@ def refine(front: Front, problem: Any = None, *, observe: Observed | None = None
     ranges = spans(front)
     found = polished_points(task, np.asarray(front.motions.q), ranges, observe)
     q = np.array(front.motions.q)
-    q[: len(found)][found.converged] = found.q[found.converged]
+    q[: len(found)][found.converged] = found.x[found.converged]
     settings = dict(front.provenance) | {"refined": {"points": len(front), "converged": int(found.converged.sum())}}
     return certified(problem, task, q, front.ids, ranges, settings)
 
@@ -179,8 +179,8 @@ class Improver:
         motions = self._task.motion(chosen)
         found = polish(self._program, motions.q, factors, caps, BRIEF)
         self.spent += int(found.iterations.sum())
-        better = np.isfinite(found.totals).all(axis=1)
-        genes: Genes = self.search.problem.encode(self._task.motion(found.q[better]))[0]
+        better = np.isfinite(found.objectives).all(axis=1)
+        genes: Genes = self.search.problem.encode(self._task.motion(found.x[better]))[0]
         return genes
 
     def _aims(self, F: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from paretoik.capability import motors, planar_maxima
 from paretoik.capability.actuation import Actuation, DistributedActuation, holding, joint_speeds, overloaded
 from paretoik.capability.capability import Capability, Quantity
 from paretoik.capability.zonotopes import fastest, strongest
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, ParetoikError
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, ParetoikError, SolverFailed
 from paretoik.nlp.dense_sqp import minimised
 from paretoik.nlp.filter_interior_point import approached
 from paretoik.robot import dynamics, kinematics
@@ -221,7 +221,7 @@ def climbed(
             end = minimised(program, cost, asked.begun(start))
         elif not end.converged:
             end = minimised(program, cost, end.z if end.violation <= HELD else asked.begun(start))
-    except EvaluationFailed:  # rods that do not reach
+    except (EvaluationFailed, SolverFailed):  # rods that do not reach
         return None
     return asked.parts(end.z, size)["q"] if end.violation <= HELD else None
 
@@ -369,7 +369,7 @@ def _out_of_reach(table: tuple[np.ndarray, ...], position: np.ndarray) -> OutOfR
 def _renamed(error: ParetoikError, position: np.ndarray) -> ParetoikError:
     if isinstance(error, OutOfReach):
         return OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
-    return EvaluationFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")
+    return SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")
 
 
 def held_still(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:

@@ -109,7 +109,7 @@ def directional_maxima(
     Infeasible
         Where no posture was found that can be held: naming the joint, its torque and what its motor can hold, or the
         rod's angle, of the best one looked at.
-    EvaluationFailed
+    SolverFailed
         Where no posture was found that reaches the position.
 
     Source: Kim, Choi & Jang 2021, Eq. 1.

@@ -25,7 +25,7 @@ from paretoik.capability.speed_models import (
     speeds_along,
     symmetric,
 )
-from paretoik.errors import EvaluationFailed, InvalidInput, check_size
+from paretoik.errors import InvalidInput, SolverFailed, check_size
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.subproblem import step
 from paretoik.robot.pose import finite_array
@@ -101,7 +101,7 @@ def fit_ellipsoids(
         What safe fits stay below the samples by, in log speed: 0.02 for about 2 %.
 
     Raises InvalidInput for arrays that do not fit together, speeds that are not positive, positions or directions
-    that do not determine the model; EvaluationFailed where no least squares are found.
+    that do not determine the model; SolverFailed where no least squares are found.
     Source: Kim, Choi & Jang 2021, Eq. 5, with the logarithm of S in place of radii and an angle.
     """
     if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
@@ -195,19 +195,19 @@ class LogErrors:
         return np.einsum("nt,ns,npq->tpsq", self.basis, self.basis, blocks).reshape(numbers.size, numbers.size)
 
     def least(self, start: Numbers) -> Numbers:
-        """Return the unknowns of least squares. Raises EvaluationFailed where there are none, or none in time."""
+        """Return the unknowns of least squares. Raises SolverFailed where there are none, or none in time."""
         values, slopes = (lambda x, part=part: self(x.reshape(start.shape))[part] for part in (0, 1))
         ends = {"ftol": CONVERGED, "xtol": CONVERGED, "gtol": CONVERGED, "max_nfev": ITERATIONS}
         found = least_squares(values, start.ravel(), slopes, method="lm", **ends)
         return self.held(found.x.reshape(start.shape), ended=found.success)
 
     def held(self, numbers: Numbers, *, ended: bool) -> Numbers:
-        """Return the unknowns. Raises EvaluationFailed if they are no end, or grow into needles between directions."""
+        """Return the unknowns. Raises SolverFailed if they are no end, or grow into needles between directions."""
         logs = np.linalg.eigvalsh(np.tensordot(self.basis @ numbers, self.parts, 1))[:, -1] / 2
         reach = np.exp(np.minimum(logs - self.logs.max(axis=1), 99.0))
         if ended and reach.max() <= FURTHEST:
             return numbers
-        raise EvaluationFailed(
+        raise SolverFailed(
             f"speeds: ellipsoids of least squares wanted, got none in {ITERATIONS} steps and within {FURTHEST:g} times "
             f"the speeds given; at position {np.argmax(reach)} one grew to {reach.max():.3g}: give more directions"
         )
@@ -229,10 +229,10 @@ class LogErrors:
         for _ in range(ITERATIONS):
             curvatures, axes = np.linalg.eigh(slopes.T @ slopes + self.curvature(numbers, found + multipliers))
             hessian = sparse.csr_array(axes * (np.maximum(curvatures, 0.0) + damping * curvatures[-1]) @ axes.T)
-            within = Constraints(unknowns=numbers.size, gaps=-margin - found, slopes=sparse.csr_array(-slopes))
+            within = Constraints(unknowns=numbers.size, values=-margin - found, jacobian=sparse.csr_array(-slopes))
             try:
                 best = step(slopes.T @ found, hessian, within, yielding=0, radius=LONGEST, price=1.0)
-            except EvaluationFailed:
+            except SolverFailed:
                 break
             promised = -(2 * found @ slopes @ best.step + best.step @ (hessian @ best.step))
             if promised <= SAFE_CONVERGED * (found @ found):

@@ -18,7 +18,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.capability.fastest_path import (
+from paretoik.capability.geodesic import (
     check_ends,
     check_inside,
     fastest_path,
@@ -27,7 +27,7 @@ from paretoik.capability.fastest_path import (
     pieces_of,
 )
 from paretoik.capability.speed_models import SpeedModel
-from paretoik.errors import EvaluationFailed, InvalidInput, check_size
+from paretoik.errors import InvalidInput, SolverFailed, check_size
 from paretoik.nlp.interval_program import IntervalSolver, Pieces
 from paretoik.robot.pose import ArrayLike, finite_array
 
@@ -100,7 +100,7 @@ def fastest_plan(
     InvalidInput
         For ends that are not finite or outside the model's box, a horizon below 1, an unknown formulation, and a model
         that is not finite somewhere.
-    EvaluationFailed
+    SolverFailed
         Where the iterations do not converge.
     """
     planner = Planner(model, horizon=horizon, formulation=formulation)
@@ -132,7 +132,7 @@ class Planner:
         return np.vstack([position, np.transpose(left_points)[1:], plan.points[-1]])
 
     def plan(self, points: Float[np.ndarray, "points task"]) -> Plan:
-        """Return the best plan near these points, whose first and last stay. Raises EvaluationFailed if none is."""
+        """Return the best plan near these points, whose first and last stay. Raises SolverFailed if none is."""
         pieces = pieces_of(self.model, points, self._place)
         intervals, iterations = self._intervals(pieces), 0
         if self._solver is not None and intervals.any():
@@ -167,7 +167,7 @@ class Planner:
             elif gained > 0.75 * promised and farthest > 0.99 * reach:
                 reach *= 2
         where = " ".join(f"{number:.6g}" for number in points[0])
-        raise EvaluationFailed(f"plan from [{where}] m: settled within {ITERATIONS} iterations wanted, it still moves")
+        raise SolverFailed(f"plan from [{where}] m: settled within {ITERATIONS} iterations wanted, it still moves")
 
     def _intervals(self, pieces: Pieces) -> Float[np.ndarray, " pieces"]:
         times: np.ndarray = np.linalg.norm(pieces.values, axis=1)
@@ -218,7 +218,7 @@ def time_optimal_control(
     InvalidInput
         For positions that are not finite or outside the model's box, a horizon below 1, a period or tolerance not
         above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite somewhere.
-    EvaluationFailed
+    SolverFailed
         Where a plan does not converge, or the reference is still not there after ten times the straight line's time.
     """
     _check_settings(period=period, gain=gain, tolerance=tolerance)
@@ -266,7 +266,7 @@ def _led(
             break
         if len(points) * period > latest:
             away = np.linalg.norm(rest)
-            raise EvaluationFailed(f"reference: on the target within {latest:.4g} s wanted, it is {away:.4g} m away")
+            raise SolverFailed(f"reference: on the target within {latest:.4g} s wanted, it is {away:.4g} m away")
         begun = perf_counter()
         guess = planner.ahead(plans[-1], points[-1], period) if plans else planner.guess(start, target)
         plans.append(planner.plan(guess))
@@ -294,8 +294,6 @@ def _followed(
         velocities.append(velocity)
         if now >= len(ahead) and np.all(positions[-1] == tool):
             away = np.linalg.norm(references[-1] - tool)
-            raise EvaluationFailed(
-                f"tool: within {tolerance:g} m of the target wanted, it stands still at {away:.3g} m"
-            )
+            raise SolverFailed(f"tool: within {tolerance:g} m of the target wanted, it stands still at {away:.3g} m")
         tool = positions[-1]
     return np.stack(positions), np.reshape(velocities, (-1, len(tool))), cuts

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 
 TOLERANCE = 1e-10  # of the time that a piece takes: directions are found to about its root
 
@@ -62,7 +62,7 @@ class IntervalSolver:
     ) -> Moves:
         """Return the best moves between ``lower`` and ``upper`` [m], finite and on either side of 0.
 
-        Raises EvaluationFailed where Clarabel finds none.
+        Raises SolverFailed where Clarabel finds none.
         """
         time = max(float(np.abs(pieces.values).max()), 1e-300)
         length = time / max(float(np.abs(pieces.after).max()), 1e-300)  # in these units pieces and slopes are about 1
@@ -89,7 +89,7 @@ class IntervalSolver:
             self._solver.update(A=matrix, b=right)
         found = self._solver.solve()
         if str(found.status) not in ("Solved", "AlmostSolved"):
-            raise EvaluationFailed(f"intervals: Clarabel wanted to end with Solved, got {found.status}")
+            raise SolverFailed(f"intervals: Clarabel wanted to end with Solved, got {found.status}")
         return found
 
     def _lay_out(self) -> None:
@@ -130,5 +130,5 @@ def intervals_model(
     problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum(intervals)), kept)
     problem.solve(solver=cvxpy.CLARABEL, tol_gap_abs=TOLERANCE, tol_gap_rel=TOLERANCE, tol_feas=TOLERANCE)
     if d.value is None:
-        raise EvaluationFailed(f"intervals: a solution wanted, got {problem.status}")
+        raise SolverFailed(f"intervals: a solution wanted, got {problem.status}")
     return Moves(moves=np.array(d.value[1:-1]), intervals=np.array(intervals.value))

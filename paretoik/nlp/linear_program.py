@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ def furthest(
 ) -> Furthest:
     """Return the furthest point along a direction.
 
-    Raises EvaluationFailed where there is none, or no end to it.
+    Raises SolverFailed where there is none, or no end to it.
     """
     scale = np.maximum(np.abs(low), np.abs(high))
     scale = np.where(scale > 0, scale, 1.0)
@@ -45,7 +45,7 @@ def furthest(
         method="highs-ds",
     )
     if found.status != 0:
-        raise EvaluationFailed(f"furthest: HiGHS wanted to end with an optimum, got {found.message}")
+        raise SolverFailed(f"furthest: HiGHS wanted to end with an optimum, got {found.message}")
     return Furthest(value=float(found.x[-1]) * size, multiples=found.x[:-1] * scale)
 
 
@@ -62,5 +62,5 @@ def furthest_model(
     problem = cvxpy.Problem(cvxpy.Maximize(v), [columns @ x == v * direction, x >= low, x <= high])
     problem.solve(solver=cvxpy.CLARABEL)
     if x.value is None:
-        raise EvaluationFailed(f"furthest: a solution wanted, got {problem.status}")
+        raise SolverFailed(f"furthest: a solution wanted, got {problem.status}")
     return Furthest(value=float(v.value), multiples=np.array(x.value))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.dense_sqp import Caps
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.pareto.refine import Sketch, least, quadratic
@@ -34,7 +34,7 @@ def epsilon_points(
     halfway between two neighbours of the widest gap, started from those near it; last, whether the way of a neighbour
     leads to something better. ``observe`` is called with points found and wanted.
 
-    Raises EvaluationFailed where no start leads to a point that keeps all limits.
+    Raises SolverFailed where no start leads to a point that keeps all limits.
     """
     pool = _alone(sketch, starts)
     payoff = np.array([group[0] for group in pool]) @ sketch.costs.T
@@ -132,7 +132,7 @@ def _alone(sketch: Sketch, starts: np.ndarray) -> list[np.ndarray]:
         ends = [end.z for start in starts if (end := least(sketch, cost, start)) is not None]
         kept = [ends[i] for i in np.argsort([cost @ z for z in ends], kind="stable")]
         if not kept:
-            raise EvaluationFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
+            raise SolverFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
         pool.append(np.array(kept))
     return pool
 

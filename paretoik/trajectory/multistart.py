@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.solutions import STATUSES, Solutions, concatenate
 from paretoik.self_motion.branches import labels
 from paretoik.self_motion.starts import candidates, pushed, swept
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import objective
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.polish import REASONS, Polished, joined, polish, within_limits
+from paretoik.trajectory.polish import polish, within_limits
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 COARSEST = 26  # samples: with half as many, the best torque optimum does not exist
@@ -94,7 +95,7 @@ def planned(
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
-    motion; Infeasible with the least-violating motion where none keeps the limits; EvaluationFailed where limits hold
+    motion; Infeasible with the least-violating motion where none keeps the limits; SolverFailed where limits hold
     but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
@@ -142,19 +143,19 @@ class _Further:
         """Whether no more are to be had."""
         return self.level.redundancy > 1 or self.rounds >= ROUNDS
 
-    def __call__(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
+    def __call__(self, found: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return further starts, none where it is enough."""
         if self.level.redundancy > 1:
             return self._hops(found)
         if not found.converged.any():
-            return found.q[:0] if self.gridded else self._laid()
-        every = found.q[found.converged]
-        optima = found.q[_distinct(self.level, found, found.totals[:, 0], most=len(found))]
+            return found.x[:0] if self.gridded else self._laid()
+        every = found.x[found.converged]
+        optima = found.x[_distinct(self.level, found, found.objectives[:, 0], most=len(found))]
         reached = [int((distance(self.level, each, every) <= APART).sum()) for each in optima]
         rare = self.rounds < ROUNDS and min(reached) <= RARE
         if not self.gridded and (len(optima) >= MANY or (rare and self.rounds > 0)) and len(ways := self._laid()):
             return ways
-        others = found.q[:0]
+        others = found.x[:0]
         while rare and not len(others) and self.rounds < ROUNDS:
             self.rounds += 1
             others = self._others()
@@ -169,15 +170,15 @@ class _Further:
         self.gridded = True
         return _ways(self.level, self.q)
 
-    def _hops(self, found: Polished) -> Float[np.ndarray, "starts samples dof"]:
+    def _hops(self, found: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         if not found.converged.any():
-            return found.q[:0]
-        best = float(found.totals[found.converged, 0].min())
+            return found.x[:0]
+        best = float(found.objectives[found.converged, 0].min())
         self.in_vain = 0 if _better(best, self.best) else self.in_vain + 1
         self.best, self.rounds = min(best, self.best), self.rounds + 1
         if self.in_vain >= PATIENCE or self.rounds > HOPS:
-            return found.q[:0]
-        near = found.q[_distinct(self.level, found, found.totals[:, 0], most=HOPPING)]
+            return found.x[:0]
+        near = found.x[_distinct(self.level, found, found.objectives[:, 0], most=HOPPING)]
         hops = pushed(self.level, np.repeat(near, -(-self.wanted // len(near)), axis=0), self.rng)
         return np.concatenate([hops, swept(self.level, self.wanted, self.rng)])
 
@@ -213,8 +214,8 @@ def descended(
     observe: Callable[[int, int, int], object] | None = None,
     *,
     ease: bool = False,
-    further: Callable[[Polished], Float[np.ndarray, "starts samples dof"]] | None = None,
-) -> tuple[Polished, tuple[tuple[int, int], ...]]:
+    further: Callable[[Solutions], Float[np.ndarray, "starts samples dof"]] | None = None,
+) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of Σ factors · objectives below caps, and samples and optima of each level.
 
     ``programs`` are those of a ``ladder``, ``q`` starts of the first; ``further`` returns more of them, seeing what
@@ -231,16 +232,16 @@ def descended(
         found = led(q)
         while first and further is not None and len(others := further(found)):
             q = np.concatenate([q, others])
-            found = joined((found, led(q[len(found) :])))
+            found = concatenate((found, led(q[len(found) :])))
         if ease and (first or not finer) and not found.converged.any() and found.violation.max() > HOLDS:
-            least = _distinct(task, found, found.totals @ weights, most=KEPT)
-            found = _eased(program, np.concatenate([found.q[least], q[: 2 * KEPT * first]]), weights, below)
-        found = found[_distinct(task, found, found.totals @ weights, most=KEPT if finer else len(found))]
+            least = _distinct(task, found, found.objectives @ weights, most=KEPT)
+            found = _eased(program, np.concatenate([found.x[least], q[: 2 * KEPT * first]]), weights, below)
+        found = found[_distinct(task, found, found.objectives @ weights, most=KEPT if finer else len(found))]
         levels.append((len(task.times), len(found)))
         if observe is not None:
             observe(len(task.times), len(q), len(found))
         if finer:
-            q = _finer(task, found.q, finer.task)
+            q = _finer(task, found.x, finer.task)
     return found, tuple(levels)
 
 
@@ -267,7 +268,7 @@ def _finer(
 
 def _led(
     program: MotionProgram, kinds: Sequence[Rules], weights: np.ndarray, below: np.ndarray, q: np.ndarray
-) -> Polished:
+) -> Solutions:
     """Return what starts lead to, by each kind of rules in turn."""
     return polish(program, q, weights[None], below[None], rules=[kinds[i % len(kinds)] for i in range(len(q))])
 
@@ -281,7 +282,7 @@ def _better(value: float, before: float) -> bool:
     return bool(before == np.inf or value < before - SAME * abs(before))
 
 
-def _shaken(program: MotionProgram, found: Polished) -> Polished:
+def _shaken(program: MotionProgram, found: Solutions) -> Solutions:
     """Return optima and those that they lead to when a barrier pushes them off again, as long as the best gets better.
 
     Where valleys are many, as in two and more directions of self-motion, those beside the ones found are as often
@@ -290,21 +291,21 @@ def _shaken(program: MotionProgram, found: Polished) -> Polished:
     weights = np.zeros((1, len(program.totals)))
     weights[0, 0] = 1.0
     for _ in range(SHAKEN):
-        before = found.totals[0, 0]
-        both = joined((found, *(polish(program, found.q[:SHAKEN], weights, rules=rule) for rule in COLD)))
-        found = both[_distinct(program.task, both, both.totals[:, 0], most=len(both))]
-        if not _better(found.totals[0, 0], before):
+        before = found.objectives[0, 0]
+        both = concatenate((found, *(polish(program, found.x[:SHAKEN], weights, rules=rule) for rule in COLD)))
+        found = both[_distinct(program.task, both, both.objectives[:, 0], most=len(both))]
+        if not _better(found.objectives[0, 0], before):
             break
     return found
 
 
-def _eased(program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray) -> Polished:
+def _eased(program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray) -> Solutions:
     """Return what becomes of motions that violate limits when first nothing else counts."""
     eased = within_limits(program, q, below, EASING)
     holds = eased.violation <= HOLDS
     if not holds.any():
         return eased
-    return polish(program, eased.q[holds], weights[None], below[None], rules=HOLDING)
+    return polish(program, eased.x[holds], weights[None], below[None], rules=HOLDING)
 
 
 def level_samples(samples: int) -> list[int]:
@@ -343,24 +344,24 @@ def _promising(
     return q[order[np.argsort(turn, kind="stable")[:most]]]
 
 
-def _distinct(task: MotionTask, found: Polished, cost: np.ndarray, *, most: int) -> Int[np.ndarray, " kept"]:
+def _distinct(task: MotionTask, found: Solutions, cost: np.ndarray, *, most: int) -> Int[np.ndarray, " kept"]:
     """Return which to keep, best first: one of every optimum; without any, those that violate the limits least."""
     order = np.lexsort((cost, np.round(found.violation, 6)))
     if found.converged.any():
         order = np.argsort(np.where(found.converged, cost, np.inf), kind="stable")[: found.converged.sum()]
     kept: list[int] = []
     for i in order:
-        if len(kept) < most and (not kept or distance(task, found.q[i], found.q[kept]).min() > APART):
+        if len(kept) < most and (not kept or distance(task, found.x[i], found.x[kept]).min() > APART):
             kept.append(int(i))
     return np.array(kept)
 
 
-def _optima(task: MotionTask, found: Polished) -> tuple[Optimum, ...]:
-    motions = task.motion(found.q)
+def _optima(task: MotionTask, found: Solutions) -> tuple[Optimum, ...]:
+    motions = task.motion(found.x)
     if not found.converged.any() and found.violation.max() <= HOLDS:
-        raise EvaluationFailed(f"no start led to an optimum; the best ended with: {REASONS[int(found.status[0])]}")
+        raise SolverFailed(f"no start led to an optimum; the best ended with: {STATUSES[int(found.status[0])]}")
     if not found.converged.any():
-        said = task.binding(motions[0]) or REASONS[int(found.status[0])]
+        said = task.binding(motions[0]) or STATUSES[int(found.status[0])]
         raise Infeasible(
             f"no motion within the limits was found; of the least-violating one, {said}",
             motion=motions[0],
@@ -369,6 +370,6 @@ def _optima(task: MotionTask, found: Polished) -> tuple[Optimum, ...]:
         )
     objective = task.objectives[0]
     return tuple(
-        Optimum(motion=motion, objective=float(value), label=label, status=REASONS[int(status)])
+        Optimum(motion=motion, objective=float(value), label=label, status=STATUSES[int(status)])
         for motion, value, label, status in zip(motions, objective(motions), labels(motions), found.status, strict=True)
     )

@@ -9,14 +9,14 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, SINGULAR, STUCK, VIOLATED, Rules, minimise
+from paretoik.nlp.compiled.interior_point import CONVERGED, STUCK, Rules, minimise
+from paretoik.nlp.solutions import Solutions
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, task_errors
@@ -25,53 +25,6 @@ from paretoik.trajectory.transcription import MotionProgram
 
 AT_REST = 1e-6  # stationarity of a motion that ends at rest
 
-REASONS = {
-    CONVERGED: "converged",
-    CAPPED: "iteration limit reached",
-    STUCK: "no step makes it better",
-    SINGULAR: "at a singularity",
-    VIOLATED: "limits cannot all hold",
-}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Polished:
-    """What became of a batch of starts.
-
-    ``q`` are motions on the path, ``totals`` the program's there, ``stationarity`` the length of the Lagrangian's
-    gradient (RMS over time), ``violation`` the worst of limits and caps, ``status`` a key of REASONS.
-    """
-
-    q: Float[np.ndarray, "motions time dof"]
-    totals: Float[np.ndarray, "motions totals"]
-    stationarity: Float[np.ndarray, " motions"]
-    violation: Float[np.ndarray, " motions"]
-    status: Int[np.ndarray, " motions"]
-    iterations: Int[np.ndarray, " motions"]
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-    def __getitem__(self, rows: Any) -> Polished:
-        return Polished(**{name: values[rows] for name, values in vars(self).items()})
-
-    def merged(self, rows: Bool[np.ndarray, " motions"], other: Polished) -> Polished:
-        """Return the batch with ``rows`` replaced by another's."""
-        parts = {name: values.copy() for name, values in vars(self).items()}
-        for name, values in parts.items():
-            values[rows] = getattr(other, name)
-        return Polished(**parts)
-
-    @property
-    def converged(self) -> Bool[np.ndarray, " motions"]:
-        """Which are stationary and within their limits."""
-        return self.status == CONVERGED
-
-
-def joined(parts: Sequence[Polished]) -> Polished:
-    """Return batches as one."""
-    return Polished(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in vars(parts[0])})
-
 
 def polish(
     program: MotionProgram,
@@ -79,7 +32,7 @@ def polish(
     factors: Float[np.ndarray, "#motions totals"],
     caps: Float[np.ndarray, "#motions totals"] | None = None,
     rules: Rules | Sequence[Rules] = Rules(),  # noqa: B008  a tuple of numbers
-) -> Polished:
+) -> Solutions:
     """Return the local optima of Σ factors · totals, the totals below ``caps``, that starts on the path lead to.
 
     Every start goes its own way, whatever else is in the batch; ``rules`` are for all, or one a start. The program's
@@ -97,7 +50,7 @@ def polish(
         near = (found.status == STUCK) & (found.stationarity <= AT_REST) & (found.violation <= 1e-8)
         found.status[near] = CONVERGED
     if program.task.start is not None:
-        found.q[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
+        found.x[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
     return found
 
 
@@ -106,7 +59,7 @@ def within_limits(
     q: Float[np.ndarray, "motions time dof"],
     caps: Float[np.ndarray, " totals"],
     rules: Rules,
-) -> Polished:
+) -> Solutions:
     """Return the motions that violate limits and caps least, locally: nothing else is minimised.
 
     Where their status says that they converged, they hold.
@@ -131,18 +84,18 @@ def at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float
 
 def _compiled(
     program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
-) -> Polished:
+) -> Solutions:
     count = len(q)
 
     def one(i: int) -> tuple[Any, ...]:
         return minimise(program.compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i])
 
     found = list(_pool().map(one, range(count))) if count > 1 else [one(i) for i in range(count)]
-    return Polished(
-        q=np.array([one[0] for one in found]).reshape(q.shape),
+    return Solutions(
+        x=np.array([one[0] for one in found]).reshape(q.shape),
         status=np.array([one[1] for one in found], dtype=int),
         iterations=np.array([one[2] for one in found], dtype=int),
-        totals=np.array([one[3] for one in found]).reshape(count, len(program.totals)),
+        objectives=np.array([one[3] for one in found]).reshape(count, len(program.totals)),
         stationarity=np.array([one[5] for one in found], dtype=float),
         violation=np.array([one[6] for one in found], dtype=float),
     )
@@ -159,18 +112,18 @@ os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come alo
 
 def _general(
     program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
-) -> Polished:
+) -> Solutions:
     found = [
         sequential(
             program, motion, factors, caps, radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance
         )
         for motion, factors, caps, rule in zip(q, weights, below, rules, strict=True)
     ]
-    return Polished(
-        q=np.array([one.q for one in found]).reshape(q.shape),
+    return Solutions(
+        x=np.array([one.q for one in found]).reshape(q.shape),
         status=np.array([one.status for one in found], dtype=int),
         iterations=np.array([one.iterations for one in found], dtype=int),
-        totals=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
+        objectives=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
         stationarity=np.array([one.stationarity for one in found], dtype=float),
         violation=np.array([one.violation for one in found], dtype=float),
     )

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
@@ -84,7 +84,7 @@ def sequential(
         while not accepted and length > SHORTEST:
             try:
                 taken = step(gradient, hessian, model.constraints, yielding=model.yielding, radius=length, price=price)
-            except EvaluationFailed:
+            except SolverFailed:
                 length /= 4
                 continue
             before = float(factors @ at.values.totals) + price * at.violation
@@ -153,8 +153,8 @@ def _model(program: MotionProgram, local: Linearised, at: _Point, caps: np.ndarr
         slopes = sparse.csr_array(sparse.vstack([slopes[:limits], between, slopes[limits:]]))
     constraints = Constraints(
         unknowns=local.unknowns,
-        gaps=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
-        slopes=slopes,
+        values=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
+        jacobian=slopes,
         cones=local.cones,
     )
     return _Model(constraints=constraints, yielding=limits + len(capped), capped=capped, scales=scales)
@@ -250,7 +250,7 @@ def _bent(
                 found.append(before[span].max() + taken.step[column] - after[span])
                 column += 1
         column += not len(each.groups)
-    return replace(known, gaps=np.concatenate(found) - known.slopes @ taken.step)
+    return replace(known, values=np.concatenate(found) - known.jacobian @ taken.step)
 
 
 def _again(
@@ -258,7 +258,7 @@ def _again(
 ) -> Step | None:
     try:
         return step(gradient, hessian, bent, yielding=yielding, radius=length, price=price)
-    except EvaluationFailed:
+    except SolverFailed:
         return None
 
 

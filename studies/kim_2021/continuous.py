@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from scipy import sparse
 from scipy.optimize import linprog
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from studies.kim_2021.profiles import Mechanism, Nodes, Profile, evenly, lasting, nodes, refined, timed, wrapped
 
 ELBOWS = (1.0, -1.0)
@@ -29,7 +29,7 @@ def resolved(
 ) -> Profile:
     """Return the postures of least time + ``price`` [s/J] · work on four times so many pieces of a path.
 
-    Raises EvaluationFailed where none follow the path.
+    Raises SolverFailed where none follow the path.
     """
     fine, found = evenly(path, 4 * pieces), []
     for first in dict.fromkeys((price, EASY)):  # where work counts for little, the grid alone tells too little apart
@@ -44,7 +44,7 @@ def continuous(
 ) -> Profile:
     """Return the postures of least time + ``price`` [s/J] · work, from a grid of ``cell`` [degrees].
 
-    Raises EvaluationFailed where none follow the path.
+    Raises SolverFailed where none follow the path.
     """
     count = round(360 / cell)
     turns = 2 * np.pi / count * np.arange(count)
@@ -89,7 +89,7 @@ def _swept(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarray, " sa
         togo = best
     whole = np.concatenate(togo)
     if not np.isfinite(whole.min()):
-        raise EvaluationFailed("profile: postures along the whole path wanted, none can be held that do not jump")
+        raise SolverFailed("profile: postures along the whole path wanted, none can be held that do not jump")
     chosen = [int(np.argmin(whole))]
     for row in following[:-1]:
         chosen.append(int(row[chosen[-1]]))

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from studies.kim_2021.continuous import resolved
 from studies.kim_2021.profiles import Mechanism
 from studies.kim_2021.sensitivity import Assumed
@@ -28,7 +28,7 @@ def straight_rows(assumptions: Iterable[Assumed], *, pieces: int, cell: float) -
                 try:
                     mechanism = Mechanism(arm=arm, actuation=motors)
                     known[key] = float(resolved(mechanism, path, pieces=pieces, cell=cell).times[-1])
-                except EvaluationFailed:
+                except SolverFailed:
                     known[key] = np.nan
             times.append(known[key])
         first, second = times

@@ -16,7 +16,7 @@ from paretoik.capability.speed_models import (
     factors,
     planar_exponential,
 )
-from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.errors import InvalidInput, SolverFailed
 
 TASKS = [2, 3]
 
@@ -405,5 +405,5 @@ def test_spatial_positions_have_no_axes_and_no_planar_errors():
 def test_speeds_that_only_an_endless_needle_is_near_to_are_refused():
     speeds = np.ones((9, 3))
     speeds[:, :2] = 10.0  # three directions, in one of which no ellipse through the others is that slow
-    with pytest.raises(EvaluationFailed, match=r"at position \d one grew to \S+: give more directions"):
+    with pytest.raises(SolverFailed, match=r"at position \d one grew to \S+: give more directions"):
         fit_ellipsoids(grid(3), units(3), speeds)

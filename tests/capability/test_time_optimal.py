@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from paretoik.capability import time_optimal
-from paretoik.capability.fastest_path import fastest_path, path_time
+from paretoik.capability.geodesic import fastest_path, path_time
 from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
-from paretoik.errors import EvaluationFailed, InvalidInput
-from tests.capability.test_fastest_path import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
+from paretoik.errors import InvalidInput, SolverFailed
+from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; one test below makes them checked
 
@@ -193,10 +193,10 @@ def test_a_model_that_is_not_finite_is_refused_with_the_place():
 
 def test_what_does_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(time_optimal, "ITERATIONS", 1)
-    with pytest.raises(EvaluationFailed, match=r"plan from \[1 3\] m: settled within 1 iterations"):
+    with pytest.raises(SolverFailed, match=r"plan from \[1 3\] m: settled within 1 iterations"):
         fastest_plan(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], formulation="printed")
 
 
 def test_a_tolerance_below_rounding_is_not_waited_for():
-    with pytest.raises(EvaluationFailed, match="tool: within 1e-30 m of the target wanted, it stands still at"):
+    with pytest.raises(SolverFailed, match="tool: within 1e-30 m of the target wanted, it stands still at"):
         time_optimal_control(HalfPlane(), HERE, [0.1, 1.1], initial=[0.05, 1.3], gain=3.0, tolerance=1e-30)

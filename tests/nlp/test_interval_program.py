@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.interval_program import IntervalSolver, Pieces, intervals_model
 
 
@@ -68,5 +68,5 @@ def test_at_even_speed_a_bent_path_becomes_straight_with_equal_pieces():
 
 def test_a_box_without_inside_is_an_error_by_name():
     wide = np.full((3, 2), 1.0)
-    with pytest.raises(EvaluationFailed, match="intervals: Clarabel wanted to end with Solved"):
+    with pytest.raises(SolverFailed, match="intervals: Clarabel wanted to end with Solved"):
         IntervalSolver(4, 2).solve(even_speed(np.linspace([0.0, 0.0], [1.0, 0.5], 5)), wide, -wide)

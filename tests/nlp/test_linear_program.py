@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.capability.zonotopes import fastest, turning
-from paretoik.errors import EvaluationFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.linear_program import furthest, furthest_model
 
 seeds = st.integers(0, 10**6)
@@ -59,5 +59,5 @@ def test_columns_that_do_not_span_reach_nothing_else():
 
 
 def test_what_has_no_end_is_refused():
-    with pytest.raises(EvaluationFailed, match="furthest"):
+    with pytest.raises(SolverFailed, match="furthest"):
         furthest(np.eye(2), np.full(2, -1.0), np.full(2, 1.0), np.zeros(2))

@@ -41,7 +41,7 @@ def tool_detour(factor):
 
 def tracking(other, samples=26, limits=LIMITS):
     path = tringali_2020.straight(samples)
-    return pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits)
 
 
 def front_of(other, samples=26, limits=LIMITS):
@@ -148,7 +148,7 @@ def test_exchange_rates_are_the_slopes_between_neighbouring_epsilon_solves(point
     caps[:, 0] = front.minimised[point, 0] / ranges[0] + 1e-4 * np.array([-1.0, 1.0])
     near = polish(program, np.repeat(front.motions.q[[point]], 2, axis=0), np.array([[0.0, 1.0]]), caps)
     assert near.converged.all()
-    low, high = near.totals * ranges
+    low, high = near.objectives * ranges
     slope = (high[1] - low[1]) / (high[0] - low[0])
     assert front.certificates.exchange_rates[point, 0, 1] == pytest.approx(slope, rel=1e-4)
     assert front.certificates.exchange_rates[point, 1, 0] == pytest.approx(1 / slope, rel=1e-4)

@@ -53,8 +53,8 @@ def optima(
         for start in basins:
             end = tight.solve(start, masses)
             again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
-            if end.solved and again.converged[0] and distance(task, end.q, again.q[0]) < APART:
-                gaps.append(float(again.totals[0, 0]) * plan.best.objective / end.value - 1)
+            if end.solved and again.converged[0] and distance(task, end.q, again.x[0]) < APART:
+                gaps.append(float(again.objectives[0, 0]) * plan.best.objective / end.value - 1)
         worst = max(np.abs(gaps), default=np.inf)
         rows.append(
             Row(
@@ -87,7 +87,7 @@ def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
     found, seconds, _ = timed(lambda: grid_oracle(task))
     program = motion_program(task, np.array([plan.best.objective]))
     led = polish(program, found.q, np.ones((1, 1)), rules=COLD[1])
-    theirs = float(led.totals[led.converged, 0].min(initial=np.inf)) * plan.best.objective
+    theirs = float(led.objectives[led.converged, 0].min(initial=np.inf)) * plan.best.objective
     below = plan.best.objective / theirs - 1
     proven = f"proven within {1 - found.lower_bound / plan.best.objective:.1%} of the best of all motions"
     return Row(

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 
 from paretoik.capability.speed_models import SpeedModel
-from paretoik.errors import EvaluationFailed, InvalidInput, check_size
+from paretoik.errors import InvalidInput, SolverFailed, check_size
 from paretoik.nlp.interval_program import Pieces
 from paretoik.robot.pose import ArrayLike, finite_array
 
@@ -61,7 +61,7 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = PRECIS
     InvalidInput
         For points that are not finite or outside the model's box, a tolerance that is not above zero, and a model that
         is not finite at some point.
-    EvaluationFailed
+    SolverFailed
         Where the time has not settled when the samples are as fine as they get: the model jumps.
     """
     check_model(model)
@@ -90,7 +90,7 @@ def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, inte
     ------
     InvalidInput
         For ends that are not finite or outside the box, fewer than one interval, a model that is not finite somewhere.
-    EvaluationFailed
+    SolverFailed
         Where no start has come to a minimum.
     """
     check_size("intervals", intervals, 1)
@@ -99,7 +99,7 @@ def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, inte
         found for points in _starts(model, first, last, intervals) if (found := _relaxed(model, points)) is not None
     ]
     if not optima:
-        raise EvaluationFailed(f"fastest_path: an optimum within {ITERATIONS} iterations wanted, no start has one")
+        raise SolverFailed(f"fastest_path: an optimum within {ITERATIONS} iterations wanted, no start has one")
     times = [_piece_times(model, points, PRECISE) for points in optima]
     best = int(np.argmin([pieces.sum() for pieces in times]))
     return FastestPath(points=optima[best], times=np.append(0.0, np.cumsum(times[best])))
@@ -168,7 +168,7 @@ def _piece_times(model: SpeedModel, points: np.ndarray, tolerance: float) -> Flo
         if np.abs(times - before).sum() <= tolerance * times.sum():
             return times
         panels, before = 2 * panels, times
-    raise EvaluationFailed(f"path_time: a time settled to {tolerance:g} wanted, got none with {FINEST} samples")
+    raise SolverFailed(f"path_time: a time settled to {tolerance:g} wanted, got none with {FINEST} samples")
 
 
 def _starts(model: SpeedModel, start: np.ndarray, target: np.ndarray, intervals: int) -> Iterator[np.ndarray]:

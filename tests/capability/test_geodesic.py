@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from paretoik.capability import fastest_path as module
-from paretoik.capability.fastest_path import fastest_path, path_time
-from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.capability import geodesic as module
+from paretoik.capability.geodesic import fastest_path, path_time
+from paretoik.errors import InvalidInput, SolverFailed
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; those of test_time_optimal are checked
 
@@ -289,7 +289,7 @@ def test_a_path_has_one_interval_at_least(intervals):
 @pytest.mark.parametrize(("model", "ends"), [(HalfPlane(), ([-1.0, 1.0], [1.0, 1.0])), (Ridge(), ([0.1, 0], [0.9, 0]))])
 def test_what_does_not_converge_says_so(monkeypatch, model, ends):
     monkeypatch.setattr(module, "ITERATIONS", 1)
-    with pytest.raises(EvaluationFailed, match="fastest_path: an optimum within 1 iterations wanted, no start has one"):
+    with pytest.raises(SolverFailed, match="fastest_path: an optimum within 1 iterations wanted, no start has one"):
         fastest_path(model, *ends)
 
 
@@ -302,5 +302,5 @@ class Jumping(HalfPlane):
 
 
 def test_a_time_that_does_not_settle_says_so():
-    with pytest.raises(EvaluationFailed, match="path_time: a time settled to 1e-10 wanted"):
+    with pytest.raises(SolverFailed, match="path_time: a time settled to 1e-10 wanted"):
         path_time(Jumping(), [[0.0, 1.0], [1.0, 1.0]])
