@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from paretoik import Arm, Pose, Task, Tracking, circle, kinetic_energy, line, marcos_nr, plan, tringali_3r
+from paretoik import Arm, Pose, Task, Tracking, circle, kinetic_energy, line, plan
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.variational import shooting, variational
 from paretoik.robot import dynamics
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.starts import charts, postures
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask

@@ -119,7 +119,7 @@ def test_users_own_are_those_of_real_motions_with_their_slopes(function, name):
 
 def test_what_an_objective_wants_is_said_as_on_real_motions():
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
-    task = pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
+    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
     with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance wants position limits"):
         local(traced_sample(task), "objective it", pk.joint_limit_distance.function)
     with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance wants obstacles"):
