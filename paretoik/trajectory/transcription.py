@@ -24,7 +24,9 @@ from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
 from paretoik.robot.kinematics import chain
 from paretoik.task.limits import ranges as widths
+from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
@@ -84,19 +86,44 @@ class MotionProgram:
     wholes: tuple[Whole, ...]
 
     @property
-    def smooth(self) -> bool:
+    def is_smooth(self) -> bool:
         """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
         return not (self.slacks or self.peaks or self.wholes)
 
     @property
-    def caps(self) -> Float[np.ndarray, " totals"]:
+    def upper(self) -> Float[np.ndarray, " totals"]:
         """What the totals may not exceed."""
         return np.array([total.upper for total in self.totals])
 
     @property
-    def compiled(self) -> Compiled:
-        """The program as compiled code takes it; each has registers of its own: one for every thread."""
-        assert self.smooth, "compiled code takes sums of smooth functions only"
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the totals, the task's objectives first."""
+        return tuple(total.name for total in self.totals)
+
+    @property
+    def rounding(self) -> float:
+        """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
+        return 1e-6 if self.task.stops else 0.0
+
+    def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+        """Return motions that begin at the start to the bit, and end at rest where they have to."""
+        q = end_at_rest(self.task, x) if self.task.stops else x
+        if self.task.start is not None:
+            q = q.copy()
+            q[:, 0] = self.task.start
+        return q
+
+    def distance(
+        self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
+    ) -> Float[np.ndarray, " others"]:
+        """Return how far a motion is from others [rad, m], RMS over time, angles modulo 2π."""
+        return joint_distance(self.task, x, others)
+
+    @property
+    def kernel(self) -> Compiled | None:
+        """The program as compiled code takes it, None with kinks; each has registers of its own: one for a thread."""
+        if not self.is_smooth:
+            return None
         return Compiled(
             value=self.value.arrays,
             slope=self.slope.arrays,
@@ -120,6 +147,22 @@ class MotionProgram:
             sides=self.sides,
             bounds=self.bounds,
         )
+
+
+def end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
+    targets = np.tile(task.targets[-1], (len(q), 1))
+    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
+    retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
+    ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
+    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
+
+
+def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
+    """Return the RMS over time of the joint distance [rad, m] between motions (..., time, dof), angles modulo 2π."""
+    difference = q - other
+    difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
+    return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
 def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
