@@ -60,6 +60,6 @@ from .task.path import line as line
 from .task.path import poses as poses
 from .task.path import waypoints as waypoints
 from .task.task import Task as Task
-from .trajectory.multistart import Plan as Plan
+from .trajectory.plan import Plan as Plan
 
 __version__: str

@@ -11,7 +11,7 @@ from paretoik.api.refine import task_of
 from paretoik.errors import InvalidInput, check_size
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import Plan, planned
+from paretoik.trajectory.plan import Plan, find_optima
 
 
 def plan(
@@ -63,7 +63,7 @@ def plan(
     if len(task.objectives) != 1:
         names = ", ".join(o.name for o in task.objectives)
         raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
-    return planned(task, starts=starts, seed=seed, given=_given(task, initial), observe=observe)
+    return find_optima(task, starts=starts, seed=seed, initial=_given(task, initial), observe=observe)
 
 
 def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
