@@ -22,7 +22,7 @@ from paretoik.autodiff.kinks import Smoothed, smoothed, spelled_out
 from paretoik.autodiff.tape import Expression, entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import ranges as widths
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.functions import Functions, Total, functions
@@ -265,7 +265,7 @@ def _path(asked: Functions) -> list[int]:
     if task.cyclic:
         targets[-1] = targets[0]
     wanted: list[Any] = [motion.trace.varying(column) for column in targets.T]
-    links, begun = chain(task.arm, list(motion.q.entries)), 0
+    links, begun = link_frames(task.arm, list(motion.q.entries)), 0
     path: list[int] = []
     for part in task.tasks:
         path += [entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.numbers])]
