@@ -176,7 +176,7 @@ def _followed(
 
     def follow(first: int, last: int) -> None:
         given = program.table, steps, bounds, modes, asked.settings, asked.gains, signs, found
-        engine().followed(first, last, program.written.parts, *given)
+        engine().followed(first, last, program.written.arrays, *given)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()

@@ -59,10 +59,10 @@ def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " 
 def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str, np.ndarray]:
     at, count = linearised(program, q), len(ranges)
     radius = np.sqrt(at.unknowns / at.normal.shape[2])
-    bounded = np.flatnonzero(np.isfinite(program.caps))
+    bounded = np.flatnonzero(np.isfinite(program.upper))
     constraints = Constraints(
         unknowns=at.unknowns,
-        values=np.concatenate([at.gaps, program.caps[bounded] - at.values.totals[bounded]]),
+        values=np.concatenate([at.gaps, program.upper[bounded] - at.values.totals[bounded]]),
         jacobian=sparse.csr_array(sparse.vstack([at.slopes, sparse.csr_array(-at.gradients[bounded])])),
         cones=at.cones,
     )
@@ -80,7 +80,7 @@ def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges
     weak = ~strong & (constraints.values <= ACTIVE)
     factors = np.zeros(len(at.program.totals))
     factors[:count] = found.weights / ranges
-    factors[np.isfinite(at.program.caps)] += found.multipliers[limits:]
+    factors[np.isfinite(at.program.upper)] += found.multipliers[limits:]
     table = at.curvature(factors, found.multipliers[:limits], found.cone_multipliers).toarray()
     held = [at.gradients[:count][counts] / ranges[counts, None], constraints.jacobian[strong].toarray()]
     for cone, pull in zip(at.cones, found.cone_multipliers, strict=True):

@@ -6,8 +6,9 @@ import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.trajectory import multistart
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import distance, level_samples
+from paretoik.trajectory.multistart import level_samples
 from paretoik.trajectory.posture_grid import windows_of
+from paretoik.trajectory.transcription import joint_distance
 from problems import tringali_2020, tringali_2021
 
 
@@ -126,7 +127,7 @@ def test_optima_follow_the_path_within_the_limits_and_are_apart(name):
         assert problem.task.violations(motion).max(initial=-1.0) <= 1e-8
         assert optimum.objective == pytest.approx(float(problem.task.objectives[0](motion)), rel=1e-12)
         for other in found.optima[:i]:
-            assert distance(problem.task, motion.q, other.motion.q) > 0.01
+            assert joint_distance(problem.task, motion.q, other.motion.q) > 0.01
 
 
 def test_the_same_seed_gives_the_same_bits():

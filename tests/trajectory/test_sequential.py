@@ -46,7 +46,7 @@ def problem_of(*objectives, samples=26, **settings):
 def solved(task, q, **settings):
     program = motion_program(task)
     rules = {"radius": 0.3, "iterations": 150, "tolerance": 1e-8} | settings
-    return sequential(program, q, np.ones(len(program.totals)), program.caps, **rules)
+    return sequential(program, q, np.ones(len(program.totals)), program.upper, **rules)
 
 
 @pytest.mark.parametrize("name", ["simulation_1", "simulation_2", "simulation_4", "simulation_5"])
