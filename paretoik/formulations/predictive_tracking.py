@@ -21,7 +21,7 @@ from paretoik.resolution.predictive import PredictiveTraces, rhythms
 from paretoik.resolution.resolve import resolve
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.curves import wrapped
+from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
@@ -157,7 +157,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         assert isinstance(traces, PredictiveTraces)
         known = traces.updates >= 0
         looked = np.where(known, traces.iterations + 1, 0).sum(axis=1) / known.sum(axis=1) * X[:, 0].astype(int)
-        apart = wrapped(motion.q - self.optimum.q, self.task.arm.periodic)
+        apart = wrap_difference(motion.q - self.optimum.q, self.task.arm.periodic)
         distance = np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1))
         out["F"] = np.stack([self.objective.sign * self.objective(motion), looked, distance], axis=1)
         out["G"] = (np.abs(traces.errors).max(axis=(-2, -1)) / LOST - 1.0)[:, None]

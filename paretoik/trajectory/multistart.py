@@ -18,8 +18,8 @@ from jaxtyping import Float, Int
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.solutions import STATUSES, Solutions, concatenate
-from paretoik.self_motion.branches import labels
-from paretoik.self_motion.starts import candidates, pushed, swept
+from paretoik.self_motion.branches import branch_labels
+from paretoik.self_motion.starts import perturbed_starts, rollout_starts, travelling_starts
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import objective
@@ -119,8 +119,8 @@ def coarse_starts(task: MotionTask, *, starts: int, seed: int) -> Float[np.ndarr
 
 
 def _starts(level: MotionTask, wanted: int, rng: np.random.Generator) -> Float[np.ndarray, "starts samples dof"]:
-    rolled = candidates(level, POOL * wanted, rng)
-    away = swept(level, wanted, rng)[: wanted // 2]
+    rolled = rollout_starts(level, POOL * wanted, rng)
+    away = travelling_starts(level, wanted, rng)[: wanted // 2]
     few = wanted - len(away)
     return np.concatenate([_promising(level, rolled[: POOL * few], few), away])
 
@@ -163,8 +163,10 @@ class _Further:
 
     def _others(self) -> Float[np.ndarray, "starts samples dof"]:
         if self.rounds % 2:
-            return pushed(self.level, self.rng.permutation(self.q)[: 2 * self.wanted], self.rng)[: self.wanted]
-        return swept(self.level, 2 * self.wanted, self.rng)[: self.wanted]
+            return perturbed_starts(self.level, self.rng.permutation(self.q)[: 2 * self.wanted], self.rng)[
+                : self.wanted
+            ]
+        return travelling_starts(self.level, 2 * self.wanted, self.rng)[: self.wanted]
 
     def _laid(self) -> Float[np.ndarray, "ways samples dof"]:
         self.gridded = True
@@ -179,8 +181,8 @@ class _Further:
         if self.in_vain >= PATIENCE or self.rounds > HOPS:
             return found.x[:0]
         near = found.x[_distinct(self.level, found, found.objectives[:, 0], most=HOPPING)]
-        hops = pushed(self.level, np.repeat(near, -(-self.wanted // len(near)), axis=0), self.rng)
-        return np.concatenate([hops, swept(self.level, self.wanted, self.rng)])
+        hops = perturbed_starts(self.level, np.repeat(near, -(-self.wanted // len(near)), axis=0), self.rng)
+        return np.concatenate([hops, travelling_starts(self.level, self.wanted, self.rng)])
 
 
 def _ways(level: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, "ways samples dof"]:
@@ -329,7 +331,7 @@ def _promising(
     cost = np.sum(values / np.maximum(np.abs(values).mean(axis=1, keepdims=True), 1e-300), axis=0)
     over = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(q))
     order = np.lexsort((cost, np.round(over, 2)))
-    branch = np.array(labels(task.motion(q[order])))
+    branch = np.array(branch_labels(task.motion(q[order])))
     turn = np.empty(len(order), dtype=int)
     for name in np.unique(branch):
         members = np.flatnonzero(branch == name)
@@ -364,5 +366,7 @@ def _optima(task: MotionTask, found: Solutions) -> tuple[Optimum, ...]:
     objective = task.objectives[0]
     return tuple(
         Optimum(motion=motion, objective=float(value), label=label, status=STATUSES[int(status)])
-        for motion, value, label, status in zip(motions, objective(motions), labels(motions), found.status, strict=True)
+        for motion, value, label, status in zip(
+            motions, objective(motions), branch_labels(motions), found.status, strict=True
+        )
     )

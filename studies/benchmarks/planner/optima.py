@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from paretoik.nlp.compiled.interior_point import Rules
-from paretoik.self_motion.starts import JUMP
+from paretoik.self_motion.starts import LONGEST_JUMP
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.multistart import APART, COLD, Plan
@@ -32,7 +32,7 @@ def optima(
     for asked, each in found.items():
         label = LABELS[asked.solver]
         ended = distinct(task, [s for s in each if s.solved])
-        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= JUMP]
+        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= LONGEST_JUMP]
         if not theirs:
             continue
         below = plan.best.objective / theirs[0].value - 1
@@ -67,7 +67,11 @@ def optima(
             )
         )
         lost, jumps = len(plan.optima) < len(theirs) and row.startswith(COUNTED), len(ended) - len(theirs)
-        left_out = f"{jumps} of theirs left out: a joint jumps by more than {JUMP} rad between samples" if jumps else ""
+        left_out = (
+            f"{jumps} of theirs left out: a joint jumps by more than {LONGEST_JUMP} rad between samples"
+            if jumps
+            else ""
+        )
         rows.append(
             Row(
                 table="distinct optima",
