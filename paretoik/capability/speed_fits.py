@@ -27,7 +27,7 @@ from paretoik.capability.speed_models import (
 )
 from paretoik.errors import InvalidInput, SolverFailed, check_size
 from paretoik.nlp.conic import Constraints
-from paretoik.nlp.subproblem import step
+from paretoik.nlp.subproblem import solve_subproblem
 from paretoik.robot.pose import finite_array
 
 Places: TypeAlias = Float[np.ndarray, "samples task"]
@@ -231,13 +231,13 @@ class LogErrors:
             hessian = sparse.csr_array(axes * (np.maximum(curvatures, 0.0) + damping * curvatures[-1]) @ axes.T)
             within = Constraints(unknowns=numbers.size, values=-margin - found, jacobian=sparse.csr_array(-slopes))
             try:
-                best = step(slopes.T @ found, hessian, within, yielding=0, radius=LONGEST, price=1.0)
+                best = solve_subproblem(slopes.T @ found, hessian, within, elastic=0, radius=LONGEST, penalty=1.0)
             except SolverFailed:
                 break
             promised = -(2 * found @ slopes @ best.step + best.step @ (hessian @ best.step))
             if promised <= SAFE_CONVERGED * (found @ found):
                 return self.held(numbers, ended=True)
-            moved, tight = numbers + best.step.reshape(numbers.shape), best.limits > TIGHT * best.limits.max()
+            moved, tight = numbers + best.step.reshape(numbers.shape), best.multipliers > TIGHT * best.multipliers.max()
             back = np.linalg.lstsq(slopes[tight], self(moved)[0][tight] + margin)[0]  # second-order correction
             lowered = self.lowered(moved - back.reshape(numbers.shape), margin)
             tried, changes = self(lowered)
@@ -247,7 +247,7 @@ class LogErrors:
             elif gained > 0.5 * promised:
                 damping = max(damping / 10.0, FLAT)
             if gained > 0:
-                numbers, found, slopes, multipliers = lowered, tried, changes, best.limits
+                numbers, found, slopes, multipliers = lowered, tried, changes, best.multipliers
         return self.held(numbers, ended=False)
 
 

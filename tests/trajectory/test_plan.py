@@ -21,12 +21,14 @@ def test_the_printed_arm_has_five_unconstrained_energy_optima():
 def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
     free = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
     tried = []
-    found = pk.plan(free, seed=0, observe=lambda samples, starts, _: tried.append((samples, starts)))
+    found = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
     assert tried[0][0] == 26
     assert tried[0][1] > 48
     assert found.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
     tried.clear()
-    pk.plan(tringali_2020.simulation_5(), observe=lambda samples, starts, _: tried.append((samples, starts)))
+    pk.plan(
+        tringali_2020.simulation_5(), observe=lambda level: tried.append((level.done, int(level.summary.split()[0])))
+    )
     assert tried[0] == (26, 48)  # two optima, each from many
 
 
