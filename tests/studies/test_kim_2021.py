@@ -113,7 +113,7 @@ def test_ellipses_are_judged_where_they_were_not_fitted(models):
         rows = {(row.row, row.column): row.ours for row in surrogate_rows(found)}
         assert rows[f"{name}: log", "rms"] >= rows[f"{name}: an ellipse fitted at each position", "rms"] - 0.5
         assert rows[f"{name}: log, safe", "largest overestimate"] < rows[f"{name}: log", "largest overestimate"]
-        seen = found.models["log, safe"].speeds(found.seen.positions, found.seen.directions)
+        seen = found.models["ellipsoids, safe"].speeds(found.seen.positions, found.seen.directions)
         assert np.all(seen <= found.seen.values)
 
 
@@ -213,7 +213,7 @@ def test_the_whole_program_finds_nothing_better(name):
 
 
 def test_a_step_by_ipopt_is_the_same_program(models):
-    model = models["DAM"].models["log"]
+    model = models["DAM"].models["ellipsoids"]
     position = ca.SX.sym("p", 2)
     written = ca.Function("root", [position], [root(model.logs, position)])
     np.testing.assert_allclose(written(POSITIONS["p2"]), model.roots(POSITIONS["p2"])[0], rtol=1e-9)
