@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.self_motion.starts import postures
+from paretoik.self_motion.postures import sample_postures
 from paretoik.task.motion_task import motion_task
 from problems import wan_2018
 from problems.wan_2018 import (
@@ -74,7 +74,7 @@ def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
         path,
         objectives=[pk.joint_travel],
     )
-    found = postures(task, count, np.random.default_rng(seed))
+    found = sample_postures(task, count, np.random.default_rng(seed))
     turned = (found + np.pi) % (2 * np.pi) - np.pi
     lower, upper = arm.position_limits.T
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
