@@ -1,16 +1,16 @@
 """Tringali & Cocuzza 2021: the four trajectories of Table 4, ten seconds each, from one configuration.
 
 What the paper resolves step by step is here as the global problem it is compared with: the least kinetic energy. Its
-own method is ``pk.PredictiveKineticEnergy``::
+own method is ``pk.methods.PredictiveKineticEnergy``::
 
-    pk.resolve(tringali_3r(), straight(0.4), pk.PredictiveKineticEnergy(), start=START)
+    pk.resolve(pk.arms.tringali_3r(), straight(0.4), pk.methods.PredictiveKineticEnergy(), start=START)
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from paretoik import Arm, Path, PredictiveTracking, Tracking, circle, kinetic_energy, line, tringali_3r
+from paretoik import Arm, Path, PredictiveTracking, Tracking, arms, circle, kinetic_energy, line
 
 START = (0.0, 0.327, -0.754)  # rad
 LENGTHS = (0.176, 0.176, 0.1375)
@@ -47,7 +47,7 @@ def trajectory(number: int, samples: int = SAMPLES) -> Path:
 
 def problem(number: int, arm: Arm | None = None, samples: int = SAMPLES) -> Tracking:
     """Return the least kinetic energy along a trajectory, from the paper's start."""
-    return Tracking(arm or tringali_3r(), trajectory(number, samples), objectives=[kinetic_energy], start=START)
+    return Tracking(arm or arms.tringali_3r(), trajectory(number, samples), objectives=[kinetic_energy], start=START)
 
 
 def trajectory_1() -> Tracking:
@@ -72,4 +72,4 @@ def trajectory_4() -> Tracking:
 
 def rhythm() -> PredictiveTracking:
     """Find the rhythm of looking ahead along 0.7 m: energy against the work of an update."""
-    return PredictiveTracking(tringali_3r(), trajectory(4, 201), start=START)
+    return PredictiveTracking(arms.tringali_3r(), trajectory(4, 201), start=START)

@@ -4,7 +4,8 @@ Positions move along a line by the modified trapezoidal law, Euler angles by a p
 not say which Euler angles (intrinsic ZYZ fit best), nor how long the motions take, nor where they start: durations are
 parameters with defaults that fit the times of its text, and starts are all over the self-motion of the first pose::
 
-    pk.resolve(wan_7r(), simulation(), pk.WeightedGradientProjection(feedback=80.0), start=q, unreachable="track")
+    method = pk.methods.WeightedGradientProjection(feedback=80.0)
+    pk.resolve(pk.arms.wan_7r(), simulation(), method, start=q, unreachable="track")
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
-from paretoik import Path, Pose, ProjectionGains, joint_limit_nearness, poses, velocity_limit_nearness, wan_7r
+from paretoik import Path, Pose, ProjectionGains, arms, joint_limit_nearness, poses, velocity_limit_nearness
 
 STEP = 0.005  # s
 FEEDBACK = 80.0  # 1/s
@@ -46,13 +47,13 @@ def experiment(duration: float = 1.855) -> Path:
 
 def weighted_gains() -> ProjectionGains:
     """Find the numbers of weighted gradient projection along the path of section 3.2, velocities limited."""
-    return ProjectionGains(wan_7r(), experiment(), criteria=[velocity_limit_nearness])
+    return ProjectionGains(arms.wan_7r(), experiment(), criteria=[velocity_limit_nearness])
 
 
 def plain_gains() -> ProjectionGains:
     """Find the numbers of gradient projection along the same path, positions and velocities limited."""
     criteria = [joint_limit_nearness, velocity_limit_nearness]
-    return ProjectionGains(wan_7r(), experiment(), family="plain", criteria=criteria)
+    return ProjectionGains(arms.wan_7r(), experiment(), family="plain", criteria=criteria)
 
 
 def modified_trapezoid(u: np.ndarray) -> np.ndarray:

@@ -11,14 +11,14 @@ from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
-from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.dense_sqp import Caps
+from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.pareto import refine as smooth_front
 from paretoik.pareto.gap_filling import front_rows, widest_gap
 from paretoik.pareto.refine import SmoothProblem, least
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
-from paretoik.self_motion.branches import labels
+from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.certificates import certify
 from paretoik.trajectory.epsilon import YIELD, polished_points
@@ -28,7 +28,7 @@ from paretoik.trajectory.transcription import motion_program
 EVERY = 10  # generations
 SHARE = 0.3  # of the evaluations that may go into iterations
 ALIKE = 1e-6  # of a range: what genes may say differently of a polished point
-BRIEF = Rules(barrier=1e-2, iterations=5, radius=0.1)
+BRIEF = InteriorPointOptions(barrier=1e-2, iterations=5, radius=0.1)
 NEARLY = 1e-3  # of all objectives, where one is minimised
 GAPS = 4  # of the widest that are aimed at each time
 Observed = Callable[[int, int], object]
@@ -60,7 +60,7 @@ def refine(front: Front, problem: Any = None, *, observe: Observed | None = None
     ranges = spans(front)
     found = polished_points(task, np.asarray(front.motions.q), ranges, observe)
     q = np.array(front.motions.q)
-    q[: len(found)][found.converged] = found.q[found.converged]
+    q[: len(found)][found.converged] = found.x[found.converged]
     settings = dict(front.provenance) | {"refined": {"points": len(front), "converged": int(found.converged.sum())}}
     return certified(problem, task, q, front.ids, ranges, settings)
 
@@ -179,8 +179,8 @@ class Improver:
         motions = self._task.motion(chosen)
         found = polish(self._program, motions.q, factors, caps, BRIEF)
         self.spent += int(found.iterations.sum())
-        better = np.isfinite(found.totals).all(axis=1)
-        genes: Genes = self.search.problem.encode(self._task.motion(found.q[better]))[0]
+        better = np.isfinite(found.objectives).all(axis=1)
+        genes: Genes = self.search.problem.encode(self._task.motion(found.x[better]))[0]
         return genes
 
     def _aims(self, F: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -200,7 +200,7 @@ class Improver:
             rows.append(int(i))
             mains.append(main)
             levels.append((F[i] + F[nearest[i]]) / 2)
-        names = np.array(labels(self._task.motion(q)))
+        names = np.array(branch_labels(self._task.motion(q)))
         for name in np.unique(names):
             mine = np.flatnonzero(names == name)
             rows.append(int(mine[np.argmin(shares[mine].sum(axis=1))]))

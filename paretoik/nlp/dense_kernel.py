@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from paretoik.autodiff.evaluator import BLOCK_SIZE
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
 from paretoik.nlp import interior_point_kernel as steps
@@ -99,7 +100,7 @@ def allocate_workspace(kernel, x):
         places, rows = kernel.parts[p, 0], kernel.parts[p, 3]
         given = max(given, (kernel.parts[p, 1] + kernel.parts[p, 2] + rows) * places)
         for which in range(3):
-            space = max(space, kernel.programs[p, which, 8] * min(places, 128))
+            space = max(space, kernel.programs[p, which, 8] * min(places, BLOCK_SIZE))
     return DenseWorkspace(
         np.zeros(given),
         np.empty(space),
@@ -135,7 +136,7 @@ def _run_part(kernel, work, x, p, which, out):
     for i in range(rows * places):
         inputs[begin + i] = work.multipliers[kernel.row[first + i]] if which == SECOND else 0.0
     ends = kernel.programs[p, which]
-    width = min(places, 128)
+    width = min(places, BLOCK_SIZE)
     run(
         (
             kernel.code[ends[0] : ends[1]],

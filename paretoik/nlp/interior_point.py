@@ -17,12 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-
 from numba import njit
 
 from paretoik.compilation import compiled
-
-from paretoik.nlp.array_loops import clear, dot, finite_indices, norm
+from paretoik.nlp.array_loops import clear, dot, finite_indices
 from paretoik.nlp.bordered_cholesky import factorise, solve
 from paretoik.nlp.elastic import (
     barrier_terms,
@@ -51,55 +49,18 @@ from paretoik.nlp.interior_point_kernel import (
     restore,
     retract,
 )
-
-CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE = 0, 1, 2, 3, 4, 5
-
-
-class InteriorPointOptions(NamedTuple):
-    """Settings of the interior-point method; none has a unit except ``longest_step`` and ``radius``."""
-
-    barrier: float = 0.1  # μ of the first subproblem
-    last_barrier: float = 1e-13  # μ of the last
-    penalty: float = 1.0  # of one unit of violation, to begin with
-    tolerance: float = 1e-8  # of stationarity, and of violations
-    iterations: int = 150  # at most
-    radius: float = 0.3  # [rad or m] of the first step, where sequential quadratic programming takes over
-    longest_step: float = 0.4  # [rad or m] of any joint: too little to reach another branch of the self-motion unseen
-    barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
-    barrier_power: float = 1.5
-    barrier_tolerance: float = 10.0  # times μ: the error up to which a subproblem counts as solved; ibid., Eq. 5
-    penalty_factor: float = 10.0  # by which the penalty grows
-    penalty_barrier: float = 3e-3  # μ from which on violations make the penalty grow
-    soft_violation: float = 100.0  # times μ over penalty: a violation that the barrier alone explains
-    helpless_growth: float = 100.0  # of the penalty without halving the violation: the constraints cannot all hold
-    armijo: float = 1e-4  # Nocedal & Wright, Eq. 3.4
-    halvings: int = 40  # of a step at most
-    boundary_fraction: float = 0.995  # of the way to where a slack or multiplier is 0; Nocedal & Wright, Eq. 19.9
-    multiplier_range: float = 1e8  # by which a multiplier may differ from μ over its slack; Wächter & Biegler, Eq. 16
-    flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
-    merit_rounding: float = 1e-14  # of the merit function, relative
-    stalled_steps: int = 5  # at the last barrier whose decrease is rounding, after which it stops
-    implied_slacks: bool = True  # slacks follow c at every point; else they are unknowns, with residuals and a filter
-    least_slack: float = 1e-2  # that unknown slacks begin with, or √μ where that is less
-    residual_tolerance: float = 1e-10  # of the sum of residuals
-    large_multiplier: float = np.inf  # mean of the multipliers beyond which errors count relative to it; ibid., Eq. 5
-    filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18
-    filter_infeasible: float = 1e-4  # of the first residual, up to which the merit alone may decide; ibid., Eq. 21
-    restorations: int = 12  # at most: the filter is cleared, or slacks follow c again
-
+from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
 
 inlined = njit(inline="always", nogil=True, error_model="numpy")
-
-OPTIONS = InteriorPointOptions()
 
 
 class Iteration(NamedTuple):
     """What one iteration works with; bounds on objectives stand below the inequalities c of the kernel."""
 
     bounds: np.ndarray  # (bounds,) which rows have a finite bound
-    F: np.ndarray  # (objectives,)
-    trial_F: np.ndarray
-    dF: np.ndarray  # along the step
+    objectives: np.ndarray  # (objectives,)
+    trial_objectives: np.ndarray
+    objective_changes: np.ndarray  # along the step
     c: np.ndarray  # (constraints,)
     trial_c: np.ndarray
     dc: np.ndarray
@@ -152,8 +113,8 @@ def minimise(kernel, x, weights, rows, upper, options):
     status, iteration, stationarity, violation = ITERATION_LIMIT, 0, np.inf, np.inf
     if not restore(kernel, work, x):
         status = VIOLATED
-    _evaluate(kernel, work, x, rows, upper, it.bounds, it.F, it.c)
-    if not _all_finite(it.F, it.c):
+    _evaluate(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
+    if not _all_finite(it.objectives, it.c):
         status = NOT_FINITE
     infeasible = options.filter_infeasible * max(1.0, _begin_slacks(barrier, it, options))
     for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
@@ -181,7 +142,7 @@ def minimise(kernel, x, weights, rows, upper, options):
             status = NO_PROGRESS
             break
         length, slope = _direction(kernel, work, weights, rows, barrier, options, dx, it)
-        before = dot(weights, it.F) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
+        before = dot(weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
         theta = _residual_sum(it.r, options)
         flat = theta == 0.0 and (
             -slope <= options.flat_decrease * (1 + abs(before)) or stalled >= options.stalled_steps
@@ -206,7 +167,7 @@ def minimise(kernel, x, weights, rows, upper, options):
                 reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
                 central_multipliers(it.s, barrier.mu, it.z)
             entries = 0
-    return x, status, iteration, it.F, it.z, stationarity, violation
+    return x, status, iteration, it.objectives, it.z, stationarity, violation
 
 
 @inlined
@@ -285,8 +246,8 @@ def _evaluate(kernel, work, x, rows, upper, bounds, F, c):
 @inlined
 def _accept(it):
     """Take the trial values."""
-    for k in range(len(it.F)):
-        it.F[k] = it.trial_F[k]
+    for k in range(len(it.objectives)):
+        it.objectives[k] = it.trial_objectives[k]
     for i in range(len(it.c)):
         it.c[i], it.s[i], it.t[i], it.r[i] = it.trial_c[i], it.trial_s[i], it.trial_t[i], it.trial_r[i]
 
@@ -391,10 +352,12 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
 
     Nocedal & Wright, algorithm 3.3. Infinity says that none does: the matrix is not finite.
     """
-    added = 0.0
+    added, most = 0.0, largest
+    for i in range(A.shape[0]):
+        most = max(most, abs(A[i, 0]))
     while not factorise(A, B, C, L, X, S, C.shape[0] - border):
         more = max(1e-9 * largest, delta / 4, 8 * added, 1e-300)
-        if not more < 1e15 * largest:
+        if not more < 1e15 * most:
             return np.inf
         for i in range(A.shape[0]):
             A[i, 0] += more - added
@@ -409,12 +372,12 @@ def _direction(kernel, work, weights, rows, barrier, options, dx, it):
     """Write the step in x and what changes along it; return how far it may go and the merit function's slope."""
     largest = expand_step(kernel, work, it.step, dx)
     length = min(1.0, options.longest_step / max(largest, 1e-300))
-    directional_derivatives(kernel, work, dx, it.dF, it.dc)
+    directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
     inequalities = len(it.c) - len(it.bounds)
     for e in range(len(it.bounds)):
         change = 0.0
-        for k in range(len(it.dF)):
-            change += rows[it.bounds[e], k] * it.dF[k]
+        for k in range(len(it.objective_changes)):
+            change += rows[it.bounds[e], k] * it.objective_changes[k]
         it.dc[inequalities + e] = -change
     for i in range(len(it.dz)):
         it.dz[i] = it.force[i] - it.z[i] - it.stiffness[i] * it.dc[i]
@@ -424,7 +387,7 @@ def _direction(kernel, work, weights, rows, barrier, options, dx, it):
     else:
         newton_slacks(it.s, it.t, it.z, it.dz, mu, penalty, it.ds, it.dt)
         slope, length = limit_step(it.s, it.t, it.ds, it.dt, mu, penalty, length, fraction)
-    slope += dot(weights, it.dF)
+    slope += dot(weights, it.objective_changes)
     return length, min(slope, 0.0) if options.implied_slacks else slope
 
 
@@ -437,12 +400,12 @@ def _search(
     after, mu, penalty = before, barrier.mu, barrier.penalty
     for _ in range(options.halvings):
         if retract(kernel, work, x, dx, length, trial):
-            _evaluate(kernel, work, trial, rows, upper, it.bounds, it.trial_F, it.trial_c)
+            _evaluate(kernel, work, trial, rows, upper, it.bounds, it.trial_objectives, it.trial_c)
             if options.implied_slacks:
                 reset_slacks(it.trial_c, mu, penalty, it.trial_s, it.trial_t, it.trial_r)
             else:
                 step_slacks(it.trial_c, it.s, it.t, it.ds, it.dt, length, it.trial_s, it.trial_t, it.trial_r)
-            after = dot(weights, it.trial_F) + merit_terms(it.trial_s, it.trial_t, mu, penalty)
+            after = dot(weights, it.trial_objectives) + merit_terms(it.trial_s, it.trial_t, mu, penalty)
             accepted, entries = _filter_accepts(
                 theta, before, _residual_sum(it.trial_r, options), after, slope, length, infeasible, it.filter,
                 entries, options

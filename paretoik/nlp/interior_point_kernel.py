@@ -6,10 +6,9 @@ A kernel is a NamedTuple of arrays that describes one program to compiled code:
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
 The method walks along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
-step), and ``retract`` leads back to h(x) = 0. Its Newton matrix, reduced to Z, is stored as a banded block with a border,
-[[A, B], [Bᵀ, C]]: A (size, band) holds entry (i, i − d) at [i, d]. A dense matrix is one whose band is as wide as its
-size. numba chooses the implementation by the kernel's class when it compiles the method (``implement``), so that no
-call is indirect.
+step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
+A (size, band) holds entry (i, i − d) at [i, d]; a dense matrix is one whose band is as wide as its size. numba chooses
+the implementation by the kernel's class when it compiles the method (``implement``), so that no call is indirect.
 """
 
 from __future__ import annotations
@@ -20,6 +19,8 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 
 def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register the decorated function as what a step does for kernels of a class."""
@@ -29,7 +30,7 @@ def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callabl
             suits = isinstance(kernel, types.NamedTuple) and kernel.instance_class is kernel_class
             return function if suits else None
 
-        overload(step, strict=False, jit_options={"nogil": True, "error_model": "numpy"})(choose)
+        overload(step, strict=False, jit_options=JIT_OPTIONS)(choose)
         return function
 
     return register
@@ -50,7 +51,7 @@ def restore(kernel: Any, work: Any, x: Any) -> Any:
     raise NotImplementedError
 
 
-def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:  # noqa: N803
+def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
     """Write objectives F and the first entries of c at x."""
     raise NotImplementedError
 
@@ -75,8 +76,8 @@ def residual_norm(kernel: Any, residual: Any) -> Any:
     raise NotImplementedError
 
 
-def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:  # noqa: N803
-    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; the matrices are 0 before."""
+def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal, for multiples of the identity."""
     raise NotImplementedError
 
 
@@ -85,7 +86,7 @@ def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
     raise NotImplementedError
 
 
-def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -> Any:  # noqa: N803
+def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -> Any:
     """Write the derivatives of F and c along dx."""
     raise NotImplementedError
 

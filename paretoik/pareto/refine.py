@@ -15,8 +15,8 @@ from jaxtyping import Float
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
 from paretoik.nlp.criticality import Criticality, criticality
+from paretoik.nlp.dense_program import minimise_dense
 from paretoik.nlp.dense_sqp import Caps, Local, Minimum, local, minimised
-from paretoik.nlp.filter_interior_point import approached
 from paretoik.nlp.traced import Rows
 from paretoik.pareto.exchange_rates import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
 
@@ -66,7 +66,7 @@ def least(
 ) -> Minimum | None:
     """Return the local minimum of a cost below caps that interior points lead to; None where they lead to none."""
     try:
-        end = approached(sketch.program, cost, z, caps=caps)
+        end = minimise_dense(sketch.program, cost, z, caps=caps)
     except (EvaluationFailed, SolverFailed):
         return None
     return end if end.converged and end.violation <= HELD else None
@@ -170,10 +170,10 @@ def _critical(sketch: Sketch, at: Local, ranges: np.ndarray) -> Criticality:
 def _status(sketch: Sketch, at: Local, found: Criticality, gradients: np.ndarray, ranges: np.ndarray) -> str:
     """Return whether the curvature on the critical cone says minimum or saddle."""
     slopes = at.slopes @ at.basis
-    strong, counts = found.limits > COUNTS, found.weights >= COUNTS
+    strong, counts = found.multipliers > COUNTS, found.weights >= COUNTS
     weak = ~strong & (at.room <= ACTIVE)
-    pulls = -at.back.T @ ((sketch.costs / ranges[:, None]).T @ found.weights - at.slopes.T @ found.limits)
-    table = at.basis.T @ sketch.program.curvature(at.z, np.concatenate([pulls, -found.limits])) @ at.basis
+    pulls = -at.back.T @ ((sketch.costs / ranges[:, None]).T @ found.weights - at.slopes.T @ found.multipliers)
+    table = at.basis.T @ sketch.program.curvature(at.z, np.concatenate([pulls, -found.multipliers])) @ at.basis
     held = np.concatenate([gradients[counts], slopes[strong]])
     held = held / np.maximum(np.linalg.norm(held, axis=1, keepdims=True), 1e-300)
     _, sizes, rows = np.linalg.svd(held)

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.autodiff.differentiation import gradient, hessian, used
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.differentiation import dependencies, gradient, hessian
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.derivatives import TracedMotion, local
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -50,8 +50,8 @@ class Horizon:
     dof: int
     rows: int
     interval: float
-    first: Program
-    second: Program
+    first: Evaluator
+    second: Evaluator
     places: tuple[np.ndarray, np.ndarray]
 
     def solved(
@@ -65,7 +65,7 @@ class Horizon:
         rest = np.zeros(self.ahead * self.rows + self.dof)
         given = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), rest])[:, None]
         value, converged, iterations = _compiled()(
-            self.first.parts, self.second.parts, *self.places, given, self.ahead, self.dof, self.rows
+            self.first.arrays, self.second.arrays, *self.places, given, self.ahead, self.dof, self.rows
         )
         return Found(q=given[: q.size].reshape(q.shape), value=value, converged=converged, iterations=iterations)
 
@@ -96,32 +96,32 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
         value = local(motion, what, objective.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
-        term = Expression(tape, entry(tape, value)) * (objective.sign * interval * (1.0 if left else 1.0 + terminal))
-        total = entry(tape, Expression(tape, total) + term)
-        links, begun = chain(task.arm, list(q.entries)), 0
+        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * (1.0 if left else 1.0 + terminal))
+        total = as_entry(tape, Expression(tape, total) + term)
+        links, begun = link_frames(task.arm, list(q.entries)), 0
         for each in task.tasks:
             found = each.equations(task.arm, links, wanted[begun : begun + each.numbers])
-            equations += [entry(tape, one) for one in found]
-            slopes += [entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
+            equations += [as_entry(tape, one) for one in found]
+            slopes += [as_entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
             begun += each.numbers
         lagrangian += list(multiplier.entries)
-    read, variables = set(used(tape, [total])), [entry(tape, one) for q in samples for one in q.entries]
-    if read & {entry(tape, one) for one in jerk.entries} or trace.data:
+    read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
+    if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")
     if not read & set(variables):
         raise InvalidInput(f"{what}: is the same whatever {task.arm.name} does; has it no masses?")
     weighed = Expression(tape, total)
     for one, equation in zip(lagrangian, equations, strict=True):
         weighed = weighed + one * Expression(tape, equation)
-    second = hessian(tape, entry(tape, weighed), variables)
+    second = hessian(tape, as_entry(tape, weighed), variables)
     places = np.array(list(second)).reshape(-1, 2).T
     return Horizon(
         ahead=ahead,
         dof=n,
         rows=task.rows,
         interval=interval,
-        first=program(tape, [total, *gradient(tape, total, variables), *equations, *slopes]),
-        second=program(tape, list(second.values())),
+        first=compile_evaluator(tape, [total, *gradient(tape, total, variables), *equations, *slopes]),
+        second=compile_evaluator(tape, list(second.values())),
         places=(places[0], places[1]),
     )
 

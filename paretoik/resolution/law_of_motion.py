@@ -10,12 +10,13 @@ from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
 from paretoik.autodiff.differentiation import gradient, tangents
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Op, Tape, entry
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.operations import Op
+from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 
 KNOTS = 2000  # of the splines that paths are differentiated by
@@ -42,7 +43,7 @@ class Law:
     task: MotionTask
     course: tuple[Any, Any, Any]
     sign: float
-    known: Program
+    known: Evaluator
 
     def __call__(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
         """Return the rates of states (motions, 2 dof): velocities and accelerations."""
@@ -96,7 +97,7 @@ def law_of_motion(task: MotionTask, *, as_printed: bool) -> Law:
     )
 
 
-def _written(task: MotionTask, arm: Arm) -> Program:
+def _written(task: MotionTask, arm: Arm) -> Evaluator:
     """Return the program of what an ``Instant`` holds, of q, q̇, and the targets with their two derivatives in time.
 
     Along the path the path equations h(q, x) = 0 stay what they are: J q̇ + ∂h/∂x ẋ = 0, and once more.
@@ -104,10 +105,10 @@ def _written(task: MotionTask, arm: Arm) -> Program:
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     parts: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
     q, dq, *course = parts
-    links, equations, begun = chain(arm, q), list[int](), 0
+    links, equations, begun = link_frames(arm, q), list[int](), 0
     for one in task.tasks:
         wanted = course[0][begun : begun + one.numbers]
-        equations += [entry(tape, value) for value in one.equations(arm, links, wanted)]
+        equations += [as_entry(tape, value) for value in one.equations(arm, links, wanted)]
         begun += one.numbers
     joints, rates = ([value.index for value in values] for values in (q, dq))
     targets, moved, bent = ([value.index for value in values] for values in course)
@@ -119,9 +120,9 @@ def _written(task: MotionTask, arm: Arm) -> Program:
     still, units = [0.0] * dof, np.eye(dof).tolist()
     inertia = [dynamics.torque_components(arm, q, still, unit) for unit in units]
     torque = dynamics.torque_components(arm, q, dq, still)
-    forces = [entry(tape, value) for value in (*(value for column in inertia for value in column), *torque)]
+    forces = [as_entry(tape, value) for value in (*(value for column in inertia for value in column), *torque)]
     turned = [tape.apply(Op.NEGATE, value) for value in (*drawn, *twice)]
-    return program(tape, [*jacobian, *turned, *forces])
+    return compile_evaluator(tape, [*jacobian, *turned, *forces])
 
 
 def _balanced(at: Instant, force: np.ndarray, wanted: np.ndarray) -> np.ndarray:

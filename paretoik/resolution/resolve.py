@@ -27,8 +27,8 @@ from paretoik.resolution.traces import ResolvedMotion, resolved
 from paretoik.resolution.variational import variational
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.self_motion.starts import postures
-from paretoik.self_motion.starts import unreachable as out_of_reach
+from paretoik.self_motion.postures import reach_error as out_of_reach
+from paretoik.self_motion.postures import sample_postures
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
@@ -104,7 +104,7 @@ def resolve(
 
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.3678, 0.0], duration=1.0, samples=101)
-    >>> motion = resolve(pk.tringali_3r(), path, pk.PseudoInverse(), start=[0.0, 0.327, -0.754])
+    >>> motion = resolve(pk.arms.tringali_3r(), path, pk.methods.PseudoInverse(), start=[0.0, 0.327, -0.754])
     >>> motion.q.shape
     (101, 3)
     """
@@ -141,7 +141,7 @@ def _starts(task: MotionTask, given: object, seed: int) -> np.ndarray:
     """Return the postures (*batch, dof) that motions start in."""
     if given is None:
         rng = np.random.default_rng(seed)
-        found = postures(task, TRIED, rng)
+        found = sample_postures(task, TRIED, rng)
         if not len(found):
             raise out_of_reach(task, rng, 0)
         slopes = np.moveaxis(
@@ -176,7 +176,7 @@ def _followed(
 
     def follow(first: int, last: int) -> None:
         given = program.table, steps, bounds, modes, asked.settings, asked.gains, signs, found
-        engine().followed(first, last, program.written.parts, *given)
+        engine().followed(first, last, program.written.arrays, *given)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()

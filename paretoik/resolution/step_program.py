@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.autodiff.differentiation import gradient, used
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.differentiation import dependencies, gradient
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.derivatives import local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -29,7 +29,7 @@ class StepProgram:
     to positions, or to velocities where it reads these alone.
     """
 
-    written: Program
+    written: Evaluator
     table: Float[np.ndarray, "time rows"]
 
 
@@ -42,7 +42,7 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.travels(task.times) for each in task.tasks], axis=1)
     targets, going = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
-    links = chain(task.arm, list(motion.q.entries))
+    links = link_frames(task.arm, list(motion.q.entries))
     outputs, along, slopes = list[Any](), list[Any](), list[Any]()
     for each in task.tasks:
         error, rows = each.errors(task.arm, links, targets[: each.numbers])
@@ -50,19 +50,21 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
         along += each.travelled(task.arm, links, going[: each.travel])
         slopes += [slope for row in rows for slope in row]
         targets, going = targets[each.numbers :], going[each.travel :]
-    places = [entry(tape, value) for value in (*outputs, *along, *slopes)]
-    inputs = [[entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)]
+    places = [as_entry(tape, value) for value in (*outputs, *along, *slopes)]
+    inputs = [
+        [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
+    ]
     for one in criteria:
         what = f"criterion {one.name}"
         value = local(motion, what, one.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
-        result = entry(tape, Expression(tape, entry(tape, value)) * 1.0)
-        read = {order for order, part in enumerate(inputs) if set(part) & set(used(tape, [result]))}
+        result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
+        read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
             raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
         places += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     return StepProgram(
-        written=program(tape, places),
-        table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.data.values())], axis=1),
+        written=compile_evaluator(tape, places),
+        table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.parameters.values())], axis=1),
     )

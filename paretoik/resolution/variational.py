@@ -22,7 +22,7 @@ from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.law_of_motion import Law, law_of_motion
 from paretoik.robot import dynamics
-from paretoik.self_motion.starts import charts
+from paretoik.self_motion.charts import build_charts
 from paretoik.task.motion import Motion, steepest
 from paretoik.task.motion_task import START_TOLERANCE, MotionTask
 from paretoik.task.retraction import retract, task_errors
@@ -297,7 +297,7 @@ def _is_minimum(law: Law, q: Float[np.ndarray, "motions time dof"], tolerance: f
     The neighbours must not meet a motion before its end, and must arrive there with momentum away from it.
     """
     task, (count, samples, dof) = law.task, q.shape
-    normal = charts(task, q).normal
+    normal = build_charts(task, q).null_space
     near = _neighbours(task, q[:, 0], normal[:, 0]).reshape(-1, dof)
     states = _integrated(law, np.concatenate([near, law.least_rates(near)], axis=1), task.times, tolerance)
     paths = states[..., :dof].reshape(count, -1, samples, dof)

@@ -14,12 +14,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible, SolverFailed
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import APART, coarse_starts, descended, distance, ladder, planned
-from paretoik.trajectory.polish import Polished, joined, polish
-from paretoik.trajectory.transcription import MotionProgram, motion_program
+from paretoik.trajectory.initial_motions import initial_motions
+from paretoik.trajectory.levels import OPTIONS as LEVELS
+from paretoik.trajectory.levels import level_programs, refine_levels
+from paretoik.trajectory.plan import find_optima
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
 
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
@@ -29,8 +33,8 @@ SETTLING, BESIDE = 3, 2  # rounds at most in which points try motions of so many
 INNER = (0.25, 0.5, 0.75)  # of the way from nadir to ideal: ε with cold starts of their own
 TOGETHER = 16  # motions polished at once, in between somebody may look
 POOL = 4  # optima of each objective that every ε starts from
-COLD, WARM = Rules(barrier=0.1, radius=0.2), Rules(barrier=1e-4, radius=0.02)
-NEAR = Rules(barrier=1e-6, radius=0.02)
+COLD, WARM = InteriorPointOptions(barrier=0.1, radius=0.2), InteriorPointOptions(barrier=1e-4, radius=0.02)
+NEAR = InteriorPointOptions(barrier=1e-6, radius=0.02)
 FOLLOWING = WARM._replace(iterations=60)  # a branch that takes longer to the next level has ended
 
 
@@ -57,13 +61,13 @@ def epsilon_points(
     falling and rising ε. The rest goes into the widest gaps: ε halfway between two neighbours, started from those near
     it. ``observe`` is called with points found and wanted.
 
-    Raises as ``planned`` does.
+    Raises as ``find_optima`` does.
     """
     pool, best, ranges = _alone(task, starts=starts, seed=seed)
-    programs = ladder(task, ranges)
+    programs = level_programs(task, ranges)
     ends = _ends(programs[-1], best)
-    between = _between(programs, coarse_starts(task, starts=-(-starts // 2), seed=seed), ends)
-    found = _Found(programs[-1], np.concatenate([pool, *(got.q for got in between)]), ends, ranges, observe, points)
+    between = _between(programs, initial_motions(task, starts=-(-starts // 2), seed=seed), ends)
+    found = _Found(programs[-1], np.concatenate([pool, *(got.x for got in between)]), ends, ranges, observe, points)
     for got in between:
         found.add_all(got)
     if len(ranges) == 2:  # half of the points along every branch, evenly in the second objective
@@ -84,19 +88,19 @@ class _Found:
         self,
         program: MotionProgram,
         pool: np.ndarray,
-        ends: Polished,
+        ends: Solutions,
         ranges: np.ndarray,
         observe: Callable[[int, int], object] | None,
         wanted: int,
     ) -> None:
         self.program, self.pool, self.ranges = program, pool, ranges
-        self.q, self.values = ends.q, ends.totals
+        self.q, self.values = ends.x, ends.objectives
         self.observe, self.wanted = observe, wanted
 
     def add(self, main: int, caps: np.ndarray) -> bool:
         """Minimise objective ``main`` below caps from the nearest points; return whether that is a new one."""
         got = self._best(main, caps, self._nearest(caps))
-        if got is None or known(got.totals[0], self.values):
+        if got is None or known(got.objectives[0], self.values):
             return False
         self.add_all(got)
         return True
@@ -122,12 +126,12 @@ class _Found:
                 kept = part[part.converged]
                 kept = kept[_apart(task, kept)]
                 self.add_all(kept)
-                q[way] = kept.q
+                q[way] = kept.x
 
-    def add_all(self, got: Polished) -> None:
+    def add_all(self, got: Solutions) -> None:
         """Keep points: whether they are part of the front is seen later."""
-        self.q = np.concatenate([self.q, got.q])
-        self.values = np.concatenate([self.values, got.totals])
+        self.q = np.concatenate([self.q, got.x])
+        self.values = np.concatenate([self.values, got.objectives])
         if self.observe is not None:
             self.observe(len(self.front()[0]), self.wanted)
 
@@ -136,7 +140,7 @@ class _Found:
         apart = np.abs(values - np.where(np.isfinite(caps), caps, values)).max(axis=1)
         return np.argsort(apart, kind="stable")[:NEAREST]
 
-    def _best(self, main: int, caps: np.ndarray, nearest: np.ndarray) -> Polished | None:
+    def _best(self, main: int, caps: np.ndarray, nearest: np.ndarray) -> Solutions | None:
         """Return the best motion below caps that these points' motions lead to."""
         factors, below = np.zeros((1, len(self.program.totals))), np.full((1, len(self.program.totals)), np.inf)
         factors[0, : len(caps)] = WEIGHT
@@ -145,7 +149,7 @@ class _Found:
         got = polish(self.program, self.q[nearest], factors, below, WARM)
         if not got.converged.any():
             return None
-        best = int(np.argmin(np.where(got.converged, got.totals[:, main], np.inf)))
+        best = int(np.argmin(np.where(got.converged, got.objectives[:, main], np.inf)))
         return got[best : best + 1]
 
     def front(self) -> tuple[np.ndarray, np.ndarray]:
@@ -160,7 +164,7 @@ def polished_points(
     q: Float[np.ndarray, "points time dof"],
     ranges: np.ndarray,
     observe: Callable[[int, int], object] | None = None,
-) -> Polished:
+) -> Solutions:
     """Return motions that are at least as good as given ones in every objective, each from its own given motion.
 
     The first objective is minimised, the others may not rise. ``sums`` are divided by the ranges. ``observe`` is called
@@ -172,24 +176,24 @@ def polished_points(
     factors, caps = np.zeros((1, len(program.totals))), np.full((len(q), len(program.totals)), np.inf)
     factors[0, :count] = [1.0, *[YIELD] * (count - 1)]
     caps[:, 1:count] = values[:, 1:]
-    parts = list[Polished]()
+    parts = list[Solutions]()
     for first in range(0, len(q), TOGETHER):
         rows = slice(first, first + TOGETHER)
         found = polish(program, q[rows], factors, caps[rows], WARM)
         again = ~found.converged
         if again.any():
-            found = found.merged(again, polish(program, q[rows][again], factors, caps[rows][again], COLD))
+            found = found.replace_rows(again, polish(program, q[rows][again], factors, caps[rows][again], COLD))
         parts.append(found)
         if observe is not None and observe(min(first + TOGETHER, len(q)), len(q)):
             break
-    return joined(parts)
+    return concatenate(parts)
 
 
 def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (motions to start from, the best of each objective alone, ranges of the objectives)."""
     pool, best = [], []
     for objective in task.objectives:
-        plan = planned(replace(task, objectives=(objective,)), starts=starts, seed=seed)
+        plan = find_optima(replace(task, objectives=(objective,)), starts=starts, seed=seed)
         pool += [optimum.motion.q for optimum in plan.optima[:POOL]]
         best.append(plan.best.motion.q)
     motions = task.motion(np.stack(best))
@@ -200,12 +204,12 @@ def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
     unique: list[np.ndarray] = []
     for q in pool:
-        if not unique or distance(task, q, np.stack(unique)).min() > APART:
+        if not unique or joint_distance(task, q, np.stack(unique)).min() > LEVELS.distinct:
             unique.append(q)
     return np.stack(unique), np.stack(best), ranges
 
 
-def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> Polished:
+def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> Solutions:
     """Return the ends of the front: each objective at its best, the others as good as they can be there."""
     count = len(best)
     factors = np.zeros((count, len(program.totals)))
@@ -213,28 +217,28 @@ def _ends(program: MotionProgram, best: Float[np.ndarray, "n_obj time dof"]) -> 
     ends = polish(program, best, factors, rules=WARM)
     for rules in (NEAR, COLD):  # from a flat valley one may get lost, or find a better one
         other = polish(program, best, factors, rules=rules)
-        worth = [np.where(one.converged, np.sum(factors * one.totals, axis=1), np.inf) for one in (ends, other)]
+        worth = [np.where(one.converged, np.sum(factors * one.objectives, axis=1), np.inf) for one in (ends, other)]
         better = worth[1] < worth[0] - SAME
-        ends = ends.merged(better, other[better])
+        ends = ends.replace_rows(better, other[better])
     if not ends.converged.all():
         failed = program.task.objectives[int(np.argmin(ends.converged))].name
         raise SolverFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
     own, weight = np.eye(count) > 0, np.full(count, FIRST_WEIGHT)
     for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
         factors[:, :count] = np.where(own, 1.0, weight[:, None])
-        finished = polish(program, ends.q, factors, rules=WARM)
-        given = np.diagonal(finished.totals) - np.diagonal(ends.totals)
+        finished = polish(program, ends.x, factors, rules=WARM)
+        given = np.diagonal(finished.objectives) - np.diagonal(ends.objectives)
         weight = weight * np.sqrt(YIELD / np.maximum(given, YIELD)) / 2
         kept = finished.converged & (given <= YIELD)
         if kept.all():
             break
-    return ends.merged(kept, finished[kept])
+    return ends.replace_rows(kept, finished[kept])
 
 
-def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished) -> list[Polished]:
+def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Solutions) -> list[Solutions]:
     """Return the optima that many starts lead to below some ε: a branch may belong to no objective's own optimum."""
     count = len(programs[-1].task.objectives)
-    ideal, nadir = ends.totals[:, :count].min(axis=0), ends.totals[:, :count].max(axis=0)
+    ideal, nadir = ends.objectives[:, :count].min(axis=0), ends.objectives[:, :count].max(axis=0)
     found = []
     for share in INNER if count == 2 else INNER[1:2]:
         for main in range(count):
@@ -243,7 +247,7 @@ def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Polished
             factors = np.full(count, WEIGHT)
             factors[main] = 1.0
             with suppress(Infeasible):  # where all that is found leaves the path, this ε adds nothing
-                got, _ = descended(programs, cold, factors, caps)
+                got, _ = refine_levels(programs, cold, factors, caps)
                 found.append(got[got.converged][:POOL])
     return found
 
@@ -267,17 +271,17 @@ def _settle(found: _Found, points: int) -> None:
         caps = np.full((near.size, len(found.program.totals)), np.inf)
         caps[:, : values.shape[1]] = np.repeat(values, near.shape[1], axis=0)
         got = polish(found.program, q[near.ravel()], factors, caps, WARM)
-        gained = np.repeat(values.sum(axis=1), near.shape[1]) - got.totals[:, : values.shape[1]].sum(axis=1)
+        gained = np.repeat(values.sum(axis=1), near.shape[1]) - got.objectives[:, : values.shape[1]].sum(axis=1)
         better = got.converged & (gained > 10 * SAME)
         if not better.any():
             return
         found.add_all(got[better])
 
 
-def _apart(task: MotionTask, got: Polished) -> Int[np.ndarray, " kept"]:
+def _apart(task: MotionTask, got: Solutions) -> Int[np.ndarray, " kept"]:
     """Return one of every motion that several starts led to, the best first."""
     kept: list[int] = []
-    for i in np.argsort(got.totals[:, 0], kind="stable").tolist():
-        if not kept or distance(task, got.q[i], got.q[kept]).min() > APART:
+    for i in np.argsort(got.objectives[:, 0], kind="stable").tolist():
+        if not kept or joint_distance(task, got.x[i], got.x[kept]).min() > LEVELS.distinct:
             kept.append(i)
     return np.array(kept, dtype=int)

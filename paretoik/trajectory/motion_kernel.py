@@ -117,7 +117,7 @@ def restore(kernel, work, x):
 @implement(steps.evaluate, MotionKernel)
 def evaluate(kernel, work, x, F, c):
     """Write the sums and the distances from limits of the motion x."""
-    samples, n = x.shape
+    samples = len(x)
     sums, variables = len(F), len(work.gradient_u)
     apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
     run(kernel.value, work.inputs, work.values)
@@ -150,9 +150,7 @@ def linearise(kernel, work, x):
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
         clear(gradient)
-        add_transposed_stencil(
-            work.gradients[k], kernel.quadrature, kernel.neighbours, kernel.coefficients, gradient
-        )
+        add_transposed_stencil(work.gradients[k], kernel.quadrature, kernel.neighbours, kernel.coefficients, gradient)
     return True
 
 
@@ -162,9 +160,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
     clear(work.gradient_q)
     if len(multipliers):
         _limit_gradient(kernel, work, multipliers)
-        add_transposed_stencil(
-            work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
-        )
+        add_transposed_stencil(work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q)
     for k in range(len(weights)):
         if weights[k] != 0.0:
             add_scaled(work.gradient_q, weights[k], work.objective_gradients[k])

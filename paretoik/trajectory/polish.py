@@ -9,68 +9,17 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, SINGULAR, STUCK, VIOLATED, Rules, minimise
-from paretoik.task.motion import steepest
-from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.nlp.interior_point import minimise
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions
 from paretoik.trajectory.sequential import sequential
 from paretoik.trajectory.transcription import MotionProgram
-
-AT_REST = 1e-6  # stationarity of a motion that ends at rest
-
-REASONS = {
-    CONVERGED: "converged",
-    CAPPED: "iteration limit reached",
-    STUCK: "no step makes it better",
-    SINGULAR: "at a singularity",
-    VIOLATED: "limits cannot all hold",
-}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Polished:
-    """What became of a batch of starts.
-
-    ``q`` are motions on the path, ``totals`` the program's there, ``stationarity`` the length of the Lagrangian's
-    gradient (RMS over time), ``violation`` the worst of limits and caps, ``status`` a key of REASONS.
-    """
-
-    q: Float[np.ndarray, "motions time dof"]
-    totals: Float[np.ndarray, "motions totals"]
-    stationarity: Float[np.ndarray, " motions"]
-    violation: Float[np.ndarray, " motions"]
-    status: Int[np.ndarray, " motions"]
-    iterations: Int[np.ndarray, " motions"]
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-    def __getitem__(self, rows: Any) -> Polished:
-        return Polished(**{name: values[rows] for name, values in vars(self).items()})
-
-    def merged(self, rows: Bool[np.ndarray, " motions"], other: Polished) -> Polished:
-        """Return the batch with ``rows`` replaced by another's."""
-        parts = {name: values.copy() for name, values in vars(self).items()}
-        for name, values in parts.items():
-            values[rows] = getattr(other, name)
-        return Polished(**parts)
-
-    @property
-    def converged(self) -> Bool[np.ndarray, " motions"]:
-        """Which are stationary and within their limits."""
-        return self.status == CONVERGED
-
-
-def joined(parts: Sequence[Polished]) -> Polished:
-    """Return batches as one."""
-    return Polished(**{name: np.concatenate([getattr(each, name) for each in parts]) for name in vars(parts[0])})
 
 
 def polish(
@@ -78,26 +27,26 @@ def polish(
     q: Float[np.ndarray, "motions time dof"],
     factors: Float[np.ndarray, "#motions totals"],
     caps: Float[np.ndarray, "#motions totals"] | None = None,
-    rules: Rules | Sequence[Rules] = Rules(),  # noqa: B008  a tuple of numbers
-) -> Polished:
+    rules: InteriorPointOptions | Sequence[InteriorPointOptions] = InteriorPointOptions(),
+) -> Solutions:
     """Return the local optima of Σ factors · totals, the totals below ``caps``, that starts on the path lead to.
 
     Every start goes its own way, whatever else is in the batch; ``rules`` are for all, or one a start. The program's
     own caps hold as well.
     """
-    count, q = len(q), at_rest(program.task, q) if program.task.stops else q
-    each = [rules] * count if isinstance(rules, Rules) else list(rules)
+    count, q = len(q), program.project(q)
+    each = [rules] * count if isinstance(rules, InteriorPointOptions) else list(rules)
     weights = np.broadcast_to(factors, (count, len(program.totals)))
     below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.totals)))
-    below = np.minimum(below, program.caps)
-    solver = _compiled if program.smooth else _general
+    below = np.minimum(below, program.upper)
+    solver = _compiled if program.is_smooth else _general
     found = solver(program, q, weights, below, each)
     if program.task.stops:
         # How the last sample follows is known up to the path's own last step: below that no step makes it better.
-        near = (found.status == STUCK) & (found.stationarity <= AT_REST) & (found.violation <= 1e-8)
+        near = (found.status == NO_PROGRESS) & (found.stationarity <= program.rounding) & (found.violation <= 1e-8)
         found.status[near] = CONVERGED
     if program.task.start is not None:
-        found.q[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
+        found.x[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
     return found
 
 
@@ -105,8 +54,8 @@ def within_limits(
     program: MotionProgram,
     q: Float[np.ndarray, "motions time dof"],
     caps: Float[np.ndarray, " totals"],
-    rules: Rules,
-) -> Polished:
+    rules: InteriorPointOptions,
+) -> Solutions:
     """Return the motions that violate limits and caps least, locally: nothing else is minimised.
 
     Where their status says that they converged, they hold.
@@ -115,34 +64,25 @@ def within_limits(
         program,
         q,
         np.zeros((len(q), len(caps))),
-        np.tile(np.minimum(caps, program.caps), (len(q), 1)),
+        np.tile(np.minimum(caps, program.upper), (len(q), 1)),
         [rules] * len(q),
     )
 
 
-def at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
-    wanted = np.tile(task.targets[-1], (len(q), 1))
-    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], wanted)[1])
-    found = retract(task.arm, task.tasks, q[:, -2], wanted, directions)
-    ends = np.where(found.on_path[:, None], found.q, q[:, -1])
-    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
-
-
 def _compiled(
-    program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
-) -> Polished:
-    count = len(q)
+    program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[InteriorPointOptions]
+) -> Solutions:
+    count, rows = len(q), np.eye(len(program.totals))
 
     def one(i: int) -> tuple[Any, ...]:
-        return minimise(program.compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i])
+        return minimise(program.kernel, np.ascontiguousarray(q[i]), weights[i].copy(), rows, below[i].copy(), rules[i])
 
     found = list(_pool().map(one, range(count))) if count > 1 else [one(i) for i in range(count)]
-    return Polished(
-        q=np.array([one[0] for one in found]).reshape(q.shape),
+    return Solutions(
+        x=np.array([one[0] for one in found]).reshape(q.shape),
         status=np.array([one[1] for one in found], dtype=int),
         iterations=np.array([one[2] for one in found], dtype=int),
-        totals=np.array([one[3] for one in found]).reshape(count, len(program.totals)),
+        objectives=np.array([one[3] for one in found]).reshape(count, len(program.totals)),
         stationarity=np.array([one[5] for one in found], dtype=float),
         violation=np.array([one[6] for one in found], dtype=float),
     )
@@ -158,19 +98,19 @@ os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come alo
 
 
 def _general(
-    program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
-) -> Polished:
+    program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[InteriorPointOptions]
+) -> Solutions:
     found = [
         sequential(
             program, motion, factors, caps, radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance
         )
         for motion, factors, caps, rule in zip(q, weights, below, rules, strict=True)
     ]
-    return Polished(
-        q=np.array([one.q for one in found]).reshape(q.shape),
+    return Solutions(
+        x=np.array([one.q for one in found]).reshape(q.shape),
         status=np.array([one.status for one in found], dtype=int),
         iterations=np.array([one.iterations for one in found], dtype=int),
-        totals=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
+        objectives=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
         stationarity=np.array([one.stationarity for one in found], dtype=float),
         violation=np.array([one.violation for one in found], dtype=float),
     )

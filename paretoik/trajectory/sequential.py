@@ -16,10 +16,10 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
-from paretoik.nlp.subproblem import Step, step
+from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
+from paretoik.nlp.subproblem import Step, solve_subproblem
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import retract
 from paretoik.trajectory.linearisation import Linearised, Values, evaluated, linearised
@@ -73,7 +73,7 @@ def sequential(
     ``radius`` [rad or m] is that of the first step.
     """
     at, price, multipliers = _point(program, q, caps), PRICE, None
-    length, share, status, done, residual = radius, 1.0, CAPPED, 0, np.inf
+    length, share, status, done, residual = radius, 1.0, ITERATION_LIMIT, 0, np.inf
     while done < iterations:
         done += 1
         local = linearised(program, at.q, at.values)
@@ -83,7 +83,9 @@ def sequential(
         accepted = False
         while not accepted and length > SHORTEST:
             try:
-                taken = step(gradient, hessian, model.constraints, yielding=model.yielding, radius=length, price=price)
+                taken = solve_subproblem(
+                    gradient, hessian, model.constraints, elastic=model.yielding, radius=length, penalty=price
+                )
             except SolverFailed:
                 length /= 4
                 continue
@@ -110,9 +112,9 @@ def sequential(
         if status == CONVERGED or not accepted:
             critical = status == CONVERGED or _critical(local, model, gradient)
             if at.violation > tolerance and price < DEAREST:
-                price, length, status = 10 * price, max(radius, length), CAPPED
+                price, length, status = 10 * price, max(radius, length), ITERATION_LIMIT
                 continue
-            status = (CONVERGED if critical else STUCK) if at.violation <= tolerance else VIOLATED
+            status = (CONVERGED if critical else NO_PROGRESS) if at.violation <= tolerance else VIOLATED
             break
         assert trial is not None
         at, multipliers = trial, taken
@@ -153,8 +155,8 @@ def _model(program: MotionProgram, local: Linearised, at: _Point, caps: np.ndarr
         slopes = sparse.csr_array(sparse.vstack([slopes[:limits], between, slopes[limits:]]))
     constraints = Constraints(
         unknowns=local.unknowns,
-        gaps=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
-        slopes=slopes,
+        values=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
+        jacobian=slopes,
         cones=local.cones,
     )
     return _Model(constraints=constraints, yielding=limits + len(capped), capped=capped, scales=scales)
@@ -172,9 +174,9 @@ def _curvature(
     forces = np.zeros(len(local.gaps))
     pulls: tuple[np.ndarray, ...] = ()
     if last is not None:
-        weights[model.capped] += last.limits[limits : model.yielding]
-        forces = np.concatenate([last.limits[:limits] / model.scales, last.limits[model.yielding :]])
-        pulls = last.pulls
+        weights[model.capped] += last.multipliers[limits : model.yielding]
+        forces = np.concatenate([last.multipliers[:limits] / model.scales, last.multipliers[model.yielding :]])
+        pulls = last.cone_multipliers
     plain = local.curvature(weights, forces, pulls)
     table = plain.toarray()
     used = np.flatnonzero(np.any(table != 0, axis=1) | (np.arange(len(table)) < local.unknowns))
@@ -250,14 +252,14 @@ def _bent(
                 found.append(before[span].max() + taken.step[column] - after[span])
                 column += 1
         column += not len(each.groups)
-    return replace(known, gaps=np.concatenate(found) - known.slopes @ taken.step)
+    return replace(known, values=np.concatenate(found) - known.jacobian @ taken.step)
 
 
 def _again(
     gradient: np.ndarray, hessian: sparse.csr_array, bent: Constraints, yielding: int, length: float, price: float
 ) -> Step | None:
     try:
-        return step(gradient, hessian, bent, yielding=yielding, radius=length, price=price)
+        return solve_subproblem(gradient, hessian, bent, elastic=yielding, radius=length, penalty=price)
     except SolverFailed:
         return None
 

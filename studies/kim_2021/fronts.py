@@ -18,17 +18,17 @@ import paretoik as pk
 from paretoik.capability.timing import timed
 from paretoik.nlp.dense_sqp import Caps
 from paretoik.pareto.refine import least
-from paretoik.review.plots import ACCENTS, QUIET
+from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
 from studies.kim_2021.motion_program import motion_program
 from studies.kim_2021.setting import paper as printed
 from studies.reporting import Row, drawing
 
-MECHANISMS: dict[str, Callable[[], pk.JointActuation | pk.DistributedActuation]] = {
-    "JAM": pk.kim_joint_motors,
-    "DAM": pk.kim_sliders,
-    "DAM, base −150°": lambda: pk.kim_sliders(float(np.deg2rad(-150.0))),
+MECHANISMS: dict[str, Callable[[], pk.capability.JointActuation | pk.capability.DistributedActuation]] = {
+    "JAM": pk.capability.kim_joint_motors,
+    "DAM": pk.capability.kim_sliders,
+    "DAM, base −150°": lambda: pk.capability.kim_sliders(float(np.deg2rad(-150.0))),
 }
 TABLE = "time against energy from p4 to p6, without jumps"
 RACED = "time against energy beside CasADi + IPOPT, one program from the same starts"
@@ -74,7 +74,7 @@ class Race:
 
 def problem_of(name: str, samples: int) -> pk.PointToPoint:
     """Return the problem of a mechanism."""
-    return pk.PointToPoint(pk.kim_3r(), MECHANISMS[name](), START, TARGET, samples=samples)
+    return pk.PointToPoint(pk.arms.kim_3r(), MECHANISMS[name](), START, TARGET, samples=samples)
 
 
 def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEnergy:
@@ -199,7 +199,7 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
 def _instant(problem: pk.PointToPoint, genes: np.ndarray) -> float:
     """Return the least time of a tool path if every instant had its own best posture and gears [s]."""
     q = problem.ways.finer(FINER) @ problem.profiles(genes)[0]
-    tool = kinematics.tool_pose(problem.arm, q[0])[1][:, : len(START)]
+    tool = kinematics.forward_kinematics(problem.arm, q[0])[1][:, : len(START)]
     steps, middle = np.diff(tool, axis=0), (tool[1:] + tool[:-1]) / 2
     return float(
         sum(
@@ -215,10 +215,10 @@ def drawn_fronts(folder: Path, fronts: Sequence[TimeEnergy]) -> Path:
     file = folder / "time_energy.png"
     with drawing(file, (6.4, 4.2)) as figure:
         axes = figure.subplots()
-        for one, colour in zip(fronts, (ACCENTS[1], ACCENTS[0], QUIET), strict=True):
+        for one, colour in zip(fronts, (PAPER.accents[1], PAPER.accents[0], PAPER.quiet), strict=True):
             rows = one.front.objectives
             axes.plot(rows[:, 0], 1e3 * rows[:, 1], ".-", color=colour, linewidth=1.2, label=one.name)
-        for mechanism, colour in (("JAM", ACCENTS[1]), ("DAM", ACCENTS[0])):
+        for mechanism, colour in (("JAM", PAPER.accents[1]), ("DAM", PAPER.accents[0])):
             known = printed()
             place = known["Figure 8", mechanism, "arrival"], known["Table 4", mechanism, "total"]
             axes.plot(*place, "x", color=colour, markersize=8, label=f"{mechanism}, the paper")

@@ -76,11 +76,11 @@ def real_time_rows(*, rounds: int) -> list[Row]:
     energies: dict[str, list[float]] = {solver: [] for solver in solvers}
     tasks: list[MotionTask] = [tringali_2021.problem(number, arm_of("fitted")).task for number in NUMBERS]
     for task in tasks[:1]:
-        predicted(task, pk.PredictiveKineticEnergy(), np.array(START), tolerance=TOLERANCE)  # compiled once
+        predicted(task, pk.methods.PredictiveKineticEnergy(), np.array(START), tolerance=TOLERANCE)  # compiled once
     for turn in range(rounds):
         for task in tasks:
             for solver in solvers:
-                given = task, pk.PredictiveKineticEnergy(), np.array(START)
+                given = task, pk.methods.PredictiveKineticEnergy(), np.array(START)
                 motion = predicted(*given, tolerance=TOLERANCE, program=updated(solver))
                 assert isinstance(motion.traces, PredictiveTraces)
                 seconds[solver].append(motion.traces.seconds)

@@ -47,7 +47,7 @@ def paper() -> dict[tuple[str, str, str], float]:
 
 def arm_of(masses: str) -> pk.Arm:
     """Return the arm with "printed" or "fitted" masses."""
-    return pk.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
+    return pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
 
 
 def followed(number: int, masses: str, *, starts: int, samples: int = tringali_2021.SAMPLES) -> Trajectory:
@@ -55,8 +55,8 @@ def followed(number: int, masses: str, *, starts: int, samples: int = tringali_2
     arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
     plan = pk.plan(tringali_2021.problem(number, arm, samples), starts=starts)
     motions: dict[str, pk.Motion] = {
-        "PMKE": pk.resolve(arm, path, pk.PredictiveKineticEnergy(), start=START, unreachable="track"),
-        "LSV": pk.resolve(arm, path, pk.LeastSquaresVelocity(), start=START, unreachable="track"),
+        "PMKE": pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy(), start=START, unreachable="track"),
+        "LSV": pk.resolve(arm, path, pk.methods.LeastSquaresVelocity(), start=START, unreachable="track"),
         "global": plan.best.motion,
     }
     optima = tuple(optimum.objective for optimum in plan.optima)
@@ -151,7 +151,7 @@ def searched(number: int, masses: str, *, starts: int, generations: int, samples
     front = pk.solve(problem, population=40, generations=generations, seed=0)
     least = float(pk.kinetic_energy(problem.optimum))
     own = float(
-        pk.kinetic_energy(pk.resolve(arm, path, pk.PredictiveKineticEnergy(), start=START, unreachable="track"))
+        pk.kinetic_energy(pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy(), start=START, unreachable="track"))
     )
     assert front.genes is not None
     best = problem.method(front.genes[:1])

@@ -29,7 +29,7 @@ def searched(family: str, seed: int, *, population: int, generations: int, sever
     criteria = [pk.velocity_limit_nearness]
     criteria += [] if family == "weighted" else [pk.joint_limit_nearness]
     problem = pk.ProjectionGains(
-        pk.wan_7r(),
+        pk.arms.wan_7r(),
         wan_2018.experiment(),
         family="weighted" if family == "weighted" else "plain",
         criteria=criteria,

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.self_motion.starts import postures
+from paretoik.resolution.traces import ResolvedMotion
+from paretoik.self_motion.postures import sample_postures
 from paretoik.task.motion_task import motion_task
 from problems import wan_2018
 from problems.wan_2018 import (
@@ -39,21 +40,21 @@ def paper() -> dict[tuple[str, str, str], float]:
         return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
-def compared(table: str) -> dict[str, pk.DampedLeastSquares]:
+def compared(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
     """Return the methods of Table 2 (limits on positions alone) or Table 3 (and on velocities)."""
-    positions = pk.Criterion(objective=pk.joint_limit_nearness, gain=GAIN_POSITIONS, reference=7.0)
-    velocities = pk.Criterion(objective=pk.velocity_limit_nearness, gain=GAIN_VELOCITIES, reference=7.0)
-    first: dict[str, pk.DampedLeastSquares] = (
-        {"WLN": pk.WeightedLeastNorm(feedback=FEEDBACK, region=REGION, damping=DAMPING)}
+    positions = pk.methods.Criterion(objective=pk.joint_limit_nearness, gain=GAIN_POSITIONS, reference=7.0)
+    velocities = pk.methods.Criterion(objective=pk.velocity_limit_nearness, gain=GAIN_VELOCITIES, reference=7.0)
+    first: dict[str, pk.methods.DampedLeastSquares] = (
+        {"WLN": pk.methods.WeightedLeastNorm(feedback=FEEDBACK, region=REGION, damping=DAMPING)}
         if table == "Table 2"
         else {
-            "GPM": pk.GradientProjection(
+            "GPM": pk.methods.GradientProjection(
                 criteria=[positions, velocities], feedback=FEEDBACK, region=REGION, damping=DAMPING
             )
         }
     )
     for name, variant in VARIANTS.items():
-        first[name] = pk.WeightedGradientProjection(
+        first[name] = pk.methods.WeightedGradientProjection(
             criteria=[] if table == "Table 2" else [velocities],
             variant=variant,
             feedback=FEEDBACK,
@@ -68,19 +69,19 @@ def compared(table: str) -> dict[str, pk.DampedLeastSquares]:
 
 def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     """Return postures (found, 7) of the first pose, within the limits, from so many random ones."""
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     task = motion_task(
         arm,
         path,
         objectives=[pk.joint_travel],
     )
-    found = postures(task, count, np.random.default_rng(seed))
+    found = sample_postures(task, count, np.random.default_rng(seed))
     turned = (found + np.pi) % (2 * np.pi) - np.pi
     lower, upper = arm.position_limits.T
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
 
-def worst_errors(motion: pk.ResolvedMotion) -> np.ndarray:
+def worst_errors(motion: ResolvedMotion) -> np.ndarray:
     """Return the greatest error (motions, 6) on every axis: position, and half the sum of Eq. 33, in world axes."""
     errors = motion.traces.errors
     turn = motion.tool_rotation @ errors[..., 3:, None]
@@ -91,7 +92,7 @@ def worst_errors(motion: pk.ResolvedMotion) -> np.ndarray:
 
 def table_rows(table: str, *, population: int) -> list[Row]:
     """Return medians over starts of the greatest errors, what becomes of joint 4, and how often steps fall short."""
-    arm, path = pk.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
+    arm, path = pk.arms.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
     begun = starts(path, population)
     lower, upper = arm.position_limits[FOURTH]
     rows = []
@@ -162,11 +163,13 @@ def table_rows(table: str, *, population: int) -> list[Row]:
 
 def speed_row(*, rounds: int) -> Row:
     """Return the seconds that so many parameter sets take along the path of section 3.2."""
-    arm, path, rng = pk.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
+    arm, path, rng = pk.arms.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
     begun = starts(path, 40)[0]
-    method = pk.WeightedGradientProjection(
+    method = pk.methods.WeightedGradientProjection(
         criteria=[
-            pk.Criterion(objective=pk.velocity_limit_nearness, gain=10.0 ** rng.uniform(-4, -1, SETS), reference=7.0)
+            pk.methods.Criterion(
+                objective=pk.velocity_limit_nearness, gain=10.0 ** rng.uniform(-4, -1, SETS), reference=7.0
+            )
         ],
         feedback=rng.uniform(20.0, 150.0, SETS),
         buffer=rng.uniform(0.05, 0.45, SETS),

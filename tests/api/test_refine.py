@@ -17,7 +17,7 @@ SMALL = {"population": 30, "generations": 24, "seed": 1, "refine": True}
 def problem_of():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm]
-    return pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,13 @@ def test_only_a_tracking_problem_is_refined():
 
 def walk():
     return pk.PointToPoint(
-        pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4
+        pk.arms.kim_3r(),
+        pk.capability.kim_joint_motors(),
+        (0.1, -0.15),
+        (0.2, -0.15),
+        samples=9,
+        coefficients=5,
+        bases=4,
     )
 
 
@@ -77,13 +83,16 @@ def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path, monkeyp
     monkeypatch.setattr(epsilon, "TOGETHER", 2)
     told = []
 
-    def interrupted(done, wanted):
+    def interrupt(progress):
+        if progress.stage != "refinement":
+            return
+        done, wanted = progress.done, progress.total
         told.append((done, wanted))
         assert pk.load_front(tmp_path / "run").objectives.shape == (wanted, 2)  # kept before it is polished
         os.kill(os.getpid(), signal.SIGINT)
 
     settings = {**SMALL, "generations": 6, "points": 20}
-    front = pk.solve(made(), **settings, out=tmp_path / "run", observe_refining=interrupted)
+    front = pk.solve(made(), **settings, out=tmp_path / "run", observe=interrupt)
     assert front.provenance["status"] == "SIGINT"
     assert len(told) == 1
     assert told[0][0] < told[0][1]
@@ -102,17 +111,20 @@ def test_gradients_find_ends_that_a_search_alone_does_not():
 
 def test_a_front_is_refined_with_its_own_problem_only():
     front = pk.solve(walk(), population=20, generations=4, seed=1, points=3)
-    other = pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5)
+    other = pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5
+    )
     with pytest.raises(pk.InvalidInput, match="refine: the problem that the front solves wanted"):
         pk.refine(front, other)
 
 
 def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
-    def failing(done, wanted):
-        raise RuntimeError("somebody looked away")
+    def fail(progress):
+        if progress.stage == "refinement":
+            raise RuntimeError("somebody looked away")
 
     with pytest.raises(RuntimeError, match="looked away"):
-        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe_refining=failing)
+        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe=fail)
     kept = pk.load_front(tmp_path / "run", walk())
     assert len(kept) > 1
     assert kept.provenance["status"] == "RuntimeError"

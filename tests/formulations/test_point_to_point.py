@@ -9,13 +9,16 @@ import paretoik as pk
 from paretoik.capability.timing import timed
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot import dynamics, kinematics
+from tests.robot.oracles import potential_energy
 
 START, TARGET = [0.1, -0.15], [0.2, -0.15]
 
 
 @pytest.fixture(scope="module")
 def problem():
-    return pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), START, TARGET, samples=13, coefficients=5)
+    return pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), START, TARGET, samples=13, coefficients=5
+    )
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +33,7 @@ def refined(front):
 
 def test_every_motion_goes_from_start_to_target_in_its_own_time(problem, front):
     motions = front.motions
-    tool = kinematics.tool_pose(problem.arm, motions.q)[1][..., :2]
+    tool = kinematics.forward_kinematics(problem.arm, motions.q)[1][..., :2]
     assert tool[:, 0] == pytest.approx(np.tile(START, (len(front), 1)), abs=1e-9)
     assert tool[:, -1] == pytest.approx(np.tile(TARGET, (len(front), 1)), abs=1e-9)
     assert motions.time[:, -1] == pytest.approx(front.objectives[:, 0])
@@ -50,12 +53,12 @@ def test_energy_is_the_work_of_all_motors(problem, front):
     middle = (q[:, 1:] + q[:, :-1]) / 2
     load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
     assert np.abs(load * np.diff(q, axis=1)).sum(axis=(1, 2)) == pytest.approx(front.objectives[:, 1])
-    rise = dynamics.potential_energy(problem.arm, q[:, -1]) - dynamics.potential_energy(problem.arm, q[:, 0])
+    rise = potential_energy(problem.arm, q[:, -1]) - potential_energy(problem.arm, q[:, 0])
     assert (front.objectives[:, 1] >= np.abs(rise) - 1e-3).all()  # whatever is lifted has to be lifted by motors
 
 
 def test_work_of_sliders_is_the_work_of_the_joints():
-    problem = pk.PointToPoint(pk.kim_3r(), pk.kim_sliders(), START, TARGET, samples=49)
+    problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), START, TARGET, samples=49)
     genes = problem.candidates(2, np.random.default_rng(0))
     timing = problem.timing(genes)
     sliders = problem.sliders(genes)
@@ -104,8 +107,10 @@ def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
 @pytest.mark.parametrize("shape", ["strip", "box"])
 def test_other_motor_curves_are_polished_too(shape):
     """At their limits lie places that motors can just bear: none may be lost to rounding."""
-    motors = pk.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
-    problem = pk.PointToPoint(pk.kim_3r(), pk.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4)
+    motors = pk.capability.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
+    problem = pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4
+    )
     found = pk.solve(problem, population=40, generations=20, seed=1, points=4)
     refined = pk.refine(found)
     before = dict(zip(found.ids, found.minimised, strict=True))
@@ -122,7 +127,7 @@ def test_other_motor_curves_are_polished_too(shape):
 def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
     """What every posture could do at its best, wherever the tool is, bounds the motion's time from below."""
     fine = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
-    tool = kinematics.tool_pose(problem.arm, fine[0])[1][:, :2]
+    tool = kinematics.forward_kinematics(problem.arm, fine[0])[1][:, :2]
     steps = np.diff(tool, axis=0)
     middle = (tool[1:] + tool[:-1]) / 2
     least = sum(
@@ -147,19 +152,25 @@ def test_a_saved_front_comes_back_with_its_motions(problem, refined, tmp_path):
 
 
 def test_spatial_arms_are_served():
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     problem = pk.PointToPoint(
-        arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], [0.4, 0.35, -0.1], samples=9, coefficients=4, bases=4
+        arm,
+        pk.capability.JointActuation.of(arm),
+        [0.5, 0.3, -0.2],
+        [0.4, 0.35, -0.1],
+        samples=9,
+        coefficients=4,
+        bases=4,
     )
     found = pk.solve(problem, population=20, generations=5, seed=0, points=2)
-    tool = kinematics.tool_pose(arm, found.motions.q)[1]
+    tool = kinematics.forward_kinematics(arm, found.motions.q)[1]
     assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(found), 1)), abs=1e-9)
     assert (found.objectives[:, 0] > 0).all()
 
 
 @pytest.mark.usefixtures("unchecked")
 def test_what_cannot_be_is_refused_by_name():
-    arm, motors = pk.kim_3r(), pk.kim_joint_motors()
+    arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
     with pytest.raises(InvalidInput, match="another place than the start wanted"):
         pk.PointToPoint(arm, motors, START, START)
     with pytest.raises(InvalidInput, match="target: must be finite"):

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik import line, tringali_3r
+from paretoik import line
 from paretoik.errors import InvalidInput
 from paretoik.robot import kinematics
+from paretoik.robot.arms import tringali_3r
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
-FIRST = kinematics.tool_pose(tringali_3r(), START)[1][:2]
+FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
 PATH = line(FIRST, FIRST + np.array([-0.27, 0.11]), duration=5.0, samples=101)
 
 
@@ -28,7 +29,7 @@ def test_what_is_evaluated_is_what_the_motion_is_worth(asked):
     F, G = asked.evaluate(genes, return_values_of=["F", "G"])
     methods = asked.method(genes)
     for i in range(5):
-        one = pk.PredictiveKineticEnergy(
+        one = pk.methods.PredictiveKineticEnergy(
             horizon=int(methods.horizon[i]),
             prediction_step=float(methods.prediction_step[i]),
             update_interval=float(methods.update_interval[i]),

@@ -10,8 +10,9 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 import paretoik as pk
-from paretoik import line, tringali_3r
+from paretoik import line
 from paretoik.errors import InvalidInput, OutOfReach
+from paretoik.robot.arms import tringali_3r
 from tests.resolution.test_resolve import BENT, begun
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -66,7 +67,7 @@ def test_genes_decode_to_the_motion_from_their_place():
 def test_starts_are_within_limits_each_beside_the_next():
     asked = problem()
     assert ((asked.starts >= ARM.position_limits[:, 0]) & (asked.starts <= ARM.position_limits[:, 1])).all()
-    motion = pk.resolve(ARM, PATH, pk.DampedLeastSquares(), start=asked.starts, unreachable="track")
+    motion = pk.resolve(ARM, PATH, pk.methods.DampedLeastSquares(), start=asked.starts, unreachable="track")
     assert np.abs(motion.traces.errors[:, 0]).max() < 1e-9
     steps = np.linalg.norm(np.diff(asked.starts, axis=0), axis=1)
     assert np.median(steps) < 0.2
@@ -92,7 +93,7 @@ def test_solve_gives_a_front_of_motions_and_pymoo_takes_the_problem():
 
 
 def test_spatial_arms_without_criteria():
-    asked = pk.ProjectionGains(pk.wan_7r(), begun(pk.wan_7r(), BENT), several=2, starts=np.tile(BENT, (4, 1)))
+    asked = pk.ProjectionGains(pk.arms.wan_7r(), begun(pk.arms.wan_7r(), BENT), several=2, starts=np.tile(BENT, (4, 1)))
     assert asked.n_var == 6
     assert np.isfinite(asked.evaluate(some(asked, 3))).all()
 
@@ -105,7 +106,10 @@ def test_spatial_arms_without_criteria():
         ({"several": 2.5}, "several: an integer of at least 1 wanted, got 2.5"),
         ({"variant": "ours"}, "variant must be one of paper, consistent, got 'ours'"),
         ({"starts": np.full((4, 3), np.nan)}, "starts: must be finite, got nan at index (0, 0)"),
-        ({"criteria": [pk.Criterion(objective=pk.manipulability, gain=np.ones(2))]}, "manipulability: one gain wanted"),
+        (
+            {"criteria": [pk.methods.Criterion(objective=pk.manipulability, gain=np.ones(2))]},
+            "manipulability: one gain wanted",
+        ),
         ({"starts": np.zeros((2, 2))}, "starts: postures (starts, 3) wanted, got shape (2, 2)"),
         ({"criteria": [pk.joint_drift]}, "criteria: wants objectives of form integral or peak"),
         ({"criteria": [pk.jerk]}, "criterion jerk: wants a function of positions, velocities or both"),

@@ -8,9 +8,10 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 import paretoik as pk
-from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line, tringali_3r
+from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
-from paretoik.self_motion.starts import JUMP
+from paretoik.robot.arms import tringali_3r
+from paretoik.self_motion.starts import LONGEST_JUMP
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)
@@ -150,7 +151,7 @@ def test_pymoos_own_minimize_solves_it():
 
 
 def test_obstacles_become_a_constraint_that_motions_really_keep():
-    post = pk.Circle([0.25, 0.22], 0.05)
+    post = pk.obstacles.Circle([0.25, 0.22], 0.05)
     problem = paper_3r(obstacles=[post], link_radius=0.02, limits=Limits(clearance=0.01), bases=8)
     genes = genes_of(problem, 300)
     out = evaluate(problem, genes)
@@ -257,4 +258,4 @@ def test_feasible_motions_never_jump_from_sample_to_sample():
     whole = on_path.all(axis=1)
     assert whole.sum() > 500
     assert way[whole].max() < 2.0
-    assert np.abs(np.diff(problem.encoding.charts.base, axis=1)).max() <= JUMP
+    assert np.abs(np.diff(problem.encoding.charts.base, axis=1)).max() <= LONGEST_JUMP

@@ -10,9 +10,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.fastest_path import path_time
+from paretoik.capability.geodesic import path_time
 from paretoik.capability.time_optimal import fastest_plan
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import forward_kinematics
 from studies.kim_2021 import __main__ as study
 from studies.kim_2021.continuous import continuous, resolved
 from studies.kim_2021.energies import along_profile, posture_rows, postures, table_4
@@ -53,7 +53,7 @@ def ways(trajectories):
 
 
 def mechanism(name):
-    return Mechanism(arm=pk.kim_3r(), actuation=actuation_of(name))
+    return Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(name))
 
 
 def test_the_papers_totals_are_its_sums():
@@ -85,7 +85,7 @@ def test_where_sliders_are_slower_is_said(corners):
 
 def test_the_usual_assumptions_are_the_librarys(corners):
     np.testing.assert_allclose(gains(Assumed(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
-    assert np.rad2deg(pk.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
+    assert np.rad2deg(pk.capability.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
     limited = Assumed(joint_ranges=True)
     assert str(limited) == "JAM with DAM's joint ranges"
     assert str(Assumed(mass=0.1, shape="strip")) == "mass 0.1, strip"
@@ -111,9 +111,12 @@ def test_ellipses_are_judged_where_they_were_not_fitted(models):
     for name, found in models.items():
         assert not set(map(tuple, found.seen.positions)) & set(map(tuple, found.unseen.positions))
         rows = {(row.row, row.column): row.ours for row in surrogate_rows(found)}
-        assert rows[f"{name}: log", "rms"] >= rows[f"{name}: an ellipse fitted at each position", "rms"] - 0.5
-        assert rows[f"{name}: log, safe", "largest overestimate"] < rows[f"{name}: log", "largest overestimate"]
-        seen = found.models["log, safe"].speeds(found.seen.positions, found.seen.directions)
+        assert rows[f"{name}: ellipsoids", "rms"] >= rows[f"{name}: an ellipse fitted at each position", "rms"] - 0.5
+        assert (
+            rows[f"{name}: ellipsoids, safe", "largest overestimate"]
+            < rows[f"{name}: ellipsoids", "largest overestimate"]
+        )
+        seen = found.models["ellipsoids, safe"].speeds(found.seen.positions, found.seen.directions)
         assert np.all(seen <= found.seen.values)
 
 
@@ -147,8 +150,8 @@ def test_points_are_spread_evenly():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_postures_follow_the_path_and_no_joint_is_hurried(name, ways):
     known = ways[name].soonest
-    arm = pk.kim_3r()
-    tool = tool_pose(arm, known.q)[1][..., :2]
+    arm = pk.arms.kim_3r()
+    tool = forward_kinematics(arm, known.q)[1][..., :2]
     np.testing.assert_allclose(tool, known.points, atol=1e-12)
     assert np.all(np.diff(known.times) > 0)
     assert np.abs(known.turned).max() < np.deg2rad(10)
@@ -213,9 +216,9 @@ def test_the_whole_program_finds_nothing_better(name):
 
 
 def test_a_step_by_ipopt_is_the_same_program(models):
-    model = models["DAM"].models["log"]
+    model = models["DAM"].models["ellipsoids"]
     position = ca.SX.sym("p", 2)
-    written = ca.Function("root", [position], [root(model.logs, position)])
+    written = ca.Function("root", [position], [root(model.polynomials, position)])
     np.testing.assert_allclose(written(POSITIONS["p2"]), model.roots(POSITIONS["p2"])[0], rtol=1e-9)
     plan = fastest_plan(model, START, TARGET)
     time, success = looking_ahead(model, 10).solved(plan.points, plan.time_to_go)

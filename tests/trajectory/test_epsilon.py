@@ -3,7 +3,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.front.indicators import hypervolume
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import retract, task_errors
 from paretoik.trajectory.epsilon import _Found, _settle
@@ -50,9 +50,9 @@ def test_exchange_rates_are_the_slopes_of_neighbouring_solves(front):
     step = 1e-4 * np.ptp(front.objectives[:, 1])
     caps = np.array([[np.inf, values[1] + step], [np.inf, values[1] - step]])
     factors = np.array([[1.0 / np.ptp(front.objectives[:, 0]), 0.0]])
-    near = polish(program, np.stack([q, q]), factors, caps, Rules(barrier=1e-4))
+    near = polish(program, np.stack([q, q]), factors, caps, InteriorPointOptions(barrier=1e-4))
     assert near.converged.all()
-    slope = np.diff(near.totals[:, 1]) / np.diff(near.totals[:, 0])
+    slope = np.diff(near.objectives[:, 1]) / np.diff(near.objectives[:, 0])
     assert front.certificates.exchange_rates[4, 0, 1] == pytest.approx(slope[0], rel=1e-3)
     assert front.certificates.exchange_rates[4, 1, 0] == pytest.approx(1 / slope[0], rel=1e-3)
 
@@ -73,7 +73,7 @@ def test_a_certified_front_is_saved_and_loaded(front, tmp_path):
 def test_three_objectives_make_a_front_of_certified_points():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm, pk.joint_limit_distance]
-    problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
     found = pk.epsilon_front(problem, points=8, starts=16)
     assert len(found) >= 5
     assert found.certificates.kkt_residual.max() <= 1e-6
@@ -107,7 +107,7 @@ def test_what_cannot_be_a_front_is_named(call, said):
 
 def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     problem = pk.Tracking(
-        pk.marcos_nr(4),
+        pk.arms.marcos_nr(4),
         pk.line([2.0, 0.0], [1.5, 1.0], duration=1.0, samples=26),
         objectives=[pk.joint_limit_distance, pk.manipulability],
         limits=pk.Limits(position=3.0),

@@ -8,9 +8,10 @@ from itertools import permutations
 
 import numpy as np
 
+from paretoik.nlp.solutions import Solutions
 from paretoik.trajectory.epsilon import NEAR
-from paretoik.trajectory.multistart import distance
-from paretoik.trajectory.polish import Polished, polish
+from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import joint_distance
 from studies.benchmarks.certified.cases import Subject, judged
 from studies.reporting import Row
 
@@ -110,7 +111,7 @@ def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
         return None
     signs = np.array([one.sign for one in subject.task.objectives])
     natural = (subject.ranges * signs)[[i, j]]
-    low, middle, high = np.stack([got.totals[:, i], got.totals @ factors[0]], axis=1) * natural
+    low, middle, high = np.stack([got.objectives[:, i], got.objectives @ factors[0]], axis=1) * natural
 
     def quotient(one: np.ndarray, other: np.ndarray) -> float:
         return float((other[1] - one[1]) / (other[0] - one[0]))
@@ -127,13 +128,13 @@ def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
     )
 
 
-def _nearby(subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray) -> Polished | None:
+def _nearby(subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray) -> Solutions | None:
     """Return the solves below, at and above the ceiling on f_i in the point's own valley."""
     own = subject.q[point]
     for step in STEPS:
         moved = caps.copy()
         moved[:, i] += step * np.array([-1.0, 0.0, 1.0])
         got = polish(subject.program, np.repeat(own[None], 3, axis=0), factors, moved, NEAR)
-        if got.converged.all() and distance(subject.task, own, got.q).max() <= STAY:
+        if got.converged.all() and joint_distance(subject.task, own, got.x).max() <= STAY:
             return got
     return None

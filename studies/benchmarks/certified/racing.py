@@ -113,7 +113,7 @@ def solved_by_us(subject: Subject, point: int) -> Solved:
     for rules in (WARM, COLD):
         got = polish(program, start[None], factors, caps, rules)
         if got.converged[0]:
-            made = got.q[0]
+            made = got.x[0]
             break
     return _solved(subject, point, made, time.perf_counter() - begun)
 

@@ -181,7 +181,7 @@ def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Accoun
         paid = total <= left if counted else np.full(len(rows), account.left >= 0)
         account.iterations += int(found.iterations[paid].sum()) if counted else int(total[-1])
         good = found.converged & paid
-        made[rows[good]] = found.q[good]
+        made[rows[good]] = found.x[good]
         if not paid.all() or (not counted and account.left < account.spent - before):  # the next would not fit
             break
     return made

@@ -116,7 +116,7 @@ def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
             factors[0, main] = 1.0
             below[0, :count] = ceilings / ranges
             got = polish(program, q[None], factors, below, OUR_WARM if warm else OUR_COLD)
-            return (got.q[0] if got.converged[0] else None), int(got.iterations[0])
+            return (got.x[0] if got.converged[0] else None), int(got.iterations[0])
 
         return solve
 

@@ -1,0 +1,141 @@
+"""Every fault of a URDF's links and joints is named with its line, all of them at once, before anything is built."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paretoik.errors import InvalidRobot
+from paretoik.robot.arm import Arm
+from paretoik.robot.kinematics import forward_kinematics
+from paretoik.robot.urdf import check_robot
+from tests.robot.faulty_urdfs import BODY, ENDS, HEAD, JOINT, LIMIT, TAIL, jointed, limited, massed, moments, robot
+from tests.robot.urdf_text import chain_of_three
+
+
+def test_a_name_of_nine_million_letters_is_refused_in_a_short_line(tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot(more=f'<link name="{"x" * 9_000_000}"/>'), encoding="utf-8")
+    faults = check_robot(file).faults
+    assert len(faults) == 1
+    assert len(faults[0]) < 200
+
+
+MASS = '<mass value="1"/>'
+FAULTS = {
+    "text mass": (massed('<mass value="heavy"/>'), "line 4: link 'b': mass value must be a number, got 'heavy'"),
+    "NaN mass": (massed('<mass value="nan"/>'), "line 4: link 'b': mass value must be a number, got 'nan'"),
+    "infinite mass": (massed('<mass value="1e999"/>'), "line 4: link 'b': mass value must be finite, got '1e999'"),
+    "negative mass": (massed('<mass value="-2"/>'), "line 4: link 'b': mass must not be negative, got -2 kg"),
+    "missing mass": (massed(""), "line 4: link 'b': its <inertial> has no <mass>"),
+    "mass without value": (massed("<mass/>"), "line 4: link 'b': <mass> lacks value"),
+    "mass with a comma": (massed('<mass value="1,5"/>'), "must be a number, got '1,5'"),
+    "mass with an underscore": (massed('<mass value="1_5"/>'), "must be a number, got '1_5'"),
+    "mass in Arabic digits": (massed('<mass value="١"/>'), "must be a number, got '١'"),
+    "two masses": (massed(MASS + MASS), "line 4: link 'b': wants one <mass>, has 2"),
+    "two inertials": (robot(BODY + BODY), "line 4: link 'b': wants one <inertial>, has 2"),
+    "missing inertia": (massed(MASS, ""), "line 4: link 'b': its <inertial> has no <inertia>"),
+    "half an inertia": (massed(MASS, '<inertia ixx="1"/>'), "line 4: link 'b': <inertia> lacks izz"),
+    "NaN inertia": (moments("NaN", 1, 1), "line 4: link 'b': inertia ixx must be a number, got 'NaN'"),
+    "negative inertia": (moments(-1, 1, 1), "line 4: link 'b': inertia must be positive, its least principal"),
+    "indefinite inertia": (moments(1, 1, 1, xy=2), "line 4: link 'b': inertia must be positive"),
+    "triangle": (moments(1, 1, 3), "line 4: link 'b': inertia breaks the triangle inequality: principal moments 1, 1 "),
+    "origin": (massed(MASS + '<origin xyz="0 0"/>'), "line 4: link 'b': origin xyz must be 3 numbers, got '0 0'"),
+    "zero axis": (limited(LIMIT + '<axis xyz="0 0 0"/>'), "line 5: joint 'j': axis must not be zero"),
+    "text axis": (limited(LIMIT + '<axis xyz="x"/>'), "line 5: joint 'j': axis xyz must be 3 numbers, got 'x'"),
+    "NaN axis": (limited(LIMIT + '<axis xyz="0 nan 1"/>'), "line 5: joint 'j': axis xyz must be 3 numbers"),
+    "axis without xyz": (limited(LIMIT + "<axis/>"), "line 5: joint 'j': <axis> lacks xyz"),
+    "joint origin": (limited(LIMIT + '<origin rpy="0 0 inf"/>'), "line 5: joint 'j': origin rpy must be finite"),
+    "swapped limits": (
+        limited('<limit lower="1" upper="-1" velocity="1" effort="1"/>'),
+        "line 5: joint 'j': limits are swapped, lower 1 and upper -1",
+    ),
+    "NaN limit": (
+        limited('<limit lower="nan" upper="1" velocity="1" effort="1"/>'),
+        "line 5: joint 'j': limit lower must be a number, got 'nan'",
+    ),
+    "negative velocity": (
+        limited('<limit lower="0" upper="1" velocity="-1" effort="1"/>'),
+        "line 5: joint 'j': velocity limit must not be negative, got -1",
+    ),
+    "no velocity": (limited('<limit lower="0" upper="1" effort="1"/>'), "line 5: joint 'j': <limit> lacks velocity"),
+    "no limit": (limited(""), "line 5: joint 'j': a revolute joint wants a <limit>, has none"),
+    "no limit on a slide": (limited("", "prismatic"), "a prismatic joint wants a <limit>, has none"),
+    "unknown type": (limited(LIMIT, "ball"), "line 5: joint 'j': type must be one of revolute, continuous, "),
+    "no type": (robot(joint=f'<joint name="j">{ENDS}</joint>'), "line 5: joint 'j': type must be one of"),
+    "no child": (jointed('<parent link="a"/>' + LIMIT), "line 5: joint 'j': names no child link"),
+    "mimic with text": (limited(LIMIT + '<mimic joint="j" multiplier="m"/>'), "mimic multiplier must be a number"),
+    "two links of a name": (robot(more='<link name="a"/>'), "line 6: link 'a': name already used on line 3"),
+    "two joints of a name": (robot(more=JOINT), "line 6: joint 'j': name already used on line 5"),
+    "link without a name": (robot(more="<link/>"), "line 6: a <link> has no name"),
+    "name of a novel": (robot(more=f'<link name="{"x" * 5000}"/>'), "name is 5000 characters long"),
+    "no links": (HEAD + TAIL, "line 2: the robot has no link"),
+    "text damping": (limited(LIMIT + '<dynamics damping="wet"/>'), "dynamics damping must be a number, got 'wet'"),
+    "too many links": (
+        robot(more="".join(f'<link name="n{i}"/>' for i in range(1000))),
+        "the robot has 1002 links, at most 1000 are read",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_named_with_its_line_link_or_joint_and_value(tmp_path, name):
+    content, words = FAULTS[name]
+    file = tmp_path / "robot.urdf"
+    file.write_text(content, encoding="utf-8")
+    with pytest.raises(InvalidRobot) as caught:
+        Arm.from_urdf(file)
+    assert any(words in fault for fault in caught.value.faults), caught.value.faults
+    assert check_robot(file).faults == caught.value.faults
+
+
+def test_the_robot_that_the_faults_are_put_into_has_none(tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot(), encoding="utf-8")
+    assert check_robot(file).faults == ()
+    assert Arm.from_urdf(file).dof == 1
+
+
+def test_all_faults_of_a_file_are_listed_at_once_in_the_order_of_its_lines(tmp_path):
+    body = '<inertial><mass value="-1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="9"/></inertial>'
+    bad = '<limit lower="1" upper="-1" velocity="1" effort="1"/><axis xyz="0 0 0"/><mimic joint="none"/>'
+    file = tmp_path / "robot.urdf"
+    joint = f'<joint name="j" type="revolute">{ENDS}{bad}</joint>'
+    file.write_text(robot(body, joint, '<link name="a"/><link name="c"/>'), encoding="utf-8")
+    faults = check_robot(file).faults
+    lines = [int(fault.split(":")[0].removeprefix("line ")) for fault in faults]
+    assert lines == sorted(lines)
+    assert len(faults) == 7
+    for words in ("negative", "triangle", "swapped", "zero", "mimics", "already used", "one root"):
+        assert sum(words in fault for fault in faults) == 1
+
+
+def test_of_very_many_faults_the_first_hundred_are_listed(tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot(more="<link/>\n" * 5000), encoding="utf-8")
+    faults = check_robot(file).faults
+    assert len(faults) == 101
+    assert faults[-1] == "and 4900 more"
+
+
+def test_numbers_are_read_alike_in_every_locale(write_urdf):
+    import locale
+
+    before = locale.setlocale(locale.LC_NUMERIC)
+    try:
+        for name in ("de_DE.UTF-8", "fr_FR.UTF-8", "C"):
+            try:
+                locale.setlocale(locale.LC_NUMERIC, name)
+            except locale.Error:
+                continue
+            arm = Arm.from_urdf(write_urdf(*chain_of_three(inside=LIMIT + '<origin xyz="0.5 0 1.25e-1"/>')))
+            assert forward_kinematics(arm, np.zeros(3))[1] == pytest.approx([0.5, 0.0, 0.125])
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, before)
+
+
+def test_mass_without_inertia_is_taken_as_a_point_with_a_warning(write_urdf):
+    point = '<inertial><mass value="2"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
+    file = write_urdf(*chain_of_three(last=point))
+    assert any("link 'd': has mass but no inertia" in warning for warning in check_robot(file).warnings)
+    assert Arm.from_urdf(file).bodies[2].mass == 2.0
