@@ -319,9 +319,9 @@ def _state(generation: Generation, progress: Progress, course: tuple[str, int], 
 
 
 def _print_json(value: object) -> None:
-    from paretoik.execution.run_folder import plain
+    from paretoik.run_files import to_json
 
-    print(json.dumps(plain(value), indent=2, allow_nan=False))
+    print(json.dumps(to_json(value), indent=2, allow_nan=False))
 
 
 def _tell(what: str, style: str, text: str) -> None:

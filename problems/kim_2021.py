@@ -7,7 +7,7 @@ angle and the way joints bend are assumptions, since the paper does not print th
 
 from __future__ import annotations
 
-from paretoik import DirectionalMaxima, PointToPoint, kim_3r, kim_joint_motors, kim_sliders
+from paretoik import DirectionalMaxima, PointToPoint, arms, capability
 
 PLACE = (0.2, -0.15)  # m, Figure 5
 START, TARGET = (0.1, -0.15), (0.2, -0.15)  # m, positions 4 and 6 of Figure 6, as its grid is read
@@ -16,19 +16,19 @@ WAYS = ((1.0, 0.0), (0.0, 1.0))
 
 def directions_jam() -> DirectionalMaxima:
     """Speed ahead, speed upwards and power in one posture, motors at the joints."""
-    return DirectionalMaxima(kim_3r(), kim_joint_motors(), PLACE, WAYS)
+    return DirectionalMaxima(arms.kim_3r(), capability.kim_joint_motors(), PLACE, WAYS)
 
 
 def directions_dam() -> DirectionalMaxima:
     """Speed ahead, speed upwards and power in one posture, sliders along the links."""
-    return DirectionalMaxima(kim_3r(), kim_sliders(), PLACE, WAYS)
+    return DirectionalMaxima(arms.kim_3r(), capability.kim_sliders(), PLACE, WAYS)
 
 
 def point_to_point_jam() -> PointToPoint:
     """Time against energy from position 4 to position 6, motors at the joints."""
-    return PointToPoint(kim_3r(), kim_joint_motors(), START, TARGET)
+    return PointToPoint(arms.kim_3r(), capability.kim_joint_motors(), START, TARGET)
 
 
 def point_to_point_dam() -> PointToPoint:
     """Time against energy from position 4 to position 6, sliders along the links."""
-    return PointToPoint(kim_3r(), kim_sliders(), START, TARGET)
+    return PointToPoint(arms.kim_3r(), capability.kim_sliders(), START, TARGET)

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik import Box, Circle, ClosedLoop, Path, circle, marcos_nr
+from paretoik import ClosedLoop, Path, arms, circle, obstacles
 from paretoik.task.obstacles import Obstacle
 
 RATE = 7.0  # rad/s
@@ -35,11 +35,11 @@ def round_trip(distance: float, steps: int = STEPS) -> Path:
     )
 
 
-def obstacles(distance: float) -> list[Obstacle]:
+def paper_obstacles(distance: float) -> list[Obstacle]:
     """Return the circle and the rectangle of section 5.2."""
     if distance == DISTANCES[0]:
-        return [Circle((1.4, 0.5), 0.2), _rectangle((0.3, 1.7), (0.8, 1.3))]
-    return [Circle((1.6, 0.6), 0.2), _rectangle((0.4, 1.0), (0.9, 0.6))]
+        return [obstacles.Circle((1.4, 0.5), 0.2), _rectangle((0.3, 1.7), (0.8, 1.3))]
+    return [obstacles.Circle((1.6, 0.6), 0.2), _rectangle((0.4, 1.0), (0.9, 0.6))]
 
 
 def loop(
@@ -61,11 +61,11 @@ def loop(
     ``as_printed`` lets joints move at will, as the paper does: it can jump through an obstacle.
     """
     return ClosedLoop(
-        marcos_nr(links),
+        arms.marcos_nr(links),
         round_trip(distance, steps),
         weights=[weight, 1.0 - weight],
         start=start,
-        obstacles=obstacles(distance) if blocked else [],
+        obstacles=paper_obstacles(distance) if blocked else [],
         longest_step=np.inf if as_printed else LONGEST,
         population=POPULATION[links] if population is None else population,
         generations=generations,
@@ -94,6 +94,6 @@ def circle_4r_obstacles() -> ClosedLoop:
     return loop(4, 0.7, blocked=True)
 
 
-def _rectangle(upper_left: tuple[float, float], lower_right: tuple[float, float]) -> Box:
+def _rectangle(upper_left: tuple[float, float], lower_right: tuple[float, float]) -> obstacles.Box:
     first, last = np.array(upper_left), np.array(lower_right)
-    return Box((first + last) / 2, np.abs(last - first) / 2)
+    return obstacles.Box((first + last) / 2, np.abs(last - first) / 2)

@@ -1,7 +1,6 @@
 """A Franka Emika Panda that moves its hand straight across a table: seven joints for six equations.
 
-The robot is ``robots/panda.urdf``; its origin and licence stand beside it in ``robots/README.md``. Loading it needs
-Pinocchio: ``pip install paretoik[urdf]``.
+The robot is ``robots/panda.urdf``; its origin and licence stand beside it in ``robots/README.md``.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik import Limits, Path, Tracking, circle, kinetic_energy, line, torque_norm, tringali_3r
+from paretoik import Limits, Path, Tracking, arms, circle, kinetic_energy, line, torque_norm
 
 START = (0.4678, 0.0)
 END = (0.0983, 0.1526)
@@ -33,34 +33,34 @@ def round_trip(samples: int = 101) -> Path:
 
 def simulation_1() -> Tracking:
     """Least kinetic energy along the line, without limits."""
-    return Tracking(tringali_3r(), straight(), objectives=[kinetic_energy])
+    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy])
 
 
 def simulation_2() -> Tracking:
     """Least kinetic energy along the line, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(tringali_3r(), straight(), objectives=[kinetic_energy], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy], limits=limits)
 
 
 def simulation_3() -> Tracking:
     """Least torque norm along the line, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(tringali_3r(), straight(), objectives=[torque_norm], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[torque_norm], limits=limits)
 
 
 def simulation_4() -> Tracking:
     """Least torque norm along the line, positions, velocities, torques and powers limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY, torque=TORQUE, power=POWER)
-    return Tracking(tringali_3r(), straight(), objectives=[torque_norm], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[torque_norm], limits=limits)
 
 
 def simulation_5() -> Tracking:
     """Least kinetic energy around the circle, closed, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(tringali_3r(), round_trip(), objectives=[kinetic_energy], limits=limits, cyclic=True)
+    return Tracking(arms.tringali_3r(), round_trip(), objectives=[kinetic_energy], limits=limits, cyclic=True)
 
 
 def energy_torque() -> Tracking:
     """Kinetic energy against torque norm along the line, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(tringali_3r(), straight(), objectives=[kinetic_energy, torque_norm], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy, torque_norm], limits=limits)

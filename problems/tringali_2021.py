@@ -1,16 +1,16 @@
 """Tringali & Cocuzza 2021: the four trajectories of Table 4, ten seconds each, from one configuration.
 
 What the paper resolves step by step is here as the global problem it is compared with: the least kinetic energy. Its
-own method is ``pk.PredictiveKineticEnergy``::
+own method is ``pk.methods.PredictiveKineticEnergy``::
 
-    pk.resolve(tringali_3r(), straight(0.4), pk.PredictiveKineticEnergy(), start=START)
+    pk.resolve(pk.arms.tringali_3r(), straight(0.4), pk.methods.PredictiveKineticEnergy(), start=START)
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from paretoik import Arm, Path, PredictiveTracking, Tracking, circle, kinetic_energy, line, tringali_3r
+from paretoik import Arm, Motion, Path, Tracking, Tuning, arms, circle, kinetic_energy, line, measures, methods, plan
 
 START = (0.0, 0.327, -0.754)  # rad
 LENGTHS = (0.176, 0.176, 0.1375)
@@ -47,7 +47,7 @@ def trajectory(number: int, samples: int = SAMPLES) -> Path:
 
 def problem(number: int, arm: Arm | None = None, samples: int = SAMPLES) -> Tracking:
     """Return the least kinetic energy along a trajectory, from the paper's start."""
-    return Tracking(arm or tringali_3r(), trajectory(number, samples), objectives=[kinetic_energy], start=START)
+    return Tracking(arm or arms.tringali_3r(), trajectory(number, samples), objectives=[kinetic_energy], start=START)
 
 
 def trajectory_1() -> Tracking:
@@ -70,6 +70,18 @@ def trajectory_4() -> Tracking:
     return problem(4)
 
 
-def rhythm() -> PredictiveTracking:
-    """Find the rhythm of looking ahead along 0.7 m: energy against the work of an update."""
-    return PredictiveTracking(tringali_3r(), trajectory(4, 201), start=START)
+def schedule() -> Tuning:
+    """Find how far, how finely and how often to predict along 0.7 m: energy against the work of an update."""
+    return schedule_along(4, optimum=plan(problem(4, samples=201)).best.motion)
+
+
+def schedule_along(number: int, *, optimum: Motion, arm: Arm | None = None, samples: int = 201) -> Tuning:
+    """Return the search for the numbers of predictive control; one objective is the distance from an optimum."""
+    return Tuning(
+        arm or arms.tringali_3r(),
+        trajectory(number, samples),
+        methods.PredictiveKineticEnergy(),
+        parameters=["horizon", "prediction_time", "update_share", "terminal"],
+        objectives=[kinetic_energy, measures.evaluations, measures.distance_to(optimum)],
+        starts=[START],
+    )

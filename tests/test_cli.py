@@ -18,14 +18,15 @@ from paretoik import __version__
 from paretoik.api.solve import load_front
 from paretoik.cli import main
 from paretoik.errors import InvalidInput
-from paretoik.execution.run_folder import claimed
+from paretoik.execution.run_folder import claim_folder
 
 ROOT = Path(__file__).parents[1]
 TRINGALI = str(ROOT / "problems" / "tringali_2020.py")
 PANDA = str(ROOT / "problems" / "robots" / "panda.urdf")
 SMALL = ("--population", "8", "--generations", "3")
 MINE = """
-from paretoik import Limits, Tracking, kinetic_energy, line, objective, torque_norm, tringali_3r
+from paretoik import Limits, Tracking, kinetic_energy, line, objective, torque_norm
+from paretoik.robot.arms import tringali_3r
 
 PATH = line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
 
@@ -310,7 +311,7 @@ def test_an_interrupted_run_keeps_its_result(paretoik, mine, tmp_path, number, c
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_killed_run_leaves_a_readable_recording_and_no_lock(paretoik, mine, tmp_path):
     process = started(mine, tmp_path / "run")
-    with pytest.raises(InvalidInput, match=f"got process {process.pid} at work"), claimed(tmp_path / "run"):
+    with pytest.raises(InvalidInput, match=f"got process {process.pid} at work"), claim_folder(tmp_path / "run"):
         pass
     time.sleep(0.5)  # for more generations to be under way
     process.kill()

@@ -13,7 +13,7 @@ import numpy as np
 
 from paretoik.errors import ParetoikError
 from paretoik.execution.interrupts import interruptible
-from paretoik.execution.run_folder import PICTURE, RECORDING, STEPS, claimed, write_run
+from paretoik.execution.run_folder import claim_folder
 from paretoik.files import replace_file
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, Taken, told
@@ -21,6 +21,7 @@ from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.review.generation import Generation
 from paretoik.review.recorder import Recorder
+from paretoik.run_files import PICTURE, RECORDING, STEPS, write_run
 from paretoik.search.archive import Failures
 from paretoik.search.progress import Progress
 
@@ -55,7 +56,7 @@ def follow(
         "versions": versions(),
     }
     with ExitStack() as stack:
-        folder = None if out is None else stack.enter_context(claimed(out, overwrite=overwrite))
+        folder = None if out is None else stack.enter_context(claim_folder(out, overwrite=overwrite))
         interruption = stack.enter_context(interruptible())
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})

@@ -53,7 +53,7 @@ def plan(
 
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
-    >>> found = plan(pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy]), starts=24)
+    >>> found = plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy]), starts=24)
     >>> round(found.best.objective, 3)
     0.038
     """

@@ -19,7 +19,7 @@ from paretoik.api.refine import refine as refined
 from paretoik.arrays import Genes, Objectives
 from paretoik.errors import Infeasible, InvalidInput, ParetoikError, check_size
 from paretoik.execution.interrupts import Interruption, interruptible
-from paretoik.execution.run_folder import CERTIFICATES, PICTURE, RECORDING, claimed, write_run
+from paretoik.execution.run_folder import claim_folder
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.indicators import hypervolume
@@ -28,6 +28,7 @@ from paretoik.loading import fingerprint, load_problem
 from paretoik.pareto.refine import SmoothProblem
 from paretoik.review.generation import Generation
 from paretoik.review.recorder import Recorder
+from paretoik.run_files import CERTIFICATES, PICTURE, RECORDING, write_run
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
@@ -162,7 +163,7 @@ def solve(
     endings += [Target(_signed_target(search, target))] if target is not None else []
     endings += [Stagnation(since=anchors * problem.n_obj)] if stagnation else []
     with ExitStack() as stack:
-        folder = None if out is None else stack.enter_context(claimed(out, overwrite=overwrite))
+        folder = None if out is None else stack.enter_context(claim_folder(out, overwrite=overwrite))
         interruption = stack.enter_context(interruptible())
         endings.append(_Interrupted(interruption))
 

@@ -1,123 +1,137 @@
-"""The one compiled loop that runs programs."""
+"""The interpreter of evaluators: one compiled loop over instructions, each on a block of points."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from paretoik.autodiff.evaluator import Fused
-from paretoik.autodiff.sine_cosine import cosines, sines, waves
-from paretoik.autodiff.tape import Op
+from paretoik.autodiff.operations import Op
+from paretoik.autodiff.sine_cosine import cosines, sines, sines_and_cosines
 from paretoik.compilation import compiled
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
 MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, SINE_COSINE = (int(op) for op in Fused)
 SINE, COSINE, SQUARE_ROOT = int(Op.SINE), int(Op.COSINE), int(Op.SQUARE_ROOT)
 ABSOLUTE, SIGN, MAXIMUM, MINIMUM = int(Op.ABSOLUTE), int(Op.SIGN), int(Op.MAXIMUM), int(Op.MINIMUM)
-LESS, LESS_EQUAL, CHOOSE, WEIGH = int(Op.LESS), int(Op.LESS_EQUAL), int(Op.CHOOSE), int(Op.WEIGH)
+LESS, LESS_EQUAL, WHERE, MASKED_MULTIPLY = (int(op) for op in (Op.LESS, Op.LESS_EQUAL, Op.WHERE, Op.MASKED_MULTIPLY))
 EXPONENTIAL, LOGARITHM, TANH, POWER = int(Op.EXPONENTIAL), int(Op.LOGARITHM), int(Op.TANH), int(Op.POWER)
 ARC_TANGENT, ARC_SINE, ARC_COSINE = int(Op.ARC_TANGENT), int(Op.ARC_SINE), int(Op.ARC_COSINE)
 
 
 @compiled
-def run(parts, given, found):
-    """Run a program over all lanes: ``given`` (inputs, lanes) to ``found`` (outputs, lanes)."""
-    run_first(parts, given, found, given.shape[1])
+def run(arrays, inputs, outputs):
+    """Evaluate at all points: from ``inputs`` (inputs, points) to ``outputs`` (outputs, points)."""
+    run_first(arrays, inputs, outputs, inputs.shape[1])
 
 
 @compiled
-def run_first(parts, given, found, lanes):
-    """Run a program over the first ``lanes``."""
-    code, constants, inputs, outputs, space = parts
-    width, loaded = space.shape[1], inputs.shape[0]
+def run_first(arrays, inputs, outputs, points):
+    """Evaluate at the first ``points``."""
+    code, constants, input_rows, output_registers, registers = arrays
+    width, loaded = registers.shape[1], input_rows.shape[0]
     for j in range(constants.shape[0]):
-        for lane in range(width):
-            space[loaded + j, lane] = constants[j]
-    for start in range(0, lanes, width):
-        n = min(width, lanes - start)
+        for k in range(min(points, width)):
+            registers[loaded + j, k] = constants[j]
+    for start in range(0, points, width):
+        n = min(width, points - start)
         for j in range(loaded):
-            row = inputs[j]
-            for lane in range(n):
-                space[j, lane] = given[row, start + lane]
-        block(code, space, n)
-        for j in range(outputs.shape[0]):
-            row = outputs[j]
-            for lane in range(n):
-                found[j, start + lane] = space[row, lane]
+            row = input_rows[j]
+            for k in range(n):
+                registers[j, k] = inputs[row, start + k]
+        run_block(code, registers, n)
+        for j in range(output_registers.shape[0]):
+            row = output_registers[j]
+            for k in range(n):
+                outputs[j, start + k] = registers[row, k]
 
 
 @compiled
-def block(code, space, n):
-    """Run a program on the first ``n`` lanes of its registers."""
-    for step in range(code.shape[0]):
-        op, to, a, b, c = code[step, 0], code[step, 1], code[step, 2], code[step, 3], code[step, 4]
+def run_block(code, registers, n):
+    """Execute all instructions on the first ``n`` points of the registers."""
+    for i in range(code.shape[0]):
+        op, to, a, b, c = code[i, 0], code[i, 1], code[i, 2], code[i, 3], code[i, 4]
         if op == MULTIPLY:
-            for lane in range(n):
-                space[to, lane] = space[a, lane] * space[b, lane]
+            for k in range(n):
+                registers[to, k] = registers[a, k] * registers[b, k]
         elif op == MULTIPLY_ADD:
-            for lane in range(n):
-                space[to, lane] = space[a, lane] * space[b, lane] + space[c, lane]
+            for k in range(n):
+                registers[to, k] = registers[a, k] * registers[b, k] + registers[c, k]
         elif op == MULTIPLY_SUBTRACT:
-            for lane in range(n):
-                space[to, lane] = space[a, lane] * space[b, lane] - space[c, lane]
+            for k in range(n):
+                registers[to, k] = registers[a, k] * registers[b, k] - registers[c, k]
         elif op == SUBTRACT_PRODUCT:
-            for lane in range(n):
-                space[to, lane] = space[c, lane] - space[a, lane] * space[b, lane]
+            for k in range(n):
+                registers[to, k] = registers[c, k] - registers[a, k] * registers[b, k]
         elif op == ADD:
-            for lane in range(n):
-                space[to, lane] = space[a, lane] + space[b, lane]
+            for k in range(n):
+                registers[to, k] = registers[a, k] + registers[b, k]
         elif op == SUBTRACT:
-            for lane in range(n):
-                space[to, lane] = space[a, lane] - space[b, lane]
+            for k in range(n):
+                registers[to, k] = registers[a, k] - registers[b, k]
         elif op == NEGATE:
-            for lane in range(n):
-                space[to, lane] = -space[a, lane]
+            for k in range(n):
+                registers[to, k] = -registers[a, k]
         elif op == DIVIDE:
-            for lane in range(n):
-                space[to, lane] = space[a, lane] / space[b, lane]
+            for k in range(n):
+                registers[to, k] = registers[a, k] / registers[b, k]
         elif op == SINE_COSINE:
-            waves(space[to], space[b], space[a], n)
+            sines_and_cosines(registers[to], registers[b], registers[a], n)
         elif op == SINE:
-            sines(space[to], space[a], n)
+            sines(registers[to], registers[a], n)
         elif op == COSINE:
-            cosines(space[to], space[a], n)
+            cosines(registers[to], registers[a], n)
         elif op == SQUARE_ROOT:
-            for lane in range(n):
-                space[to, lane] = np.sqrt(space[a, lane])
+            for k in range(n):
+                registers[to, k] = np.sqrt(registers[a, k])
         else:
-            _rare(op, space[to], space[a], space[b], space[c], n)
+            _piecewise_operation(op, to, a, b, c, registers, n)
 
 
 @compiled
-def _rare(op, to, a, b, c, n):
-    for lane in range(n):
-        x, y = a[lane], b[lane]
+def _piecewise_operation(op, to, a, b, c, registers, n):
+    """Execute a choice, maximum, minimum or comparison; a loop without branches each, for vector instructions."""
+    if op == WHERE:
+        for k in range(n):
+            registers[to, k] = registers[b, k] if registers[a, k] != 0.0 else registers[c, k]
+    elif op == MAXIMUM:
+        for k in range(n):
+            x, y = registers[a, k], registers[b, k]
+            registers[to, k] = x if (x >= y) | (x != x) else y  # NaN wins, as in NumPy
+    elif op == MINIMUM:
+        for k in range(n):
+            x, y = registers[a, k], registers[b, k]
+            registers[to, k] = x if (x <= y) | (x != x) else y
+    elif op == LESS:
+        for k in range(n):
+            registers[to, k] = 1.0 if registers[a, k] < registers[b, k] else 0.0
+    elif op == LESS_EQUAL:
+        for k in range(n):
+            registers[to, k] = 1.0 if registers[a, k] <= registers[b, k] else 0.0
+    else:
+        _rare_operation(op, registers[to], registers[a], registers[b], n)
+
+
+@compiled
+def _rare_operation(op, to, a, b, n):
+    for k in range(n):
+        x, y = a[k], b[k]
         if op == ABSOLUTE:
-            to[lane] = abs(x)
+            to[k] = abs(x)
         elif op == SIGN:
-            to[lane] = np.sign(x)
-        elif op == MAXIMUM:
-            to[lane] = x if x >= y or x != x else y  # NaN wins, as in NumPy
-        elif op == MINIMUM:
-            to[lane] = x if x <= y or x != x else y
-        elif op == LESS:
-            to[lane] = 1.0 if x < y else 0.0
-        elif op == LESS_EQUAL:
-            to[lane] = 1.0 if x <= y else 0.0
-        elif op == CHOOSE:
-            to[lane] = y if x != 0.0 else c[lane]
-        elif op == WEIGH:
-            to[lane] = x * y if x != 0.0 else 0.0
+            to[k] = np.sign(x)
+        elif op == MASKED_MULTIPLY:
+            to[k] = x * y if x != 0.0 else 0.0
         elif op == EXPONENTIAL:
-            to[lane] = np.exp(x)
+            to[k] = np.exp(x)
         elif op == LOGARITHM:
-            to[lane] = np.log(x)
+            to[k] = np.log(x)
         elif op == TANH:
-            to[lane] = np.tanh(x)
+            to[k] = np.tanh(x)
         elif op == POWER:
-            to[lane] = x**y
+            to[k] = x**y
         elif op == ARC_TANGENT:
-            to[lane] = np.arctan2(x, y)
+            to[k] = np.arctan2(x, y)
         elif op == ARC_SINE:
-            to[lane] = np.arcsin(x)
+            to[k] = np.arcsin(x)
         elif op == ARC_COSINE:
-            to[lane] = np.arccos(x)
+            to[k] = np.arccos(x)

@@ -1,8 +1,8 @@
-"""Absolute values, maxima and minima in what is minimised or bounded: slack variables in their place.
+"""Epigraph reformulation: new variables in place of absolute values, maxima and minima in objectives and constraints.
 
-Where a function that is to be small grows with |x|, or max(x, y), that number may be any v ≥ x, −x (x, y): at an
-optimum it is the least of them. What is left is smooth. Where it falls with it instead, the kink points away from any
-optimum, and where it is flat at the kink, there is none: both are left alone.
+Where a function to be minimised increases with |x| or max(x, y), that number may be replaced by any v ≥ x, −x (x, y):
+at an optimum v is the smallest of them, and what remains is smooth. Where the function decreases with it, the kink is
+concave and no minimiser lies there; where it is flat, there is no kink: both are left as they are.
 """
 
 from __future__ import annotations
@@ -13,128 +13,140 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.autodiff.differentiation import gradient, used
-from paretoik.autodiff.evaluator import program
-from paretoik.autodiff.rewriting import substituted
-from paretoik.autodiff.tape import Op, Tape
+from paretoik.autodiff.differentiation import dependencies, gradient
+from paretoik.autodiff.evaluator import compile_evaluator
+from paretoik.autodiff.operations import Op
+from paretoik.autodiff.rewriting import substitute
+from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 
-KINKED = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
-NOTHING = 1e-12  # slopes below are none
-MEETS = 1e-6  # as a share of a choice's values: pieces nearer than this meet
+NONSMOOTH = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
+DERIVATIVE_TOLERANCE = 1e-12  # smaller derivatives, and differences between values, count as 0
+CONTINUITY_TOLERANCE = 1e-6  # relative to the values of a choice: by how much its pieces may differ where they meet
+BISECTIONS = 60  # to where a condition changes: to rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Smoothed:
-    """Functions on a tape without the kinks that matter: with ``slacks``, inputs that stand for ``nodes``.
+class Reformulation:
+    """Smooth functions on a tape: inputs ``epigraph_variables`` stand for the entries ``nodes``.
 
-    ``rows`` are the entries that then have to be at least 0.
+    ``constraints`` are the entries that have to be ≥ 0.
     """
 
     functions: list[int]
-    slacks: list[int]
+    epigraph_variables: list[int]
     nodes: list[int]
-    rows: list[int]
+    constraints: list[int]
 
 
-def smoothed(
+def reformulate_kinks(
     tape: Tape,
     functions: Sequence[int],
-    sides: Sequence[int],
-    probes: Float[np.ndarray, "inputs lanes"],
-    without: Collection[int] = (),
-) -> Smoothed:
-    """Return functions with slacks in place of kinks; ``sides`` are 1 for what should be small, −1 large, 0 neither.
+    senses: Sequence[int],
+    probes: Float[np.ndarray, "inputs points"],
+    excluded: Collection[int] = (),
+) -> Reformulation:
+    """Return functions with epigraph variables in place of kinks.
 
-    ``probes`` are inputs of the tape at which slopes are looked at; entries ``without`` are left as they are.
+    ``senses`` are 1 for functions to be small, −1 large, 0 neither; derivatives are looked at where the inputs of the
+    tape are ``probes``. Entries ``excluded`` stay as they are.
     """
-    count, wanted, left = len(functions), list(sides), set(without)
-    found, slacks, nodes = list(functions), list[int](), list[int]()
-    while kinked := [i for i in used(tape, found) if tape.entries[i][0] in KINKED and i not in left]:
-        node = max(kinked)  # the outermost first: what is inside it belongs to its rows then
-        slack = tape.input().index
-        changed = substituted(tape, found, {node: slack})
-        if not _grows(tape, node, slack, changed, wanted, probes):
-            left.add(node)
+    count, all_senses, unchanged = len(functions), list(senses), set(excluded)
+    current, variables, nodes = list(functions), list[int](), list[int]()
+    while kinks := [i for i in dependencies(tape, current) if tape.entries[i][0] in NONSMOOTH and i not in unchanged]:
+        node = max(kinks)  # the outermost first: those inside it then belong to its constraints
+        variable = tape.input().index
+        substituted = substitute(tape, current, {node: variable})
+        if not _is_convex_kink(tape, node, variable, substituted, all_senses, probes):
+            unchanged.add(node)
             continue
         op, a, b, _ = tape.entries[node]
         if op is Op.ABSOLUTE:
             b = tape.apply(Op.NEGATE, a)
-        pairs = [(a, slack), (b, slack)] if op is Op.MINIMUM else [(slack, a), (slack, b)]
-        found = changed + [tape.apply(Op.SUBTRACT, *pair) for pair in pairs]
-        wanted += [-1, -1]
-        slacks.append(slack)
+        pairs = [(a, variable), (b, variable)] if op is Op.MINIMUM else [(variable, a), (variable, b)]
+        current = substituted + [tape.apply(Op.SUBTRACT, *pair) for pair in pairs]
+        all_senses += [-1, -1]
+        variables.append(variable)
         nodes.append(node)
-    return Smoothed(functions=found[:count], slacks=slacks, nodes=nodes, rows=found[count:])
+    return Reformulation(
+        functions=current[:count], epigraph_variables=variables, nodes=nodes, constraints=current[count:]
+    )
 
 
-def spelled_out(
+def reformulate_choices(
     tape: Tape,
     functions: Sequence[int],
     names: Sequence[str],
-    probes: Float[np.ndarray, "inputs lanes"],
-    without: Collection[int] = (),
+    probes: Float[np.ndarray, "inputs points"],
+    excluded: Collection[int] = (),
 ) -> list[int]:
-    """Return functions with maxima and minima where choices (np.where) between two pieces are just that.
+    """Return functions with maxima and minima in place of choices (np.where) between pieces that are equal to them.
 
-    Raises InvalidInput, naming the function, where the pieces do not meet where the choice changes.
+    Raises InvalidInput, naming the function, where the pieces do not meet where the condition changes.
     """
-    replaced: dict[int, int] = {}
+    replacements: dict[int, int] = {}
     for name, function in zip(names, functions, strict=True):
-        for node in used(tape, [function]):
-            if tape.entries[node][0] is not Op.CHOOSE or node in replaced or node in without:
+        for node in dependencies(tape, [function]):
+            if tape.entries[node][0] is not Op.WHERE or node in replacements or node in excluded:
                 continue
             _, condition, first, second = tape.entries[node]
-            at = _boundary(tape, condition, probes)
-            if at.shape[1] == 0:
+            boundary = _boundary(tape, condition, probes)
+            if boundary.shape[1] == 0:
                 continue
-            apart = np.abs(np.subtract(*program(tape, [first, second])(at)))
-            if not np.nanmax(apart, initial=0.0) <= MEETS * (1 + np.nanmax(np.abs(program(tape, [node])(probes)))):
+            jumps = np.abs(np.subtract(*compile_evaluator(tape, [first, second])(boundary)))
+            value, one, other = compile_evaluator(tape, [node, first, second])(probes)
+            if not np.nanmax(jumps, initial=0.0) <= CONTINUITY_TOLERANCE * (1 + np.nanmax(np.abs(value))):
                 raise InvalidInput(
                     f"{name}: jumps where the condition of np.where changes: pieces that meet are wanted"
                 )
-            chosen, one, other = program(tape, [node, first, second])(probes)
-            if np.all(chosen >= np.maximum(one, other) - NOTHING):
-                replaced[node] = tape.apply(Op.MAXIMUM, first, second)
-            elif np.all(chosen <= np.minimum(one, other) + NOTHING):
-                replaced[node] = tape.apply(Op.MINIMUM, first, second)
-    return substituted(tape, functions, replaced)
+            if np.all(value >= np.maximum(one, other) - DERIVATIVE_TOLERANCE):
+                replacements[node] = tape.apply(Op.MAXIMUM, first, second)
+            elif np.all(value <= np.minimum(one, other) + DERIVATIVE_TOLERANCE):
+                replacements[node] = tape.apply(Op.MINIMUM, first, second)
+    return substitute(tape, functions, replacements)
 
 
 def _boundary(
-    tape: Tape, condition: int, probes: Float[np.ndarray, "inputs lanes"]
+    tape: Tape, condition: int, probes: Float[np.ndarray, "inputs points"]
 ) -> Float[np.ndarray, "inputs pairs"]:
-    """Return inputs, to rounding, where a condition changes between pairs of probes."""
-    truth = program(tape, [condition])
-    holds = truth(probes)[0] != 0
-    pairs = min(int(holds.sum()), int((~holds).sum()))
-    inside, outside = probes[:, holds][:, :pairs], probes[:, ~holds][:, :pairs]
-    for _ in range(60):
+    """Return inputs where a condition changes, by bisection between pairs of probes."""
+    holds = compile_evaluator(tape, [condition])
+    true = holds(probes)[0] != 0
+    pairs = min(int(true.sum()), int((~true).sum()))
+    inside, outside = probes[:, true][:, :pairs], probes[:, ~true][:, :pairs]
+    for _ in range(BISECTIONS):
         middle = (inside + outside) / 2
-        within = truth(middle)[0] != 0
-        inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
+        is_inside = holds(middle)[0] != 0
+        inside, outside = np.where(is_inside, middle, inside), np.where(is_inside, outside, middle)
     return inside
 
 
-def _grows(
-    tape: Tape, node: int, slack: int, functions: list[int], sides: list[int], probes: Float[np.ndarray, "inputs lanes"]
+def _is_convex_kink(
+    tape: Tape,
+    node: int,
+    variable: int,
+    functions: list[int],
+    senses: list[int],
+    probes: Float[np.ndarray, "inputs points"],
 ) -> bool:
-    """Return whether functions get worse with the slack, and have a kink where its operands meet."""
+    """Return whether functions get worse as the variable for a node does, and do so where its operands meet."""
     op, a, b, _ = tape.entries[node]
-    meeting = [a, b] if b >= 0 else [tape.constant(0.0)]
-    values = program(tape, [node, *meeting])(_wide(tape, probes))
-    slopes = [gradient(tape, f, [slack])[0] for f in functions]
-    given = [_wide(tape, probes) for _ in values]
-    for table, value in zip(given, values, strict=True):
-        table[tape.entries[slack][1]] = value
+    operands = [a, b] if b >= 0 else [tape.constant(0.0)]
+    values = compile_evaluator(tape, [node, *operands])(_pad(tape, probes))
+    derivatives = [gradient(tape, f, [variable])[0] for f in functions]
+    inputs = [_pad(tape, probes) for _ in values]
+    for rows, value in zip(inputs, values, strict=True):
+        rows[tape.entries[variable][1]] = value
     with np.errstate(all="ignore"):
-        found = np.nan_to_num(program(tape, slopes)(np.concatenate(given, axis=1)))
-    signs = np.array(sides) * (-1.0 if op is Op.MINIMUM else 1.0)
-    worse = signs[:, None] * found
-    if np.any((signs == 0) & (np.abs(found) > NOTHING).any(axis=1)) or np.any(worse < -NOTHING):
+        rates = np.nan_to_num(compile_evaluator(tape, derivatives)(np.concatenate(inputs, axis=1)))
+    signs = np.array(senses) * (-1.0 if op is Op.MINIMUM else 1.0)
+    worsening = signs[:, None] * rates
+    both_ways = (signs == 0) & (np.abs(rates) > DERIVATIVE_TOLERANCE).any(axis=1)
+    if np.any(both_ways) or np.any(worsening < -DERIVATIVE_TOLERANCE):
         return False
-    return bool(np.any(worse[:, probes.shape[1] :] > NOTHING))
+    return bool(np.any(worsening[:, probes.shape[1] :] > DERIVATIVE_TOLERANCE))
 
 
-def _wide(tape: Tape, probes: np.ndarray) -> np.ndarray:
+def _pad(tape: Tape, probes: np.ndarray) -> np.ndarray:
+    """Return probes with zeros for inputs that the tape gained since."""
     return np.pad(probes, ((0, len(tape.inputs) - len(probes)), (0, 0)))

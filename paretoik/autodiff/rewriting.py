@@ -1,92 +1,95 @@
-"""Expressions rewritten: entries replaced by others, and functions that are the largest or least of smoother ones."""
+"""Expressions rewritten: substitution, and functions as maxima, minima, sums and norms of smoother ones."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import product
 
-from paretoik.autodiff.differentiation import used
-from paretoik.autodiff.tape import Op, Tape
+from paretoik.autodiff.differentiation import dependencies
+from paretoik.autodiff.operations import Op
+from paretoik.autodiff.tape import Tape
 
-MOST = 64  # pieces of a sum: that of seven absolute values would have 128
+MAX_PIECES = 64  # of a sum: seven absolute values would have 128
 
 
-def substituted(tape: Tape, outputs: Sequence[int], replaced: Mapping[int, int]) -> list[int]:
+def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, int]) -> list[int]:
     """Return outputs with entries replaced by others of the same tape, wherever they occur."""
-    found = dict(replaced)
-    for i in used(tape, outputs):
+    new = dict(replacements)
+    for i in dependencies(tape, outputs):
         op, *operands = tape.entries[i]
-        if i in found or op in (Op.CONSTANT, Op.INPUT):
+        if i in new or op in (Op.CONSTANT, Op.INPUT):
             continue
-        changed = [found.get(k, k) for k in operands]
+        changed = [new.get(k, k) for k in operands]
         if changed != operands:
-            found[i] = tape.apply(op, *changed)
-    return [found.get(i, i) for i in outputs]
+            new[i] = tape.apply(op, *changed)
+    return [new.get(i, i) for i in outputs]
 
 
-def pieces(tape: Tape, i: int, side: int = 1) -> list[int]:
-    """Return entries of which entry i is always the largest (``side`` 1) or the least (−1): itself where it is smooth.
+def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
+    """Return entries whose maximum (``sense`` 1) or minimum (−1) is entry i: itself where it is smooth.
 
-    Maxima, minima and absolute values are taken apart, also in sums and multiples, while there are not too many.
+    Maxima, minima and absolute values are expanded, also within sums and multiples, up to MAX_PIECES.
     """
     op, a, b, _ = tape.entries[i]
-    found = [i]
-    if op is (Op.MAXIMUM if side > 0 else Op.MINIMUM):
-        found = [piece for k in _joined(tape, i, op) for piece in pieces(tape, k, side)]
-    elif op is Op.ABSOLUTE and side > 0:
-        found = pieces(tape, a, 1) + _negated(tape, pieces(tape, a, -1))
+    pieces = [i]
+    if op is (Op.MAXIMUM if sense > 0 else Op.MINIMUM):
+        pieces = [piece for k in _flatten(tape, i, op) for piece in smooth_pieces(tape, k, sense)]
+    elif op is Op.ABSOLUTE and sense > 0:
+        pieces = smooth_pieces(tape, a, 1) + _negate(tape, smooth_pieces(tape, a, -1))
     elif op is Op.NEGATE:
-        found = _negated(tape, pieces(tape, a, -side))
+        pieces = _negate(tape, smooth_pieces(tape, a, -sense))
     elif op in (Op.ADD, Op.SUBTRACT):
-        pairs = list(product(pieces(tape, a, side), pieces(tape, b, side if op is Op.ADD else -side)))
-        found = [tape.apply(op, *pair) for pair in pairs] if len(pairs) <= MOST else [i]
+        second_sense = sense if op is Op.ADD else -sense
+        pairs = list(product(smooth_pieces(tape, a, sense), smooth_pieces(tape, b, second_sense)))
+        pieces = [tape.apply(op, *pair) for pair in pairs] if len(pairs) <= MAX_PIECES else [i]
     elif op is Op.MULTIPLY and (a in tape.values or b in tape.values):
         factor, other = (a, b) if a in tape.values else (b, a)
-        turned = side if tape.values[factor] > 0 else -side
-        found = [tape.apply(op, factor, k) for k in pieces(tape, other, turned)]
-    return list(dict.fromkeys(found))
+        other_sense = sense if tape.values[factor] > 0 else -sense
+        pieces = [tape.apply(op, factor, k) for k in smooth_pieces(tape, other, other_sense)]
+    return list(dict.fromkeys(pieces))
 
 
-def addends(tape: Tape, i: int) -> list[int]:
-    """Return entries whose sum is entry i, taken apart as far as sums, differences and multiples go."""
+def summands(tape: Tape, i: int) -> list[int]:
+    """Return entries whose sum is entry i, expanded through sums, differences and multiples."""
     op, a, b, _ = tape.entries[i]
     if op is Op.MULTIPLY and (a in tape.values or b in tape.values):
         factor, other = (a, b) if a in tape.values else (b, a)
-        terms = addends(tape, other)
+        terms = summands(tape, other)
         return [tape.apply(op, factor, term) for term in terms] if len(terms) > 1 else [i]
     if op is Op.NEGATE:
-        return _negated(tape, addends(tape, a)) if tape.entries[a][0] in (Op.ADD, Op.SUBTRACT) else [i]
+        return _negate(tape, summands(tape, a)) if tape.entries[a][0] in (Op.ADD, Op.SUBTRACT) else [i]
     if op is Op.ADD:
-        return [term for k in _joined(tape, i, op) for term in (addends(tape, k) if tape.entries[k][0] != op else [k])]
-    return addends(tape, a) + _negated(tape, addends(tape, b)) if op is Op.SUBTRACT else [i]
+        operands = _flatten(tape, i, op)
+        return [term for k in operands for term in (summands(tape, k) if tape.entries[k][0] != op else [k])]
+    return summands(tape, a) + _negate(tape, summands(tape, b)) if op is Op.SUBTRACT else [i]
 
 
-def squares(tape: Tape, i: int) -> tuple[float, list[int]] | None:
-    """Return (factor > 0, entries) where entry i is factor times the root of the sum of their squares; else None."""
+def norm_terms(tape: Tape, i: int) -> tuple[float, list[int]] | None:
+    """Return (factor > 0, entries) where entry i is factor · √Σ entries², a Euclidean norm; else None."""
     op, a, b, _ = tape.entries[i]
     if op is Op.SQUARE_ROOT:
-        terms = [tape.entries[k] for k in _joined(tape, a, Op.ADD)]
-        plain = all(inner is Op.MULTIPLY and first == second for inner, first, second, _ in terms)
-        return (1.0, [first for _, first, *_ in terms]) if plain else None
+        terms = [tape.entries[k] for k in _flatten(tape, a, Op.ADD)]
+        squares = all(inner is Op.MULTIPLY and first == second for inner, first, second, _ in terms)
+        return (1.0, [first for _, first, *_ in terms]) if squares else None
     if op is Op.MULTIPLY and (a in tape.values or b in tape.values):
         factor, other = (a, b) if a in tape.values else (b, a)
-        known = squares(tape, other)
-        if known is not None and tape.values[factor] > 0:
-            return known[0] * tape.values[factor], known[1]
+        norm = norm_terms(tape, other)
+        if norm is not None and tape.values[factor] > 0:
+            return norm[0] * tape.values[factor], norm[1]
     return None
 
 
-def _joined(tape: Tape, i: int, op: Op) -> list[int]:
+def _flatten(tape: Tape, i: int, op: Op) -> list[int]:
     """Return the operands of a chain of one operation."""
-    found, pending = list[int](), [i]
+    operands, pending = list[int](), [i]
     while pending:
         k = pending.pop()
         if tape.entries[k][0] is op:
             pending += [tape.entries[k][2], tape.entries[k][1]]
         else:
-            found.append(k)
-    return found
+            operands.append(k)
+    return operands
 
 
-def _negated(tape: Tape, entries: Sequence[int]) -> list[int]:
+def _negate(tape: Tape, entries: Sequence[int]) -> list[int]:
     return [tape.apply(Op.NEGATE, i) for i in entries]

@@ -1,4 +1,4 @@
-"""Sine and cosine of many lanes at once: without branches, so that a processor works on several together.
+"""Sine and cosine of many numbers at once: without branches, so that a processor works on several together.
 
 Reduction by multiples of π/2 in two parts, then the polynomials of fdlibm's kernels (Sun Microsystems 1993): right
 within one unit in the last place, or 1e-20 where that is more.
@@ -12,8 +12,8 @@ import numpy as np
 
 from paretoik.compilation import compiled
 
-WIDEST = 1e5  # up to which the reduction keeps all digits; beyond, the library's own functions are asked
-ROUNDING = 6755399441055744.0  # 1.5 · 2⁵²: adding and taking it away again rounds to a whole number
+MAX_REDUCED = 1e5  # rad: up to here the reduction keeps all digits; beyond, math.sin and math.cos
+ROUNDING = 6755399441055744.0  # 1.5 · 2⁵²: adding and subtracting it rounds to an integer
 QUARTERS = 6.36619772367581382433e-01  # 2 / π
 QUARTER, QUARTER_REST = 1.57079632673412561417e00, 6.07710050650619224932e-11  # π / 2 in two parts
 S1, S2, S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
@@ -23,48 +23,48 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 
 
 @compiled
-def waves(sine, cosine, x, n):
-    """Write the sines and the cosines [rad] of the first ``n`` lanes."""
-    if _wide(x, n):
-        for lane in range(n):
-            sine[lane], cosine[lane] = math.sin(x[lane]), math.cos(x[lane])
+def sines_and_cosines(sine, cosine, x, n):
+    """Write the sines and the cosines [rad] of the first ``n`` angles."""
+    if _exceeds_reduction(x, n):
+        for k in range(n):
+            sine[k], cosine[k] = math.sin(x[k]), math.cos(x[k])
         return
-    for lane in range(n):
-        sine[lane], cosine[lane] = _both(x[lane])
+    for k in range(n):
+        sine[k], cosine[k] = _sine_cosine(x[k])
 
 
 @compiled
 def sines(to, x, n):
-    """Write the sines [rad] of the first ``n`` lanes."""
-    if _wide(x, n):
-        for lane in range(n):
-            to[lane] = math.sin(x[lane])
+    """Write the sines [rad] of the first ``n`` angles."""
+    if _exceeds_reduction(x, n):
+        for k in range(n):
+            to[k] = math.sin(x[k])
         return
-    for lane in range(n):
-        to[lane] = _both(x[lane])[0]
+    for k in range(n):
+        to[k] = _sine_cosine(x[k])[0]
 
 
 @compiled
 def cosines(to, x, n):
-    """Write the cosines [rad] of the first ``n`` lanes."""
-    if _wide(x, n):
-        for lane in range(n):
-            to[lane] = math.cos(x[lane])
+    """Write the cosines [rad] of the first ``n`` angles."""
+    if _exceeds_reduction(x, n):
+        for k in range(n):
+            to[k] = math.cos(x[k])
         return
-    for lane in range(n):
-        to[lane] = _both(x[lane])[1]
+    for k in range(n):
+        to[k] = _sine_cosine(x[k])[1]
 
 
 @compiled
-def _wide(x, n):
-    farthest = 0.0
-    for lane in range(n):
-        farthest = max(farthest, abs(x[lane]))
-    return farthest > WIDEST
+def _exceeds_reduction(x, n):
+    largest = 0.0
+    for k in range(n):
+        largest = max(largest, abs(x[k]))
+    return largest > MAX_REDUCED
 
 
 @compiled
-def _both(x):
+def _sine_cosine(x):
     k = (x * QUARTERS + ROUNDING) - ROUNDING
     near = x - k * QUARTER
     a = near - k * QUARTER_REST

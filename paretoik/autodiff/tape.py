@@ -1,55 +1,20 @@
-"""Expressions: what a piece of NumPy code computes, written down operation by operation.
+"""A tape: the operations that a piece of NumPy code performs, in the order in which they can be computed.
 
-A ``Tape`` holds the operations in the order in which they can be computed, each once: equal expressions are one entry,
-constants are folded, and products and sums with 0 and 1 vanish. An ``Expression`` is an entry of a tape that behaves
-like a number: Python's operators and NumPy's functions of numbers write on the tape instead of computing.
+Equal expressions are one entry, constants are folded, and products and sums with 0 and 1 are simplified away. An
+``Expression`` is an entry of a tape that behaves like a number: Python's operators and NumPy's functions of numbers
+extend the tape instead of computing.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from enum import IntEnum, auto
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from paretoik.autodiff.operations import COMMUTATIVE, NO_OPERAND, Op, compute
 from paretoik.errors import InvalidInput
 
-
-class Op(IntEnum):
-    """What an entry does with its operands; comparisons give 1 or 0."""
-
-    CONSTANT = 0
-    INPUT = auto()
-    ADD = auto()
-    SUBTRACT = auto()
-    MULTIPLY = auto()
-    DIVIDE = auto()
-    NEGATE = auto()
-    SINE = auto()
-    COSINE = auto()
-    SQUARE_ROOT = auto()
-    EXPONENTIAL = auto()
-    LOGARITHM = auto()
-    ARC_TANGENT = auto()  # of first / second, all four quadrants
-    ARC_SINE = auto()
-    ARC_COSINE = auto()
-    TANH = auto()
-    POWER = auto()
-    ABSOLUTE = auto()
-    SIGN = auto()
-    MAXIMUM = auto()
-    MINIMUM = auto()
-    LESS = auto()
-    LESS_EQUAL = auto()
-    WEIGH = auto()  # first · second, 0 where first is 0 whatever second is
-    CHOOSE = auto()  # second where first is not 0, else third
-
-
-COMMUTATIVE = frozenset({Op.ADD, Op.MULTIPLY, Op.MAXIMUM, Op.MINIMUM})
 Entry: TypeAlias = tuple[Op, int, int, int]
-NOTHING = -1
 
 
 class Tape:
@@ -59,12 +24,12 @@ class Tape:
         self.entries: list[Entry] = []
         self.values: dict[int, float] = {}  # of constants
         self.inputs: list[int] = []
-        self._known: dict[Entry, int] = {}
+        self._indices: dict[Entry, int] = {}
         self._constants: dict[float, int] = {}
 
     def input(self) -> Expression:
         """Return a new input."""
-        self.entries.append((Op.INPUT, len(self.inputs), NOTHING, NOTHING))
+        self.entries.append((Op.INPUT, len(self.inputs), NO_OPERAND, NO_OPERAND))
         self.inputs.append(len(self.entries) - 1)
         return Expression(self, self.inputs[-1])
 
@@ -72,34 +37,34 @@ class Tape:
         """Return the entry of a constant."""
         value = float(value) + 0.0
         if value not in self._constants:
-            self.entries.append((Op.CONSTANT, len(self._constants), NOTHING, NOTHING))
+            self.entries.append((Op.CONSTANT, len(self._constants), NO_OPERAND, NO_OPERAND))
             self._constants[value] = len(self.entries) - 1
             self.values[len(self.entries) - 1] = value
         return self._constants[value]
 
-    def apply(self, op: Op, first: int, second: int = NOTHING, third: int = NOTHING) -> int:
-        """Return the entry of an operation: one that is there already, a simpler one, or a new one."""
+    def apply(self, op: Op, first: int, second: int = NO_OPERAND, third: int = NO_OPERAND) -> int:
+        """Return the entry of an operation: an existing one, a simpler one, or a new one."""
         values = self.values
-        if first in values and (second == NOTHING or second in values) and (third == NOTHING or third in values):
-            return self.constant(_computed(op, *(values[i] for i in (first, second, third) if i != NOTHING)))
-        simpler = self._simpler(op, first, second, third)
+        if first in values and (second == NO_OPERAND or second in values) and (third == NO_OPERAND or third in values):
+            return self.constant(compute(op, *(values[i] for i in (first, second, third) if i != NO_OPERAND)))
+        simpler = self._simplify(op, first, second, third)
         if simpler is not None:
             return simpler
         if op in COMMUTATIVE and second < first:
             first, second = second, first
         entry = (op, first, second, third)
-        known = self._known.get(entry)
-        if known is None:
-            known = len(self.entries)
+        index = self._indices.get(entry)
+        if index is None:
+            index = len(self.entries)
             self.entries.append(entry)
-            self._known[entry] = known
-        return known
+            self._indices[entry] = index
+        return index
 
-    def _simpler(self, op: Op, first: int, second: int, third: int) -> int | None:
-        if op is Op.MULTIPLY or (op is Op.WEIGH and (first in self.values or second in self.values)):
-            return self._product(first, second)
+    def _simplify(self, op: Op, first: int, second: int, third: int) -> int | None:
+        if op is Op.MULTIPLY or (op is Op.MASKED_MULTIPLY and (first in self.values or second in self.values)):
+            return self._simplify_product(first, second)
         if op is Op.ADD or op is Op.SUBTRACT:
-            return self._sum(op, first, second)
+            return self._simplify_sum(op, first, second)
         if op is Op.DIVIDE:
             if self.values.get(first) == 0.0:
                 return first
@@ -107,18 +72,18 @@ class Tape:
                 return self.apply(Op.MULTIPLY, first, self.constant(1.0 / self.values[second]))
         if op is Op.NEGATE and self.entries[first][0] is Op.NEGATE:
             return self.entries[first][1]
-        if op is Op.CHOOSE:
+        if op is Op.WHERE:
             if second == third:
                 return second
             if first in self.values:
                 return second if self.values[first] else third
-            return self._choice(first, second, third)
+            return self._simplify_where(first, second, third)
         if op in (Op.MAXIMUM, Op.MINIMUM) and first == second:
             return first
         return None
 
-    def _choice(self, condition: int, first: int, second: int) -> int | None:
-        """Return the maximum, minimum or absolute value that a choice spells out."""
+    def _simplify_where(self, condition: int, first: int, second: int) -> int | None:
+        """Return the maximum, minimum or absolute value that a choice by comparison is."""
         op, low, high, _ = self.entries[condition]
         if op not in (Op.LESS, Op.LESS_EQUAL):
             return None
@@ -130,7 +95,7 @@ class Tape:
                 return self.apply(Op.ABSOLUTE, value)
         return None
 
-    def _product(self, first: int, second: int) -> int | None:
+    def _simplify_product(self, first: int, second: int) -> int | None:
         for one, other in ((first, second), (second, first)):
             value = self.values.get(one)
             if value == 0.0:
@@ -147,7 +112,7 @@ class Tape:
                 return self.apply(Op.NEGATE, self.apply(Op.MULTIPLY, self.entries[one][1], other))
         return None
 
-    def _sum(self, op: Op, first: int, second: int) -> int | None:
+    def _simplify_sum(self, op: Op, first: int, second: int) -> int | None:
         if self.values.get(second) == 0.0:
             return first
         if self.values.get(first) == 0.0:
@@ -164,7 +129,7 @@ class Tape:
 class Expression:
     """An entry of a tape, as a number that NumPy's functions of numbers accept.
 
-    Raises InvalidInput where it is asked for its value, as ``if``, ``float`` and unsupported functions do.
+    Raises InvalidInput where its value is needed, as in ``if``, ``float`` and unsupported functions.
     """
 
     __slots__ = ("index", "tape")
@@ -174,49 +139,51 @@ class Expression:
         self.index = index
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Write a NumPy function of numbers on the tape; on arrays of objects, element by element."""
+        """Apply a NumPy function of numbers on the tape; to arrays of objects, element by element."""
+        from paretoik.autodiff.numpy_ufuncs import apply_ufunc  # here: it is written in terms of this class
+
         if method != "__call__" or settings:
             raise InvalidInput(f"np.{ufunc.__name__}.{method}: a plain call is wanted where derivatives are taken")
         if any(isinstance(value, np.ndarray) and value.ndim for value in inputs):
-            shapes = np.broadcast_arrays(*(np.asarray(value, dtype=object) for value in inputs))
-            found = np.empty(shapes[0].shape, dtype=object)
-            for place in np.ndindex(found.shape):
-                found[place] = written(self.tape, ufunc.__name__, [array[place] for array in shapes])
-            return found
-        return written(self.tape, ufunc.__name__, inputs)
+            arrays = np.broadcast_arrays(*(np.asarray(value, dtype=object) for value in inputs))
+            result = np.empty(arrays[0].shape, dtype=object)
+            for index in np.ndindex(result.shape):
+                result[index] = apply_ufunc(self.tape, ufunc.__name__, [array[index] for array in arrays])
+            return result
+        return apply_ufunc(self.tape, ufunc.__name__, inputs)
 
     def __add__(self, other: Any) -> Any:
-        return self._with(Op.ADD, other)
+        return self._binary(Op.ADD, other)
 
     def __radd__(self, other: Any) -> Any:
-        return self._with(Op.ADD, other, turned=True)
+        return self._binary(Op.ADD, other, reflected=True)
 
     def __sub__(self, other: Any) -> Any:
-        return self._with(Op.SUBTRACT, other)
+        return self._binary(Op.SUBTRACT, other)
 
     def __rsub__(self, other: Any) -> Any:
-        return self._with(Op.SUBTRACT, other, turned=True)
+        return self._binary(Op.SUBTRACT, other, reflected=True)
 
     def __mul__(self, other: Any) -> Any:
-        return self._with(Op.MULTIPLY, other)
+        return self._binary(Op.MULTIPLY, other)
 
     def __rmul__(self, other: Any) -> Any:
-        return self._with(Op.MULTIPLY, other, turned=True)
+        return self._binary(Op.MULTIPLY, other, reflected=True)
 
     def __truediv__(self, other: Any) -> Any:
-        return self._with(Op.DIVIDE, other)
+        return self._binary(Op.DIVIDE, other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        return self._with(Op.DIVIDE, other, turned=True)
+        return self._binary(Op.DIVIDE, other, reflected=True)
 
     def __neg__(self) -> Expression:
         return Expression(self.tape, self.tape.apply(Op.NEGATE, self.index))
 
-    def _with(self, op: Op, other: Any, *, turned: bool = False) -> Any:
+    def _binary(self, op: Op, other: Any, *, reflected: bool = False) -> Any:
         if isinstance(other, np.ndarray) and other.ndim:
-            return NotImplemented  # NumPy then asks element by element
-        first, second = self.index, entry(self.tape, other)
-        if turned:
+            return NotImplemented  # NumPy then applies the operator element by element
+        first, second = self.index, as_entry(self.tape, other)
+        if reflected:
             first, second = second, first
         return Expression(self.tape, self.tape.apply(op, first, second))
 
@@ -233,92 +200,7 @@ class Expression:
         raise InvalidInput("a plain number was asked of a value that derivatives are taken of: NumPy functions only")
 
 
-UNARY: dict[str, Op] = {
-    "negative": Op.NEGATE,
-    "sin": Op.SINE,
-    "cos": Op.COSINE,
-    "sqrt": Op.SQUARE_ROOT,
-    "exp": Op.EXPONENTIAL,
-    "log": Op.LOGARITHM,
-    "arcsin": Op.ARC_SINE,
-    "arccos": Op.ARC_COSINE,
-    "tanh": Op.TANH,
-    "absolute": Op.ABSOLUTE,
-    "fabs": Op.ABSOLUTE,
-    "sign": Op.SIGN,
-}
-BINARY: dict[str, Op] = {
-    "add": Op.ADD,
-    "subtract": Op.SUBTRACT,
-    "multiply": Op.MULTIPLY,
-    "divide": Op.DIVIDE,
-    "arctan2": Op.ARC_TANGENT,
-    "maximum": Op.MAXIMUM,
-    "minimum": Op.MINIMUM,
-    "less": Op.LESS,
-    "less_equal": Op.LESS_EQUAL,
-}
-# The rest in terms of those above.
-COMPOSED: dict[str, Callable[..., Any]] = {
-    "square": lambda x: x * x,
-    "positive": lambda x: x,
-    "reciprocal": lambda x: 1.0 / x,
-    "tan": lambda x: np.sin(x) / np.cos(x),
-    "arctan": lambda x: np.arctan2(x, 1.0),
-    "sinh": lambda x: (np.exp(x) - np.exp(-x)) / 2,
-    "cosh": lambda x: (np.exp(x) + np.exp(-x)) / 2,
-    "exp2": lambda x: np.exp(x * math.log(2.0)),
-    "expm1": lambda x: np.exp(x) - 1.0,
-    "log1p": lambda x: np.log(x + 1.0),
-    "log2": lambda x: np.log(x) / math.log(2.0),
-    "log10": lambda x: np.log(x) / math.log(10.0),
-    "cbrt": lambda x: np.sign(x) * np.abs(x) ** (1.0 / 3.0),
-    "hypot": lambda x, y: np.sqrt(x * x + y * y),
-    "deg2rad": lambda x: x * (math.pi / 180.0),
-    "radians": lambda x: x * (math.pi / 180.0),
-    "rad2deg": lambda x: x * (180.0 / math.pi),
-    "degrees": lambda x: x * (180.0 / math.pi),
-    "greater": lambda x, y: np.less(y, x),
-    "greater_equal": lambda x, y: np.less_equal(y, x),
-    "equal": lambda x, y: np.less_equal(x, y) * np.less_equal(y, x),
-    "not_equal": lambda x, y: 1.0 - np.equal(x, y),
-    "isnan": lambda x: np.not_equal(x, x),
-    "isfinite": lambda x: np.less(np.abs(x), math.inf),
-    "fmax": lambda x, y: choose(np.isnan(x), y, choose(np.isnan(y), x, np.maximum(x, y))),
-    "fmin": lambda x, y: choose(np.isnan(x), y, choose(np.isnan(y), x, np.minimum(x, y))),
-    "logical_and": lambda x, y: np.not_equal(x, 0.0) * np.not_equal(y, 0.0),
-    "logical_or": lambda x, y: np.maximum(np.not_equal(x, 0.0), np.not_equal(y, 0.0)),
-    "logical_not": lambda x: np.equal(x, 0.0),
-    "bitwise_and": lambda x, y: x * y,  # these three only of truths, as in NumPy
-    "bitwise_or": lambda x, y: np.maximum(x, y),
-    "invert": lambda x: 1.0 - x,
-}
-COMPARISONS = {"less", "less_equal", "greater", "greater_equal", "equal", "not_equal", "isnan", "isfinite"}
-TRUTHS = frozenset(COMPARISONS | {"logical_and", "logical_or", "logical_not", "bitwise_and", "bitwise_or", "invert"})
-
-
-def written(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
-    """Write NumPy's function ``name`` of numbers and expressions on a tape; return the result.
-
-    Raises InvalidInput, naming the function, where its derivative is not known.
-    """
-    given = [Expression(tape, entry(tape, value)) for value in operands]
-    if name in COMPOSED:
-        return COMPOSED[name](*given)
-    if name in ("power", "float_power"):
-        return _power(tape, *given)
-    op = UNARY.get(name) or BINARY.get(name)
-    if op is None:
-        raise InvalidInput(f"np.{name} has no derivative here; those that have: {', '.join(supported())}")
-    return Expression(tape, tape.apply(op, *(value.index for value in given)))
-
-
-def supported() -> list[str]:
-    """Return the names of NumPy's functions of numbers that can be differentiated."""
-    return sorted({*UNARY, *BINARY, *COMPOSED, "power"})
-
-
-def entry(tape: Tape, value: Any) -> int:
+def as_entry(tape: Tape, value: Any) -> int:
     """Return the entry of an expression or number on a tape; raise InvalidInput for what is neither."""
     if isinstance(value, np.ndarray):
         value = value[()]
@@ -330,36 +212,10 @@ def entry(tape: Tape, value: Any) -> int:
     return tape.constant(float(value))
 
 
-def choose(condition: Any, first: Any, second: Any) -> Any:
-    """Return ``first`` where the condition holds, else ``second``: np.where of one number."""
+def where(condition: Any, first: Any, second: Any) -> Any:
+    """Return ``first`` where the condition holds, else ``second``: np.where of numbers and expressions."""
     tapes = [value.tape for value in (condition, first, second) if isinstance(value, Expression)]
     if not tapes:
         return first if condition else second
-    return Expression(tapes[0], tapes[0].apply(Op.CHOOSE, *(entry(tapes[0], v) for v in (condition, first, second))))
-
-
-def _power(tape: Tape, base: Expression, exponent: Expression) -> Any:
-    number = tape.values.get(exponent.index, math.nan)
-    if number.is_integer() and 0 < abs(number) <= 8:
-        found = base
-        for _ in range(abs(int(number)) - 1):
-            found = found * base
-        return found if number > 0 else 1.0 / found
-    if number == 0:
-        return Expression(tape, tape.constant(1.0))
-    if number == 0.5:
-        return np.sqrt(base)
-    return Expression(tape, tape.apply(Op.POWER, base.index, exponent.index))
-
-
-def _computed(op: Op, *values: float) -> float:
-    with np.errstate(all="ignore"):
-        return float(_NUMPY[op](*(np.float64(value) for value in values)))
-
-
-_NUMPY: dict[Op, Callable[..., Any]] = {
-    **{op: getattr(np, name) for name, op in {**UNARY, **BINARY}.items()},
-    Op.POWER: np.power,
-    Op.WEIGH: lambda first, second: first * second if first else 0.0,
-    Op.CHOOSE: lambda condition, first, second: first if condition else second,
-}
+    operands = (as_entry(tapes[0], value) for value in (condition, first, second))
+    return Expression(tapes[0], tapes[0].apply(Op.WHERE, *operands))

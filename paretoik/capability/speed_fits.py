@@ -229,7 +229,7 @@ class LogErrors:
         for _ in range(ITERATIONS):
             curvatures, axes = np.linalg.eigh(slopes.T @ slopes + self.curvature(numbers, found + multipliers))
             hessian = sparse.csr_array(axes * (np.maximum(curvatures, 0.0) + damping * curvatures[-1]) @ axes.T)
-            within = Constraints(unknowns=numbers.size, gaps=-margin - found, slopes=sparse.csr_array(-slopes))
+            within = Constraints(unknowns=numbers.size, values=-margin - found, jacobian=sparse.csr_array(-slopes))
             try:
                 best = step(slopes.T @ found, hessian, within, yielding=0, radius=LONGEST, price=1.0)
             except SolverFailed:

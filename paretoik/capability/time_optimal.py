@@ -18,7 +18,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.capability.fastest_path import (
+from paretoik.capability.geodesic import (
     check_ends,
     check_inside,
     fastest_path,

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Expression, entry
-from paretoik.autodiff.tracing import Traced
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.closed_loop.obstacles import round_scene, scene
 from paretoik.closed_loop.step import HISTORY, reaches, turning_rows
@@ -35,9 +35,9 @@ class StepPrograms:
     ``Guard`` wants.
     """
 
-    objectives: Program
+    objectives: Evaluator
     orders: int
-    nodes: Program
+    nodes: Evaluator
     obstacles: Float[np.ndarray, "obstacles columns"]
     enclosing: Float[np.ndarray, "obstacles columns"]
     reach: Float[np.ndarray, " dof"]
@@ -66,8 +66,8 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
     step = Step(
         motion=motion,  # type: ignore[arg-type]  # expressions pass for arrays
         home=home,  # type: ignore[arg-type]
-        position_error=Traced(trace, error[~turns], shared=True),  # type: ignore[arg-type]
-        rotation_error=Traced(trace, error[turns], shared=True),  # type: ignore[arg-type]
+        position_error=TracedArray(trace, error[~turns], shared=True),  # type: ignore[arg-type]
+        rotation_error=TracedArray(trace, error[turns], shared=True),  # type: ignore[arg-type]
         dt=dt,
     )
     outputs = []
@@ -75,8 +75,8 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
         value = local(motion, f"objective {given.name}", _of(given, step))
         if value is None:
             raise InvalidInput(f"objective {given.name}: looks at more than the end of the step")
-        outputs.append(entry(trace.tape, given.sign * Expression(trace.tape, entry(trace.tape, value))))
-    found = program(trace.tape, outputs * 2 if len(outputs) == 1 else outputs)
+        outputs.append(as_entry(trace.tape, given.sign * Expression(trace.tape, as_entry(trace.tape, value))))
+    found = compile_evaluator(trace.tape, outputs * 2 if len(outputs) == 1 else outputs)
     rates = [int(row) // dof for row in found.inputs if row < ORDERS * dof]
     return StepPrograms(
         objectives=found,
@@ -86,7 +86,7 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
         enclosing=round_scene(task.obstacles),
         reach=reaches(task),
         inputs=len(trace.tape.inputs),
-        constants=np.array([values[-1] for values in trace.data.values()]),
+        constants=np.array([values[-1] for values in trace.parameters.values()]),
     )
 
 
@@ -103,7 +103,7 @@ def _of(given: StepObjective, step: Step) -> Callable[[TracedMotion], Any]:
     return lambda _: given.function(step)
 
 
-def _errors(motion: TracedMotion, task: MotionTask, target: Traced) -> np.ndarray:
+def _errors(motion: TracedMotion, task: MotionTask, target: TracedArray) -> np.ndarray:
     wanted, links, begun = list(target.entries), chain(task.arm, list(motion.q.entries)), 0
     found = []
     for each in task.tasks:
@@ -114,6 +114,8 @@ def _errors(motion: TracedMotion, task: MotionTask, target: Traced) -> np.ndarra
     return table
 
 
-def _nodes(task: MotionTask) -> Program:
+def _nodes(task: MotionTask) -> Evaluator:
     motion = traced_sample(task)
-    return program(motion.trace.tape, [entry(motion.trace.tape, node) for node in motion.links.entries.ravel()])
+    return compile_evaluator(
+        motion.trace.tape, [as_entry(motion.trace.tape, node) for node in motion.links.entries.ravel()]
+    )

@@ -51,8 +51,8 @@ class StepSearch:
         inputs = max(self.programs.inputs, self.dof)
         self.room = room(self.dof, self.redundancy, self.population, self.programs.outputs, inputs)
         self._searched = False
-        self._polyline = self.programs.nodes.parts
-        self._worth = Worth(self.programs.objectives.parts, self.programs.orders)
+        self._polyline = self.programs.nodes.arrays
+        self._worth = Worth(self.programs.objectives.arrays, self.programs.orders)
 
     def __call__(self, instant: Instant) -> Population:
         """Search a step; the same seed, step and instant give the same population."""

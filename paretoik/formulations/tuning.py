@@ -10,7 +10,7 @@ choose these by hand; that they are searched for, and by several objectives, is 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, Protocol, Self, get_args, runtime_checkable
+from typing import Any, Literal, Protocol, TypeVar, get_args, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,7 +23,7 @@ from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_err
 from paretoik.resolution.parameters import Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
+from paretoik.robot.pose import ArrayLike, finite_array
 from paretoik.self_motion.curves import chained, wrapped
 from paretoik.self_motion.starts import postures, unreachable
 from paretoik.task.motion_task import MotionTask, motion_task
@@ -36,6 +36,7 @@ JudgedBy = Literal["worst", "mean"]
 START = Parameter("start", 0.0, 1.0)
 START_CANDIDATES = 400  # random postures that starts are found from
 DEFAULT_STARTS = 5
+Tuned = TypeVar("Tuned", bound="Resolver")
 
 
 @runtime_checkable
@@ -46,7 +47,7 @@ class Resolver(Protocol):
         """Return the numbers that are searched by default, on a path with these sample times."""
         ...
 
-    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
+    def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
         """Return the method with values (motions,) for some of its numbers."""
         ...
 
@@ -104,7 +105,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         *,
         parameters: Sequence[str | Parameter] | None = None,
         objectives: Sequence[Objective] = (tracking_error, limit_margin, speed_ratio, jerk),
-        starts: Sequence[Sequence[float]] | Float[np.ndarray, "starts dof"] | None = None,
+        starts: ArrayLike | Sequence[ArrayLike] | None = None,
         judged_starts: int | None = None,
         judged_by: JudgedBy = "worst",
         tolerance: float | None = 0.05,
@@ -237,8 +238,8 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
     return chained(candidates[within] if within.any() else candidates, task.arm.periodic)
 
 
-def _checked_starts(arm: Arm, starts: object) -> Float[np.ndarray, "starts dof"]:
-    array = finite_array("starts", starts)  # type: ignore[arg-type]  # it refuses what is no array
+def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:
+    array = finite_array("starts", starts)
     if array.ndim != 2 or array.shape[1] != arm.dof or not array.size:
         raise InvalidInput(f"starts: postures (starts, {arm.dof}) wanted, got shape {array.shape}")
     return array
@@ -247,14 +248,16 @@ def _checked_starts(arm: Arm, starts: object) -> Float[np.ndarray, "starts dof"]
 def _checked_parameters(
     method: Resolver, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
-    """Return what is searched; raise InvalidInput for unknown names, and for fields that are set twice or not at all."""
+    """Return what is searched; raise InvalidInput for unknown names, fields set twice, and nothing."""
     known = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
         raise InvalidInput(f"parameters: a list of names and Parameters wanted, got {parameters!r}")
     chosen = list[Parameter]()
     for each in method.parameters(times) if parameters is None else parameters:
         if not isinstance(each, Parameter) and each not in known:
-            raise InvalidInput(f"parameters: {', '.join(known)}, or a Parameter(name, lower, upper) wanted, got {each!r}")
+            raise InvalidInput(
+                f"parameters: {', '.join(known)}, or a Parameter(name, lower, upper) wanted, got {each!r}"
+            )
         chosen.append(each if isinstance(each, Parameter) else known[each])
     if not chosen:
         raise InvalidInput("parameters: at least one wanted, got none")

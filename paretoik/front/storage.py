@@ -1,18 +1,16 @@
 """A front on disk: `run.json`, `front.parquet` and `motions.npz`, a versioned format without pickle.
 
-`run.json` is strict JSON: what the run says of itself, the objectives, and the SHA-256 digests of the other files and
-of itself, so that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a
-point: id, one column an objective, violation, violation_between, kkt_residual, status (null where not computed).
-`motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points
-weights (points, n_obj) and exchange_rates (points, n_obj, n_obj).
+`run.json` (``run_files``) gets the front's provenance, its objectives, and the SHA-256 digests of the other files, so
+that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a point: id, one
+column an objective, violation, violation_between, kkt_residual, status (null where not computed). `motions.npz` has
+id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points weights
+(points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_intervals (points, n_obj, n_obj, 2).
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +21,11 @@ from paretoik.files import replace_file
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front, MotionBuilder
 from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
+from paretoik.run_files import MOTIONS, RUN, TABLE, digest, read_plain_file, read_run, run_bytes
 
-FORMAT = 1
-RUN, TABLE, MOTIONS = "run.json", "front.parquet", "motions.npz"
-OWN_ENTRIES = ("format", "objectives", "points", "files", "digest")
-CERTIFIED = ("violation_between", "kkt_residual")
-TRADED = ("weights", "exchange_rates", "exchange_intervals")
+RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
+CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
+CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
 
 
 def save(front: Front, folder: Path) -> None:
@@ -39,30 +36,16 @@ def save(front: Front, folder: Path) -> None:
     InvalidInput
         The folder cannot be written, or the provenance holds what JSON cannot, or a name that the format needs.
     """
-    taken = [name for name in OWN_ENTRIES if name in front.provenance]
-    if taken:
-        raise InvalidInput(f"front provenance: wanted none of {', '.join(OWN_ENTRIES)}, got {taken[0]!r}")
+    clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
+    if clashes:
+        raise InvalidInput(f"front provenance: wanted none of {', '.join(RESERVED_ENTRIES)}, got {clashes[0]!r}")
     files = {TABLE: _table_bytes(front)}
     if front.motions is not None or front.genes is not None or front.certificates is not None:
         files[MOTIONS] = _motions_bytes(front)
-    run: dict[str, Any] = {
-        "format": FORMAT,
-        **front.provenance,
-        "objectives": [
-            {"name": name, "unit": unit, "maximised": maximised, "range": [float(low), float(high)]}
-            for name, unit, maximised, (low, high) in zip(
-                front.names, front.units, front.maximised, front.ranges, strict=True
-            )
-        ],
-        "points": len(front),
-        "files": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
-    }
     try:
-        # As it will be read: tuples become lists, keys text.
-        run = json.loads(json.dumps(run, allow_nan=False))
+        files[RUN] = run_bytes(_run_entries(front, files))
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
-    files[RUN] = json.dumps(run | {"digest": _digest(run)}, indent=2).encode() + b"\n"
     for name, content in files.items():
         replace_file(folder / name, content)
 
@@ -75,8 +58,8 @@ def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
     InvalidRun
         A file is missing, damaged, linked elsewhere, of another version, or does not belong to the others.
     """
-    run = _read_run(folder / RUN)
-    contents = {name: _read_verified(folder / name, digest) for name, digest in run["files"].items()}
+    run = _read_front_entries(folder / RUN)
+    contents = {name: _read_verified(folder / name, expected) for name, expected in run["files"].items()}
     table = _read_table(folder / TABLE, contents[TABLE], [entry["name"] for entry in run["objectives"]])
     arrays = _read_motions(folder / MOTIONS, contents[MOTIONS], table["id"]) if MOTIONS in contents else {}
     motions: JointMotions | None = None
@@ -98,17 +81,32 @@ def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
             violation=table["violation"],
             certificates=_certificates(table, arrays),
             ranges=np.array([entry["range"] for entry in run["objectives"]], dtype=float),
-            provenance={key: value for key, value in run.items() if key not in OWN_ENTRIES},
+            provenance={key: value for key, value in run.items() if key not in RESERVED_ENTRIES},
         )
     except (InvalidInput, TypeError, ValueError) as fault:
         raise InvalidRun(f"{folder}: wanted a front, got one that is none: {fault}") from fault
 
 
+def _run_entries(front: Front, files: dict[str, bytes]) -> dict[str, Any]:
+    return {
+        **front.provenance,
+        "objectives": [
+            {"name": name, "unit": unit, "maximised": maximised, "range": [float(low), float(high)]}
+            for name, unit, maximised, (low, high) in zip(
+                front.names, front.units, front.maximised, front.ranges, strict=True
+            )
+        ],
+        "points": len(front),
+        "files": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
+    }
+
+
 def _certificates(table: dict[str, Any], arrays: dict[str, np.ndarray]) -> Certificates | None:
-    if "kkt_residual" not in table or not all(name in arrays for name in TRADED):
+    if "kkt_residual" not in table or not all(name in arrays for name in CERTIFICATE_ARRAYS):
         return None
     return Certificates(
-        **{name: table[name] for name in ("violation", *CERTIFIED, "status")}, **{name: arrays[name] for name in TRADED}
+        **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},
+        **{name: arrays[name] for name in CERTIFICATE_ARRAYS},
     )
 
 
@@ -121,7 +119,7 @@ def _table_bytes(front: Front) -> bytes:
     columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
     columns["violation"] = missing if front.violation is None else pa.array(front.violation)
     known = front.certificates
-    columns |= {name: missing if known is None else pa.array(getattr(known, name)) for name in CERTIFIED}
+    columns |= {name: missing if known is None else pa.array(getattr(known, name)) for name in CERTIFICATE_COLUMNS}
     columns["status"] = pa.nulls(len(front), pa.string()) if known is None else pa.array(known.status.tolist())
     units = dict(zip(front.names, front.units, strict=True))
     schema = pa.schema(
@@ -141,26 +139,17 @@ def _motions_bytes(front: Front) -> bytes:
         time = np.broadcast_to(np.asarray(front.motions.time, dtype=float), q.shape[:-1])
         arrays |= {"joint_names": np.array(front.motions.arm.joint_names, dtype=np.str_), "time": time, "q": q}
     if front.certificates is not None:
-        arrays |= {name: getattr(front.certificates, name) for name in TRADED}
+        arrays |= {name: getattr(front.certificates, name) for name in CERTIFICATE_ARRAYS}
     sink = io.BytesIO()
     np.savez(sink, allow_pickle=False, **arrays)
     return sink.getvalue()
 
 
-def _read_run(file: Path) -> dict[str, Any]:
-    content = _read(file)
-    try:
-        run = json.loads(content, parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as fault:
-        raise InvalidRun(f"{file}: wanted strict JSON, got {fault}") from fault
-    if not isinstance(run, dict) or "format" not in run:
-        raise InvalidRun(f"{file}: wanted a run, got JSON without a format")
-    if run["format"] != FORMAT:
-        raise InvalidRun(f"{file}: wanted format {FORMAT}, got {run['format']!r}; it needs another version of paretoik")
+def _read_front_entries(file: Path) -> dict[str, Any]:
+    run = read_run(file)
     if "files" not in run:
         raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without")
-    digest = run.pop("digest", None)
-    if digest != _digest(run):
+    if run.pop("digest", None) != digest(run):
         raise InvalidRun(f"{file}: wanted it as it was written, got contents that do not match their digest")
     if not _is_complete(run):
         raise InvalidRun(f"{file}: wanted objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
@@ -192,8 +181,8 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
         columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in names}
         violation = table.column("violation")
         columns["violation"] = None if violation.null_count else violation.cast(pa.float64()).to_numpy()
-        if not any(table.column(name).null_count for name in (*CERTIFIED, "status")):
-            columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in CERTIFIED}
+        if not any(table.column(name).null_count for name in (*CERTIFICATE_COLUMNS, "status")):
+            columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in CERTIFICATE_COLUMNS}
             columns["status"] = np.array(table.column("status").to_pylist(), dtype=np.str_)
     except Exception as fault:  # whatever the parser trips over is the file's fault
         raise InvalidRun(f"{file}: wanted columns id, {', '.join(names)} and violation, got {_line(fault)}") from fault
@@ -219,30 +208,11 @@ def _read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.n
     return arrays
 
 
-def _read(file: Path) -> bytes:
-    """Return the content of a plain file; a link may lead anywhere, a pipe may never end."""
-    if file.is_symlink() or not file.is_file():
-        found = "a link" if file.is_symlink() else "something else" if file.exists() else "nothing"
-        raise InvalidRun(f"{file}: wanted a plain file, got {found}")
-    try:
-        return file.read_bytes()
-    except OSError as fault:
-        raise InvalidRun(f"{file}: wanted to read it, got {fault.strerror}") from fault
-
-
-def _read_verified(file: Path, digest: object) -> bytes:
-    content = _read(file)
-    if hashlib.sha256(content).hexdigest() != digest:
+def _read_verified(file: Path, expected: object) -> bytes:
+    content = read_plain_file(file)
+    if hashlib.sha256(content).hexdigest() != expected:
         raise InvalidRun(f"{file}: wanted the file that {RUN} belongs to, got another or a damaged one")
     return content
-
-
-def _digest(run: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(run, sort_keys=True).encode()).hexdigest()
-
-
-def _refuse_constant(constant: str) -> None:
-    raise ValueError(f"the number {constant}")
 
 
 def _line(fault: Exception) -> str:

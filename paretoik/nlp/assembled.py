@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.autodiff.evaluator import Program
+from paretoik.autodiff.evaluator import Evaluator
 from paretoik.nlp.traced import Smooth
 
 
@@ -19,7 +19,7 @@ class Part:
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
 
-    def run(self, program: Program, z: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
+    def run(self, program: Evaluator, z: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
         """Return what one of its programs says at every place, (outputs, lanes)."""
         count = self.program.equalities + self.program.inequalities
         given = np.zeros((count, len(self.where))) if weights is None else weights

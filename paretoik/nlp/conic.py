@@ -1,4 +1,8 @@
-"""What convex subproblems are made of, and how Clarabel is asked."""
+"""The constraints that convex subproblems share, and their solution by Clarabel.
+
+minimise    ½ xᵀPx + qᵀx
+subject to  b − Ax ∈ K, a product of nonnegative and second-order cones
+"""
 
 from __future__ import annotations
 
@@ -16,27 +20,27 @@ from paretoik.errors import SolverFailed
 
 
 class Entries(NamedTuple):
-    """Row, column and value of each entry of a sparse matrix: what subproblems are put together from, quickly."""
+    """Row, column and value of each entry of a sparse matrix."""
 
     row: Int[np.ndarray, " entries"]
     column: Int[np.ndarray, " entries"]
     value: Float[np.ndarray, " entries"]
 
     @classmethod
-    def of(cls, table: sparse.csr_array) -> Entries:
+    def of(cls, matrix: sparse.csr_array) -> Entries:
         """Return those of a matrix."""
-        return cls(np.repeat(np.arange(table.shape[0]), np.diff(table.indptr)), table.indices, table.data)
+        return cls(np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices, matrix.data)
 
     @classmethod
-    def diagonal(cls, size: int, value: float, *, below: int = 0) -> Entries:
-        """Return those of a multiple of the identity, ``below`` empty rows."""
-        place = np.arange(size)
-        return cls(place + below, place, np.full(size, value))
+    def diagonal(cls, size: int, value: float, *, offset: int = 0) -> Entries:
+        """Return those of a multiple of the identity below ``offset`` empty rows."""
+        index = np.arange(size)
+        return cls(index + offset, index, np.full(size, value))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
-    """The number of a column is at least the length of values + rows · step; where step = 0 it is that length."""
+    """d[column] + ‖values‖ ≥ ‖values + rows d‖: at d = 0 the column stands for the length itself."""
 
     column: int
     values: Float[np.ndarray, " parts"]
@@ -45,103 +49,122 @@ class Cone:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraints:
-    """gaps + slopes · step ≥ 0, and cones; the length of a step is that of its first ``unknowns`` entries."""
+    """values + jacobian d ≥ 0, and cones; the length of a step d is that of its first ``unknowns`` entries."""
 
     unknowns: int
-    gaps: Float[np.ndarray, " limits"]
-    slopes: sparse.csr_array
+    values: Float[np.ndarray, " inequalities"]
+    jacobian: sparse.csr_array
     cones: tuple[Cone, ...] = ()
 
     @cached_property
     def entries(self) -> Entries:
-        """The entries of the slopes."""
-        return Entries.of(self.slopes)
+        """The entries of the Jacobian."""
+        return Entries.of(self.jacobian)
 
     @cached_property
-    def lengths(self) -> Float[np.ndarray, " limits"]:
-        """Length of every limit's slope, at least a tiny one."""
-        square = np.bincount(self.entries.row, self.entries.value**2, minlength=len(self.gaps))
+    def row_norms(self) -> Float[np.ndarray, " inequalities"]:
+        """Euclidean length of every row of the Jacobian, at least a tiny one."""
+        square = np.bincount(self.entries.row, self.entries.value**2, minlength=len(self.values))
         return np.maximum(np.sqrt(square), 1e-300)
 
-    def in_reach(self, longest: float, *, order: int) -> np.ndarray:
-        """Return which limits a step of the unknowns, of that length in the norm of ``order``, could reach."""
-        own, size = self.entries.column < self.unknowns, len(self.gaps)
-        row, value = self.entries.row[own], np.abs(self.entries.value[own])
-        steep = np.bincount(row, value, size) if order != 2 else np.sqrt(np.bincount(row, value**2, size))
-        tied = np.bincount(self.entries.row[~own], minlength=size) > 0
-        found: np.ndarray = np.flatnonzero(tied | (self.gaps < steep * longest))
-        return found
+    def within_reach(self, radius: float, *, order: int) -> Int[np.ndarray, " rows"]:
+        """Return the inequalities that some step within a ball could reach, ``order`` being that of the ball's norm.
 
-    def turned(self, near: np.ndarray, lengths: np.ndarray) -> Entries:
-        """Return −slopes / lengths of the limits ``near`` alone, as a solver takes them."""
-        place = np.full(len(self.gaps), -1)
-        place[near] = np.arange(len(near))
+        Those that bound an auxiliary column, which no ball bounds, always count.
+        """
+        bounded, count = self.entries.column < self.unknowns, len(self.values)
+        row, value = self.entries.row[bounded], np.abs(self.entries.value[bounded])
+        dual_norm = np.bincount(row, value, count) if order != 2 else np.sqrt(np.bincount(row, value**2, count))
+        auxiliary = np.bincount(self.entries.row[~bounded], minlength=count) > 0
+        reachable: np.ndarray = np.flatnonzero(auxiliary | (self.values < dual_norm * radius))
+        return reachable
+
+    def scaled_rows(self, rows: np.ndarray, scales: np.ndarray) -> Entries:
+        """Return −jacobian / scales of these rows alone: their part of A."""
+        index = np.full(len(self.values), -1)
+        index[rows] = np.arange(len(rows))
         row, column, value = self.entries
-        kept = place[row] >= 0
-        row = place[row[kept]]
-        return Entries(row, column[kept], -value[kept] / lengths[row])
+        chosen = index[row] >= 0
+        row = index[row[chosen]]
+        return Entries(row, column[chosen], -value[chosen] / scales[row])
 
-    def tops(self) -> list[tuple[int, Entries, np.ndarray, Any]]:
-        """Return the height, entries, right side and kind of every cone, as a solver takes them."""
-        found = []
+    def conic_rows(self) -> list[tuple[int, Entries, np.ndarray, Any]]:
+        """Return the height, entries of A, part of b and kind of every cone."""
+        blocks = []
         for cone in self.cones:
             row, column, value = Entries.of(cone.rows)
-            below = Entries(np.append(0, row + 1), np.append(cone.column, column), np.append(-1.0, -value))
-            right = np.append(np.linalg.norm(cone.values), cone.values)
-            found.append((len(right), below, right, clarabel.SecondOrderConeT(len(right))))
-        return found
+            entries = Entries(np.append(0, row + 1), np.append(cone.column, column), np.append(-1.0, -value))
+            b = np.append(np.linalg.norm(cone.values), cone.values)
+            blocks.append((len(b), entries, b, clarabel.SecondOrderConeT(len(b))))
+        return blocks
 
-    def pulls(self, dual: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return the multipliers of every cone from the dual variables of the rows of all."""
-        found, begun = [], 0
+    def cone_multipliers(self, dual: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the multipliers of the vector in every cone from the dual variables of all their rows."""
+        multipliers, first = [], 0
         for cone in self.cones:
-            found.append(-dual[begun + 1 : begun + 1 + len(cone.values)])
-            begun += len(cone.values) + 1
-        return tuple(found)
+            multipliers.append(-dual[first + 1 : first + 1 + len(cone.values)])
+            first += len(cone.values) + 1
+        return tuple(multipliers)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Answer:
-    """A solver's answer: the variables, the dual variables of all rows, and the value."""
+class ConicSolution:
+    """The primal variables x, the dual variables of all rows of A, and the objective value."""
 
     x: Float[np.ndarray, " variables"]
     dual: Float[np.ndarray, " rows"]
     value: float
 
 
-def asked(
-    what: str,
+def solve_conic(
+    name: str,
     quadratic: Entries,
     linear: Float[np.ndarray, " variables"],
     blocks: Sequence[tuple[int, Entries]],
-    right: Sequence[np.ndarray],
+    b: Sequence[np.ndarray],
     cones: Sequence[Any],
     tolerance: float,
-) -> Answer:
-    """Return the answer to: least ½ xᵀ P x + q·x with right − blocks · x in the cones.
+) -> ConicSolution:
+    """Return the solution; ``blocks`` of A stand one below the other, each with its height; P is its upper triangle.
 
-    ``blocks`` stand one below the other, each with its height; of P the upper half counts. Raises SolverFailed,
-    naming ``what``, where there is no answer.
+    Raises SolverFailed, naming the program, where Clarabel ends without a solution.
+    """
+    upper = quadratic.row <= quadratic.column
+    P = _compress(Entries(*(part[upper] for part in quadratic)), len(linear), len(linear))
+    first = np.cumsum([0, *(height for height, _ in blocks)])
+    stacked = Entries(
+        np.concatenate([block.row + row for (_, block), row in zip(blocks, first[:-1], strict=True)]),
+        np.concatenate([block.column for _, block in blocks]),
+        np.concatenate([block.value for _, block in blocks]),
+    )
+    return run_clarabel(
+        name, P, linear, _compress(stacked, int(first[-1]), len(linear)), np.concatenate(b), cones, tolerance
+    )
+
+
+def run_clarabel(
+    name: str,
+    P: sparse.csc_matrix,
+    q: Float[np.ndarray, " variables"],
+    A: sparse.csc_matrix,
+    b: Float[np.ndarray, " rows"],
+    cones: Sequence[Any],
+    tolerance: float,
+) -> ConicSolution:
+    """Return the solution by Clarabel, its gaps and infeasibilities within ``tolerance``.
+
+    Raises SolverFailed, naming the program, where Clarabel ends without a solution.
     """
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    upper = quadratic.row <= quadratic.column
-    square = _compressed(Entries(*(part[upper] for part in quadratic)), len(linear), len(linear))
-    begins = np.cumsum([0, *(height for height, _ in blocks)])
-    stacked = Entries(
-        np.concatenate([block.row + begin for (_, block), begin in zip(blocks, begins[:-1], strict=True)]),
-        np.concatenate([block.column for _, block in blocks]),
-        np.concatenate([block.value for _, block in blocks]),
-    )
-    matrix = _compressed(stacked, int(begins[-1]), len(linear))
-    found = clarabel.DefaultSolver(square, linear, matrix, np.concatenate(right), list(cones), settings).solve()
-    if str(found.status) not in ("Solved", "AlmostSolved"):
-        raise SolverFailed(f"{what}: Clarabel wanted to end with Solved, got {found.status}")
-    return Answer(x=np.array(found.x), dual=np.array(found.z), value=float(found.obj_val))
+    solution = clarabel.DefaultSolver(P, q, A, b, list(cones), settings).solve()
+    if str(solution.status) not in ("Solved", "AlmostSolved"):
+        raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
+    return ConicSolution(x=np.array(solution.x), dual=np.array(solution.z), value=float(solution.obj_val))
 
 
-def _compressed(entries: Entries, rows: int, columns: int) -> sparse.csc_matrix:
+def _compress(entries: Entries, rows: int, columns: int) -> sparse.csc_matrix:
     order = np.argsort(entries.column * rows + entries.row)
-    begins = np.searchsorted(entries.column[order], np.arange(columns + 1))
-    return sparse.csc_matrix((entries.value[order], entries.row[order], begins), shape=(rows, columns))
+    indptr = np.searchsorted(entries.column[order], np.arange(columns + 1))
+    return sparse.csc_matrix((entries.value[order], entries.row[order], indptr), shape=(rows, columns))

@@ -1,9 +1,13 @@
-"""How much all objectives can gain at once, to first order: the criticality of a point.
+"""How much all objectives can gain at once, to first order: the criticality χ of a point.
 
-χ = max t over ‖d‖ ≤ radius with ∇fᵢ·d ≤ −t for every objective and gap + ∇gap·d ≥ 0 for every limit: 0 at a
-Pareto-critical point, positive elsewhere. A second-order cone program, solved by Clarabel; ``criticality_model`` is the
-same in cvxpy's words, slower and easier to read. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their
-quadratic term.
+maximise    t
+subject to  ∇fᵢ·d + t ≤ 0 for every objective
+            c + J d ≥ 0, c at least 0
+            ‖d‖ ≤ radius, and cones
+
+χ is 0 at a Pareto-critical point, positive elsewhere. A second-order cone program, assembled by hand for Clarabel:
+``solve_with_cvxpy`` states the same and is what tests hold it against. Source: Fliege & Svaiter 2000, Eq. 2, with a
+ball in place of their quadratic term.
 """
 
 from __future__ import annotations
@@ -15,21 +19,22 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.conic import Constraints, Entries, asked
+from paretoik.nlp.conic import Constraints, Entries, solve_conic
 
-SHORT = 0.01  # of the longest step: limits that one so short cannot reach are asked only where the others leave a gain
-NOTHING = 1e-10  # of the steepest objective's slope: a gain that needs no more limits to be none
+NEAR_SHARE = 0.01  # of the radius: inequalities that a step so short cannot reach are left out at first
+GAIN_TOLERANCE = 1e-10  # of the steepest gradient's length: a gain that further inequalities could only lower to 0
+TOLERANCE = 1e-11  # of Clarabel's gaps and infeasibilities
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criticality:
-    """``value`` χ, the step that attains it, and multipliers of objectives (their sum is 1), limits and cones."""
+    """``value`` χ, the step that attains it, ``weights`` λ of the objectives, Σλ = 1, and multipliers μ of the rest."""
 
     value: float
     step: Float[np.ndarray, " columns"]
     weights: Float[np.ndarray, " objectives"]
-    limits: Float[np.ndarray, " limits"]
-    pulls: tuple[np.ndarray, ...] = ()
+    multipliers: Float[np.ndarray, " inequalities"]
+    cone_multipliers: tuple[np.ndarray, ...] = ()
 
 
 def criticality(
@@ -37,79 +42,80 @@ def criticality(
 ) -> Criticality:
     """Return the criticality where objectives have these gradients.
 
-    Of the limits those nearest are asked first: with fewer limits the gain can only be greater, so that none with them
-    is none with all. Raises SolverFailed where Clarabel finds no solution.
+    The nearest inequalities alone come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0
+    with all. Raises SolverFailed where Clarabel ends without a solution.
     """
-    steepest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
-    found = _within(gradients, constraints, radius, constraints.in_reach(SHORT * radius, order=2), steepest)
-    if found.value <= NOTHING * steepest:
-        return found
-    return _within(gradients, constraints, radius, constraints.in_reach(radius, order=2), steepest)
+    scale = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
+    near = constraints.within_reach(NEAR_SHARE * radius, order=2)
+    first = _solve(gradients, constraints, radius, near, scale)
+    if first.value <= GAIN_TOLERANCE * scale:
+        return first
+    return _solve(gradients, constraints, radius, constraints.within_reach(radius, order=2), scale)
 
 
-def _within(
-    gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray, scale: float
+def _solve(
+    gradients: np.ndarray, constraints: Constraints, radius: float, rows: np.ndarray, scale: float
 ) -> Criticality:
-    """Return the criticality as far as the limits ``near`` go, asked with gradients divided by ``scale``."""
+    """Return the criticality with the inequalities ``rows`` alone, all gradients divided by ``scale``."""
     (objectives, columns), unknowns = gradients.shape, constraints.unknowns
-    lengths = constraints.lengths[near]
+    norms = constraints.row_norms[rows]
     row, column = np.indices(gradients.shape).reshape(2, -1)
     gains = Entries(
         np.append(row, np.arange(objectives)),
         np.append(column, np.full(objectives, columns)),
         np.append(gradients.ravel() / scale, np.ones(objectives)),
     )
-    tops = constraints.tops()
-    found = asked(
+    cones = constraints.conic_rows()
+    solution = solve_conic(
         "criticality",
         Entries.diagonal(0, 0.0),
         np.append(np.zeros(columns), -1.0),
         [
             (objectives, gains),
-            (len(near), constraints.turned(near, lengths)),
-            (unknowns + 1, Entries.diagonal(unknowns, -1.0, below=1)),
-            *((height, block) for height, block, *_ in tops),
+            (len(rows), constraints.scaled_rows(rows, norms)),
+            (unknowns + 1, Entries.diagonal(unknowns, -1.0, offset=1)),
+            *((height, block) for height, block, *_ in cones),
         ],
         [
             np.zeros(objectives),
-            np.maximum(constraints.gaps[near], 0.0) / lengths,
+            np.maximum(constraints.values[rows], 0.0) / norms,
             np.append(radius, np.zeros(unknowns)),
-            *(right for *_, right, _ in tops),
+            *(b for *_, b, _ in cones),
         ],
         [
-            clarabel.NonnegativeConeT(objectives + len(near)),
+            clarabel.NonnegativeConeT(objectives + len(rows)),
             clarabel.SecondOrderConeT(unknowns + 1),
-            *(kind for *_, kind in tops),
+            *(kind for *_, kind in cones),
         ],
-        1e-11,
+        TOLERANCE,
     )
-    limits = np.zeros(len(constraints.gaps))
-    limits[near] = found.dual[objectives : objectives + len(near)] * scale / lengths
-    weights = found.dual[:objectives]
+    multipliers = np.zeros(len(constraints.values))
+    multipliers[rows] = solution.dual[objectives : objectives + len(rows)] * scale / norms
+    weights = solution.dual[:objectives]
     return Criticality(
-        value=max(-found.value, 0.0) * scale,
-        step=found.x[:columns],
+        value=max(-solution.value, 0.0) * scale,
+        step=solution.x[:columns],
         weights=weights / weights.sum(),
-        limits=limits,
-        pulls=constraints.pulls(found.dual[objectives + len(near) + unknowns + 1 :] * scale),
+        multipliers=multipliers,
+        cone_multipliers=constraints.cone_multipliers(solution.dual[objectives + len(rows) + unknowns + 1 :] * scale),
     )
 
 
-def criticality_model(
+def solve_with_cvxpy(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return what ``criticality`` does, by cvxpy."""
-    import cvxpy  # here: it takes two seconds, and only tests and readers want it
+    """Return the criticality by cvxpy's own solve. Raises SolverFailed where there is no solution."""
+    import cvxpy  # here: importing it takes two seconds
 
     d, t = cvxpy.Variable(gradients.shape[1]), cvxpy.Variable()
     gain = gradients @ d + t <= 0
-    within = -constraints.slopes @ d <= np.maximum(constraints.gaps, 0.0)
-    tops = [
+    inequalities = -constraints.jacobian @ d <= np.maximum(constraints.values, 0.0)
+    cones = [
         cvxpy.SOC(d[cone.column] + np.linalg.norm(cone.values), cone.values + cone.rows @ d)
         for cone in constraints.cones
     ]
     ball = cvxpy.norm(d[: constraints.unknowns]) <= radius
-    problem = cvxpy.Problem(cvxpy.Maximize(t), [gain, within, ball, *tops])
+    problem = cvxpy.Problem(cvxpy.Maximize(t), [gain, inequalities, ball, *cones])
     problem.solve(solver=cvxpy.CLARABEL)
     if d.value is None:
         raise SolverFailed(f"criticality: a solution wanted, got {problem.status}")
@@ -117,6 +123,6 @@ def criticality_model(
         value=max(float(problem.value), 0.0),
         step=np.array(d.value),
         weights=np.array(gain.dual_value) / np.sum(gain.dual_value),
-        limits=np.array(within.dual_value),
-        pulls=tuple(-np.ravel(top.dual_value[1]) for top in tops),
+        multipliers=np.array(inequalities.dual_value),
+        cone_multipliers=tuple(-np.ravel(cone.dual_value[1]) for cone in cones),
     )

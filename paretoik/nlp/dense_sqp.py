@@ -72,7 +72,9 @@ class Local:
 
     def constraints(self, room: Float[np.ndarray, " inequalities"]) -> Constraints:
         """Return the inequalities along the equalities, with what ``room`` they have."""
-        return Constraints(unknowns=self.basis.shape[1], gaps=room, slopes=sparse.csr_array(self.slopes @ self.basis))
+        return Constraints(
+            unknowns=self.basis.shape[1], values=room, jacobian=sparse.csr_array(self.slopes @ self.basis)
+        )
 
 
 def local(program: Rows, z: Float[np.ndarray, " unknowns"], caps: Caps | None = None) -> Local:
@@ -230,7 +232,7 @@ def _asked(
 ) -> Step | None:
     try:
         return step(
-            gradient, sparse.csr_array(bent), constraints, yielding=len(constraints.gaps), radius=radius, price=price
+            gradient, sparse.csr_array(bent), constraints, yielding=len(constraints.values), radius=radius, price=price
         )
     except SolverFailed:
         return None

@@ -12,14 +12,17 @@ auxiliary columns, slack and epigraph variables that follow from x, so that ever
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.arrays import Point, Points
-from paretoik.nlp.conic import Cone
+from paretoik.nlp.conic import Cone, Constraints
+
+Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
+"""Which solver refines: interior points where F and c are smooth, else sequential quadratic programming, if "auto"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +68,14 @@ class Linearisation(Protocol):
     def retract(self, step: Float[np.ndarray, " columns"]) -> Point | None:
         """Return the point that a step leads to, back on the equalities; None where it cannot be led back."""
 
+    def corrected_inequalities(
+        self, step: Float[np.ndarray, " columns"], x: Point
+    ) -> Float[np.ndarray, " inequalities"]:
+        """Return c at the point x that a step led to, auxiliary columns being what the step makes them.
+
+        What is left after the part linear in the step is the curvature that a second-order correction makes up for.
+        """
+
 
 @runtime_checkable
 class Program(Protocol):
@@ -85,3 +96,21 @@ class Program(Protocol):
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
         """Return how far a point is from others (others,), RMS in rad or m: optima nearer than 0.01 are one."""
+
+
+def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
+    """Return the inequalities to first order, the goal's bounds among them, and how many of them are elastic.
+
+    First come the elastic inequalities, then the goal's bounds, as elastic, then those that tie auxiliary columns.
+    """
+    finite = np.isfinite(goal.upper)
+    rows, elastic = goal.rows[finite], at.elastic
+    bounds = sparse.csr_array(-rows @ at.gradients)
+    ties = np.maximum(at.inequalities[elastic:], 0.0)  # negative by rounding alone
+    constraints = Constraints(
+        unknowns=at.unknowns,
+        values=np.concatenate([at.inequalities[:elastic], goal.upper[finite] - rows @ at.objectives, ties]),
+        jacobian=sparse.csr_array(sparse.vstack([at.jacobian[:elastic], bounds, at.jacobian[elastic:]])),
+        cones=at.cones,
+    )
+    return constraints, elastic + len(rows)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.conic import Constraints, Entries, asked
+from paretoik.nlp.conic import Constraints, Entries, solve_conic
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,19 +42,19 @@ def step(
     ``hessian`` has to be positive semidefinite. Raises SolverFailed where Clarabel finds no solution.
     """
     columns, unknowns = len(gradient), constraints.unknowns
-    near = constraints.in_reach(radius, order=1)
+    near = constraints.within_reach(radius, order=1)
     gives = np.flatnonzero(near < yielding)
-    lengths = constraints.lengths[near]
+    lengths = constraints.row_norms[near]
     lengths[gives] = 1.0  # their units decide what a violation costs
     way_out = Entries(gives, np.full(len(gives), columns), np.full(len(gives), -1.0))
     last = Entries(np.zeros(1, dtype=int), np.array([columns]), np.full(1, -1.0))
-    tops = constraints.tops()
-    found = asked(
+    tops = constraints.conic_rows()
+    found = solve_conic(
         "step",
         Entries.of(hessian),
         np.append(gradient, price),
         [
-            (0, constraints.turned(near, lengths)),
+            (0, constraints.scaled_rows(near, lengths)),
             (len(near), way_out),
             (unknowns, Entries.diagonal(unknowns, 1.0)),
             (unknowns, Entries.diagonal(unknowns, -1.0)),
@@ -62,7 +62,7 @@ def step(
             *((height, block) for height, block, *_ in tops),
         ],
         [
-            constraints.gaps[near] / lengths,
+            constraints.values[near] / lengths,
             np.full(2 * unknowns, radius),
             np.zeros(1),
             *(right for *_, right, _ in tops),
@@ -70,13 +70,13 @@ def step(
         [clarabel.NonnegativeConeT(len(near) + 2 * unknowns + 1), *(kind for *_, kind in tops)],
         1e-10,
     )
-    limits = np.zeros(len(constraints.gaps))
+    limits = np.zeros(len(constraints.values))
     limits[near] = found.dual[: len(near)] / lengths
     return Step(
         step=found.x[:columns],
         violation=max(float(found.x[columns]), 0.0),
         limits=limits,
-        pulls=constraints.pulls(found.dual[len(near) + 2 * unknowns + 1 :]),
+        pulls=constraints.cone_multipliers(found.dual[len(near) + 2 * unknowns + 1 :]),
     )
 
 
@@ -93,8 +93,8 @@ def step_model(
     import cvxpy  # here: it takes two seconds, and only tests and readers want it
 
     d, t = cvxpy.Variable(len(gradient)), cvxpy.Variable(nonneg=True)
-    gives = (np.arange(len(constraints.gaps)) < yielding).astype(float)
-    within = constraints.gaps + constraints.slopes @ d + gives * t >= 0
+    gives = (np.arange(len(constraints.values)) < yielding).astype(float)
+    within = constraints.values + constraints.jacobian @ d + gives * t >= 0
     box = cvxpy.norm_inf(d[: constraints.unknowns]) <= radius
     tops = [
         cvxpy.SOC(d[cone.column] + np.linalg.norm(cone.values), cone.values + cone.rows @ d)

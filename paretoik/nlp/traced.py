@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import gradient, hessian
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Expression, Tape, entry
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, Tape, as_entry
 
 
 @runtime_checkable
@@ -42,9 +42,9 @@ class Smooth:
     equalities: int
     inequalities: int
     parameters: Float[np.ndarray, " parameters"]
-    values: Program
-    first: Program
-    second: Program
+    values: Evaluator
+    first: Evaluator
+    second: Evaluator
     places: tuple[np.ndarray, np.ndarray]
     bends: tuple[np.ndarray, np.ndarray]
 
@@ -77,7 +77,7 @@ def smooth(unknowns: int, parameters: int, written: Written) -> Smooth:
     tape = Tape()
     z, known = [tape.input() for _ in range(unknowns)], [tape.input() for _ in range(parameters)]
     equal, room = written(z, known)
-    variables, rows = [entry(tape, one) for one in z], [entry(tape, one) for one in (*equal, *room)]
+    variables, rows = [as_entry(tape, one) for one in z], [as_entry(tape, one) for one in (*equal, *room)]
     slopes = {
         (i, j): value
         for i, row in enumerate(rows)
@@ -87,14 +87,14 @@ def smooth(unknowns: int, parameters: int, written: Written) -> Smooth:
     weighed: Any = 0.0
     for row in rows:
         weighed = weighed + tape.input() * Expression(tape, row)
-    second = hessian(tape, entry(tape, weighed), variables)
+    second = hessian(tape, as_entry(tape, weighed), variables)
     return Smooth(
         equalities=len(equal),
         inequalities=len(room),
         parameters=np.zeros(parameters),
-        values=program(tape, rows),
-        first=program(tape, list(slopes.values())),
-        second=program(tape, list(second.values())),
+        values=compile_evaluator(tape, rows),
+        first=compile_evaluator(tape, list(slopes.values())),
+        second=compile_evaluator(tape, list(second.values())),
         places=_places(slopes),
         bends=_places(second),
     )

@@ -51,7 +51,7 @@ def weight_ratios(
     counts = np.where(weights >= COUNTS, weights, np.nan)
     ratios = weights[:, None] / counts[None, :]
     found = np.stack([ratios, ratios], axis=-1)
-    reached = constraints.slopes[constraints.gaps <= ACTIVE].toarray()
+    reached = constraints.jacobian[constraints.values <= ACTIVE].toarray()
     rows = np.concatenate([gradients, -reached])
     lengths = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
     rows = rows[lengths > 1e-12] / lengths[lengths > 1e-12, None]

@@ -170,10 +170,10 @@ def _critical(sketch: Sketch, at: Local, ranges: np.ndarray) -> Criticality:
 def _status(sketch: Sketch, at: Local, found: Criticality, gradients: np.ndarray, ranges: np.ndarray) -> str:
     """Return whether the curvature on the critical cone says minimum or saddle."""
     slopes = at.slopes @ at.basis
-    strong, counts = found.limits > COUNTS, found.weights >= COUNTS
+    strong, counts = found.multipliers > COUNTS, found.weights >= COUNTS
     weak = ~strong & (at.room <= ACTIVE)
-    pulls = -at.back.T @ ((sketch.costs / ranges[:, None]).T @ found.weights - at.slopes.T @ found.limits)
-    table = at.basis.T @ sketch.program.curvature(at.z, np.concatenate([pulls, -found.limits])) @ at.basis
+    pulls = -at.back.T @ ((sketch.costs / ranges[:, None]).T @ found.weights - at.slopes.T @ found.multipliers)
+    table = at.basis.T @ sketch.program.curvature(at.z, np.concatenate([pulls, -found.multipliers])) @ at.basis
     held = np.concatenate([gradients[counts], slopes[strong]])
     held = held / np.maximum(np.linalg.norm(held, axis=1, keepdims=True), 1e-300)
     _, sizes, rows = np.linalg.svd(held)

@@ -10,8 +10,9 @@ from jaxtyping import Float
 from scipy.interpolate import make_interp_spline
 
 from paretoik.autodiff.differentiation import gradient, tangents
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Op, Tape, entry
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.operations import Op
+from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
@@ -43,7 +44,7 @@ class EquationOfMotion:
     task: MotionTask
     targets: tuple[Any, Any, Any]
     sign: float
-    program: Program
+    program: Evaluator
 
     def __call__(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
         """Return the rates of states (motions, 2 dof): velocities and accelerations."""
@@ -97,7 +98,7 @@ def equation_of_motion(task: MotionTask, *, as_printed: bool = False) -> Equatio
     )
 
 
-def _terms_program(task: MotionTask, arm: Arm) -> Program:
+def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
     """Return the program of ``Terms``, of q, q̇, and the targets with their two derivatives in time.
 
     Along the path the path equations h(q, x) = 0 keep holding: J q̇ + ∂h/∂x ẋ = 0, and once more.
@@ -108,7 +109,7 @@ def _terms_program(task: MotionTask, arm: Arm) -> Program:
     links, equations, first = chain(arm, q), list[int](), 0
     for each in task.tasks:
         numbers_of_task = targets[0][first : first + each.numbers]
-        equations += [entry(tape, value) for value in each.equations(arm, links, numbers_of_task)]
+        equations += [as_entry(tape, value) for value in each.equations(arm, links, numbers_of_task)]
         first += each.numbers
     q_index, dq_index = ([value.index for value in values] for values in (q, dq))
     x_index, dx_index, ddx_index = ([value.index for value in values] for values in targets)
@@ -120,9 +121,9 @@ def _terms_program(task: MotionTask, arm: Arm) -> Program:
     zero, units = [0.0] * dof, np.eye(dof).tolist()
     inertia = [dynamics.torque_components(arm, q, zero, unit) for unit in units]
     torque = dynamics.torque_components(arm, q, dq, zero)
-    forces = [entry(tape, value) for value in (*(value for column in inertia for value in column), *torque)]
+    forces = [as_entry(tape, value) for value in (*(value for column in inertia for value in column), *torque)]
     negated = [tape.apply(Op.NEGATE, value) for value in (*drift, *second_rate)]
-    return program(tape, [*jacobian, *negated, *forces])
+    return compile_evaluator(tape, [*jacobian, *negated, *forces])
 
 
 def _solve_kkt(terms: Terms, force: np.ndarray, rates: np.ndarray) -> np.ndarray:

@@ -62,7 +62,7 @@ def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarr
     outputs = (q, *traces.values())
 
     def run(first: int, last: int) -> None:
-        compiled_kernels().follow(first, last, program.program.parts, program.table, steps, bounds, *settings, outputs)
+        compiled_kernels().follow(first, last, program.program.arrays, program.table, steps, bounds, *settings, outputs)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.autodiff.differentiation import gradient, hessian, used
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.differentiation import dependencies, gradient, hessian
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import chain
@@ -53,8 +53,8 @@ class HorizonProgram:
     dof: int
     rows: int
     interval: float
-    derivatives: Program
-    hessian: Program
+    derivatives: Evaluator
+    hessian: Evaluator
     indices: tuple[np.ndarray, np.ndarray]
 
     def solve(
@@ -68,7 +68,7 @@ class HorizonProgram:
         zeros = np.zeros(self.horizon * self.rows + self.dof)  # multipliers and jerk
         inputs = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), zeros])[:, None]
         value, converged, iterations = _compiled()(
-            self.derivatives.parts, self.hessian.parts, *self.indices, inputs, self.horizon, self.dof, self.rows
+            self.derivatives.arrays, self.hessian.arrays, *self.indices, inputs, self.horizon, self.dof, self.rows
         )
         solution = inputs[: q.size].reshape(q.shape)
         return HorizonSolution(q=solution, value=value, converged=converged, iterations=iterations)
@@ -103,31 +103,31 @@ def horizon_program(
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
         weight = 1.0 + terminal if k == horizon - 1 else 1.0
-        term = Expression(tape, entry(tape, value)) * (objective.sign * interval * weight)
-        total = entry(tape, Expression(tape, total) + term)
+        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * weight)
+        total = as_entry(tape, Expression(tape, total) + term)
         links, first = chain(task.arm, list(q.entries)), 0
         for each in task.tasks:
             residuals = each.equations(task.arm, links, numbers[first : first + each.numbers])
-            equations += [entry(tape, one) for one in residuals]
-            jacobian += [entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
+            equations += [as_entry(tape, one) for one in residuals]
+            jacobian += [as_entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
             first += each.numbers
-    read, variables = set(used(tape, [total])), [entry(tape, one) for q in samples for one in q.entries]
-    if read & {entry(tape, one) for one in jerk.entries} or trace.data:
+    read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
+    if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")
     if not read & set(variables):
         raise InvalidInput(f"{what}: is the same whatever {task.arm.name} does; has it no masses?")
     lagrangian = Expression(tape, total)
     for factor, equation in zip([one for each in multipliers for one in each.entries], equations, strict=True):
         lagrangian = lagrangian + factor * Expression(tape, equation)
-    second = hessian(tape, entry(tape, lagrangian), variables)
+    second = hessian(tape, as_entry(tape, lagrangian), variables)
     indices = np.array(list(second)).reshape(-1, 2).T
     return HorizonProgram(
         horizon=horizon,
         dof=n,
         rows=task.rows,
         interval=interval,
-        derivatives=program(tape, [total, *gradient(tape, total, variables), *equations, *jacobian]),
-        hessian=program(tape, list(second.values())),
+        derivatives=compile_evaluator(tape, [total, *gradient(tape, total, variables), *equations, *jacobian]),
+        hessian=compile_evaluator(tape, list(second.values())),
         indices=(indices[0], indices[1]),
     )
 

@@ -31,7 +31,7 @@ OPTIONS = NewtonOptions()
 
 @compiled
 def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
-    """Overwrite the positions, the first of ``inputs``, with a local minimum; return (objective, converged, iterations).
+    """Overwrite the positions in ``inputs`` with a local minimum; return (objective, converged, iterations).
 
     ``inputs`` (inputs, 1) has positions, what is fixed, and multipliers after that. ``derivatives`` gives the
     objective, its gradient, equations and their Jacobian, ``hessian`` its entries at ``row`` and ``column``. Every step

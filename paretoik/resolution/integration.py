@@ -70,11 +70,18 @@ def _step(
     """Return (state, its rate, error over tolerance) after one step each. Source: Dormand & Prince 1980."""
     stages, h = [rate], step[:, None]
     for row, share in zip(RK45.A[1:], RK45.C[1:], strict=True):
-        change = np.tensordot(row[: len(stages)], np.stack(stages), axes=1)
-        stages.append(equation(t + share * step, y + h * change))
-    trial = y + h * np.tensordot(RK45.B, np.stack(stages), axes=1)
+        stages.append(equation(t + share * step, y + h * _combine(row, stages)))
+    trial = y + h * _combine(RK45.B, stages)
     stages.append(equation(t + step, trial))
-    error = np.abs(h * np.tensordot(RK45.E, np.stack(stages), axes=1))
+    error = np.abs(h * _combine(RK45.E, stages))
     allowed = tolerance[:, None] * np.maximum(1.0, np.maximum(np.abs(y), np.abs(trial)))
     ratio = np.max(error / allowed, axis=1)
     return trial, stages[-1], np.where(np.isfinite(ratio), ratio, np.inf)
+
+
+def _combine(weights: np.ndarray, stages: list[np.ndarray]) -> np.ndarray:
+    """Return Σ weights · stages, term by term: a matrix product rounds differently with the number of motions."""
+    total = weights[0] * stages[0]
+    for weight, stage in zip(weights[1 : len(stages)], stages[1:], strict=True):
+        total += weight * stage
+    return np.asarray(total)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Self
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from paretoik.resolution.traces import ResolvedMotion
     from paretoik.task.motion_task import MotionTask
 
+Tuned = TypeVar("Tuned", bound="Method")
+
 
 def number(
-    default: float, *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
-) -> Any:
-    """Return a field of 0 or more and less than ``below``; ``search`` is the range it is searched in by default."""
-    return field(default=default, metadata={"below": below, "search": search, "scale": scale})
+    *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
+) -> dict[str, Any]:
+    """Return the metadata of a field of 0 or more and less than ``below``, searched in ``search`` by default."""
+    return {"below": below, "search": search, "scale": scale}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +46,7 @@ class Method:
         searched = [each for each in fields(self) if each.metadata.get("search") is not None]
         return tuple(Parameter(each.name, *each.metadata["search"], scale=each.metadata["scale"]) for each in searched)
 
-    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
+    def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
         """Return the method with values (motions,) for some of its numbers, one motion each.
 
         Raises InvalidInput for what is none of its numbers, and for numbers out of range.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Self, get_args
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,9 @@ from paretoik.robot.pose import finite_array
 from paretoik.task.objectives import Objective, kinetic_energy
 
 Variant = Literal["paper", "consistent"]
+Gradient = TypeVar("Gradient", bound="GradientProjection")
+Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
+Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,8 +77,8 @@ class DampedLeastSquares(VelocityMethod):
     2018, Eqs. 3 and 4.
     """
 
-    region: Number = number(0.02, search=(1e-3, 1e-1), scale="log")
-    damping: Number = number(0.02, search=(1e-3, 1e-1), scale="log")
+    region: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
+    damping: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,7 +121,7 @@ class GradientProjection(DampedLeastSquares):
         """Return the numbers that are searched by default, the gain of every criterion among them."""
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
-    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
+    def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
         """Return the method with values (motions,) for some of its numbers and of its criteria's gains."""
         gains = {one.parameter.name: one for one in self.criterion_list}
         criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
@@ -143,9 +146,9 @@ class WeightedGradientProjection(GradientProjection):
     signs by which criteria are descended.
     """
 
-    buffer: Number = number(0.25, below=0.5, search=(0.02, 0.48))
-    repulsion: Number = number(np.pi, search=(0.0, 2 * np.pi))
-    band: Number = number(0.3, below=0.5, search=(0.02, 0.48))
+    buffer: Number = field(default=0.25, metadata=number(below=0.5, search=(0.02, 0.48)))
+    repulsion: Number = field(default=np.pi, metadata=number(search=(0.0, 2 * np.pi)))
+    band: Number = field(default=0.3, metadata=number(below=0.5, search=(0.02, 0.48)))
     priorities: np.ndarray | None = None
     variant: Variant = "consistent"
 
@@ -166,7 +169,7 @@ class WeightedGradientProjection(GradientProjection):
         names = self._priority_names if len(self.criterion_list) > 1 else []
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
-    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
+    def with_values(self: Weighted, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Weighted:
         """Return the method with values (motions,) for some of its numbers, gains and priorities."""
         names = self._priority_names
         method = super().with_values({k: v for k, v in values.items() if k not in names}, times)
@@ -194,7 +197,7 @@ class PredictiveKineticEnergy(Method):
     horizon: int | np.ndarray = 2
     prediction_step: Number | None = None
     update_interval: Number | None = None
-    terminal: Number = number(0.0, search=(0.0, 4.0))
+    terminal: Number = field(default=0.0, metadata=number(search=(0.0, 4.0)))
     feedback: Number = 0.0
 
     def __post_init__(self) -> None:
@@ -230,7 +233,9 @@ class PredictiveKineticEnergy(Method):
             *super().parameters(times),
         )
 
-    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Self:
+    def with_values(
+        self: Predictive, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]
+    ) -> Predictive:
         """Return the method with values (motions,) for some of its numbers.
 
         Times become whole samples: at least one, and as many as fit into the path.

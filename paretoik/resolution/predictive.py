@@ -45,14 +45,20 @@ class PredictiveTraces(Traces):
     iterations: Int[np.ndarray, "*batch updates"]
     seconds: Float[np.ndarray, "*batch updates"]
 
+    @property
+    def evaluations(self) -> Float[np.ndarray, "*batch"]:
+        """Samples evaluated by an update in the mean, all its iterations together."""
+        performed = self.updates >= 0
+        horizon = np.isfinite(self.predictions[..., 0]).sum(axis=-1).max(axis=-1)
+        total = np.where(performed, self.iterations + 1, 0).sum(axis=-1)
+        return np.asarray(total / performed.sum(axis=-1) * horizon)
+
 
 @runtime_checkable
 class HorizonSolver(Protocol):
     """Finds the positions ahead: ``HorizonProgram``, or another solver to compare it with."""
 
-    def solve(
-        self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray
-    ) -> HorizonSolution:
+    def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
         """Return the minimum from positions (horizon, dof), after a posture and its velocity."""
         ...
 
@@ -96,7 +102,9 @@ def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[i
     if np.ptp(np.diff(times)) > 1e-9 * dt:
         raise InvalidInput("PredictiveKineticEnergy: a path with samples evenly spaced in time wanted")
     horizon = np.broadcast_to(method.horizon, shape)
-    step = 0.2 * duration / horizon if method.prediction_step is None else np.broadcast_to(method.prediction_step, shape)
+    step = (
+        0.2 * duration / horizon if method.prediction_step is None else np.broadcast_to(method.prediction_step, shape)
+    )
     interval = step / 2 if method.update_interval is None else np.broadcast_to(method.update_interval, shape)
     terminal = np.broadcast_to(np.asarray(method.terminal, dtype=float), shape)
     result = []
@@ -156,7 +164,9 @@ def follow_predictively(
         dq = traces["velocities"][:, k - 1] if k else np.zeros((count, dof))
         ddq = (dq - (traces["velocities"][:, k - 2] if k > 1 else 0.0)) / dt if k else np.zeros((count, dof))
         lost = np.abs(error).max(axis=0) > tolerance
-        desired = [each.next_position(k, q[i, k], dq[i], ddq[i], lost=bool(lost[i])) for i, each in enumerate(predictors)]
+        desired = [
+            each.next_position(k, q[i, k], dq[i], ddq[i], lost=bool(lost[i])) for i, each in enumerate(predictors)
+        ]
         secondary = (np.stack(desired) - q[:, k]) / dt
         outputs = (traces[name] for name in ("velocities", "repulsion", "projected", "status"))
         compiled_kernels().step(k, dt, np.ascontiguousarray(jacobian.T), task_velocity, secondary, q, *outputs)

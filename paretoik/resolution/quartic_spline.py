@@ -55,7 +55,5 @@ def _coefficient_matrix(pieces: int) -> np.ndarray:
     jerk = np.zeros((width, width))
     jerk[3:, 3:] = [[36.0, 72.0], [72.0, 192.0]]  # ∫ (6 c₃ + 24 c₄ u)² du
     size, equalities = pieces * width, np.array(rows)
-    kkt = np.block(
-        [[np.kron(np.eye(pieces), jerk), equalities.T], [equalities, np.zeros((len(rows), len(rows)))]]
-    )
+    kkt = np.block([[np.kron(np.eye(pieces), jerk), equalities.T], [equalities, np.zeros((len(rows), len(rows)))]])
     return np.linalg.inv(kkt)[:size, size : size + inhomogeneous]

@@ -89,7 +89,7 @@ def resolve(
 
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.3678, 0.0], duration=1.0, samples=101)
-    >>> motion = resolve(pk.tringali_3r(), path, pk.PseudoInverse(), start=[0.0, 0.327, -0.754])
+    >>> motion = resolve(pk.arms.tringali_3r(), path, pk.methods.PseudoInverse(), start=[0.0, 0.327, -0.754])
     >>> motion.q.shape
     (101, 3)
     """

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.autodiff.differentiation import gradient, used
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.differentiation import dependencies, gradient
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import chain
 from paretoik.task.derivatives import local, traced_sample
@@ -29,7 +29,7 @@ class StepProgram:
     positions, or to velocities where it reads these alone.
     """
 
-    program: Program
+    program: Evaluator
     table: Float[np.ndarray, "time rows"]
 
 
@@ -50,19 +50,21 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
         advances += each.travelled(task.arm, links, travel[: each.travel])
         jacobian += [slope for row in rows for slope in row]
         targets, travel = targets[each.numbers :], travel[each.travel :]
-    outputs = [entry(tape, value) for value in (*errors, *advances, *jacobian)]
-    inputs = [[entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)]
+    outputs = [as_entry(tape, value) for value in (*errors, *advances, *jacobian)]
+    inputs = [
+        [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
+    ]
     for criterion in criteria:
         what = f"criterion {criterion.name}"
         value = local(motion, what, criterion.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
-        result = entry(tape, Expression(tape, entry(tape, value)) * 1.0)
-        read = {order for order, part in enumerate(inputs) if set(part) & set(used(tape, [result]))}
+        result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
+        read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
             raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     return StepProgram(
-        program=program(tape, outputs),
-        table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.data.values())], axis=1),
+        program=compile_evaluator(tape, outputs),
+        table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.parameters.values())], axis=1),
     )

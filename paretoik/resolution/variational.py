@@ -176,9 +176,7 @@ def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) 
     raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {condition}")
 
 
-def _checked_rates(
-    equation: EquationOfMotion, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray
-) -> np.ndarray:
+def _checked_rates(equation: EquationOfMotion, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray) -> np.ndarray:
     """Return velocities (motions, dof) that follow the path; raise InvalidInput where they don't."""
     given = np.asarray(rates, dtype=float)
     if given.shape != shape or not np.isfinite(given).all():

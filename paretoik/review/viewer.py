@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 from paretoik.errors import InvalidInput
-
-RECORDING = "review.rrd"
+from paretoik.run_files import RECORDING
 
 
 def show(folder: Path | str) -> None:

@@ -211,14 +211,13 @@ class Arm:
 
         Fixed joints and massless fixed links are merged; joints off the chain are frozen at 0, and with ``fixed``,
         named joints at given values. The file is validated first, and its meshes are never opened. A velocity or effort
-        limit of zero is refused unless ``zero_limits="unlimited"`` says that it means none. Needs Pinocchio
-        (``pip install paretoik[urdf]``). Gravity is (0, 0, −9.81).
+        limit of zero is refused unless ``zero_limits="unlimited"`` says that it means none. Gravity is (0, 0, −9.81).
 
         Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
         """
-        from paretoik.robot.urdf import load  # here, because URDF loading builds on this class
+        from paretoik.robot.urdf import from_urdf  # here, because reading a URDF builds on this class
 
-        return load(Path(file), base=base, tip=tip, fixed=fixed, zero_limits=zero_limits)
+        return from_urdf(Path(file), base=base, tip=tip, fixed=fixed, zero_limits=zero_limits)
 
     def with_tool(
         self, pose: Pose, *, mass: float = 0.0, center: object = (0.0, 0.0, 0.0), inertia: object = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.autodiff.interpreter import block
+from paretoik.autodiff.interpreter import run_block
 from paretoik.compilation import compiled
 
 
@@ -37,7 +37,7 @@ def newton(parts, targets, directions, limits, q, left, upright):
             for lane in range(going):
                 place = inputs[j]
                 space[j, lane] = q[who[lane], place] if place < n else targets[who[lane], place - n]
-        block(code, space, going)
+        run_block(code, space, going)
         kept = 0
         for lane in range(going):
             s = who[lane]

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.autodiff.tape import Expression, entry
-from paretoik.autodiff.tracing import NotLocal, Trace, Traced
+from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.components import Component
@@ -36,10 +36,10 @@ class TracedMotion:
 
     task: MotionTask
     trace: Trace
-    q: Traced
-    dq: Traced
-    ddq: Traced
-    jerk: Traced
+    q: TracedArray
+    dq: TracedArray
+    ddq: TracedArray
+    jerk: TracedArray
     duration: float
 
     def __getattr__(self, name: str) -> Any:
@@ -94,40 +94,40 @@ class TracedMotion:
         return self.task.weights
 
     @cached_property
-    def torque(self) -> Traced:
+    def torque(self) -> TracedArray:
         """As ``Motion.torque``."""
         return self._by_sample(lambda q, dq, ddq: torque_components(self.arm, q, dq, ddq))
 
     @property
-    def power(self) -> Traced:
+    def power(self) -> TracedArray:
         """As ``Motion.power``."""
-        product: Traced = self.torque * self.dq
+        product: TracedArray = self.torque * self.dq
         return product
 
     @cached_property
-    def kinetic_energy(self) -> Traced:
+    def kinetic_energy(self) -> TracedArray:
         """As ``Motion.kinetic_energy``."""
         return self._by_sample(lambda q, dq, _: energy_components(self.arm, q, dq))[..., 0]
 
     @cached_property
-    def tool(self) -> Traced:
+    def tool(self) -> TracedArray:
         """As ``Motion.tool``."""
         return self._by_sample(lambda q, *_: list(self._tool(q)[1][: 2 if self.arm.is_planar else 3]))
 
     @cached_property
-    def tool_rotation(self) -> Traced:
+    def tool_rotation(self) -> TracedArray:
         """As ``Motion.tool_rotation``."""
         flat = self._by_sample(lambda q, *_: [value for row in self._tool(q)[0] for value in row])
         return self._parted(flat, 3, 3)
 
     @cached_property
-    def links(self) -> Traced:
+    def links(self) -> TracedArray:
         """As ``Motion.links``."""
         flat = self._by_sample(lambda q, *_: node_components(self.arm, q))
         return self._parted(flat, -1, 3)
 
     @cached_property
-    def manipulability(self) -> Traced:
+    def manipulability(self) -> TracedArray:
         """As ``Motion.manipulability``."""
         flat = self._by_sample(
             lambda q, *_: [
@@ -135,11 +135,11 @@ class TracedMotion:
             ]
         )
         jacobian = self._parted(flat, self.task.rows, self.arm.dof)
-        found: Traced = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
+        found: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
         return found
 
     @cached_property
-    def clearance(self) -> Traced:
+    def clearance(self) -> TracedArray:
         """As ``Motion.clearance``."""
         if not self.obstacles:
             raise InvalidInput("motion.clearance wants obstacles, but the problem has none")
@@ -147,7 +147,7 @@ class TracedMotion:
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
         surface: Any = to_surface  # of arrays; it takes expressions as well
         gaps = [surface(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
-        least: Traced = reduce(np.minimum, [gap.min(-1) for gap in gaps])
+        least: TracedArray = reduce(np.minimum, [gap.min(-1) for gap in gaps])
         return least
 
     def integral(self, series: Any) -> Any:
@@ -159,16 +159,16 @@ class TracedMotion:
     def _tool(self, q: list[Component]) -> Any:
         return located(self.arm, chain(self.arm, q), self.arm.frame("tool"))
 
-    def _by_sample(self, kernel: Callable[..., list[Component]]) -> Traced:
+    def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
         """Run a kernel of columns on every sample that is in sight."""
         joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
         rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
         found = np.empty((len(rows), len(rows[0])), dtype=object)
         for i, row in enumerate(rows):
             found[i] = row
-        return Traced(self.trace, found.reshape(*self.q.entries.shape[:-1], -1), shared=True)
+        return TracedArray(self.trace, found.reshape(*self.q.entries.shape[:-1], -1), shared=True)
 
-    def _parted(self, flat: Traced, *shape: int) -> Traced:
+    def _parted(self, flat: TracedArray, *shape: int) -> TracedArray:
         return flat.reshape(*flat.shape[:-1], *shape)
 
 
@@ -198,14 +198,14 @@ def whole(motion: TracedMotion, what: str, function: Callable[[Any], Any], form:
     wanted = motion.time.shape if form in ("integral", "peak") else ()
     try:
         value = function(motion)
-        found = value if isinstance(value, Traced) else np.asarray(value)
+        found = value if isinstance(value, TracedArray) else np.asarray(value)
         if found.dtype.kind not in "fiub":
             raise InvalidInput(f"must return real numbers, got {found.dtype if found.ndim else repr(value)}")
         if found.shape != wanted:
             raise InvalidInput(f"({form}) must return shape {wanted} where derivatives are taken, got {found.shape}")
     except InvalidInput as error:
         raise InvalidInput(f"{what}: {error}") from None
-    return list((found.entries if isinstance(found, Traced) else found).ravel())
+    return list((found.entries if isinstance(found, TracedArray) else found).ravel())
 
 
 def local(motion: TracedMotion, what: str, function: Callable[[Any], Any]) -> Expression | float | None:
@@ -223,11 +223,11 @@ def local(motion: TracedMotion, what: str, function: Callable[[Any], Any]) -> Ex
 
 def _series(motion: TracedMotion, value: Any) -> Expression | float:
     tape = motion.trace.tape
-    found = value if isinstance(value, Traced) else np.asarray(value)
+    found = value if isinstance(value, TracedArray) else np.asarray(value)
     if found.dtype.kind not in "fiub":
         raise InvalidInput(f"must return real numbers, got {found.dtype if found.ndim else repr(value)}")
-    if isinstance(found, Traced) and found.entries.shape == ():
-        return Expression(tape, entry(tape, found.entries))
+    if isinstance(found, TracedArray) and found.entries.shape == ():
+        return Expression(tape, as_entry(tape, found.entries))
     if isinstance(found, np.ndarray) and found.shape in ((), motion.time.shape):
-        return motion.trace.varying(found) if found.ndim else float(found)
+        return motion.trace.parameter(found) if found.ndim else float(found)
     raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {found.shape}")

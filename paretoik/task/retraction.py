@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.tape import Tape, entry
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import chain
 from paretoik.task.task import Task
@@ -61,7 +61,7 @@ def retract(
     q, left, upright = start.copy(), np.empty(len(start)), np.empty(len(start), dtype=bool)
     limits = TOLERANCE, LONGEST_STEP, ITERATIONS
     given = (np.ascontiguousarray(array, dtype=float) for array in (targets, directions))
-    _compiled().newton(_written(arm, tasks).parts, *given, limits, q, left, upright)
+    _compiled().newton(_written(arm, tasks).arrays, *given, limits, q, left, upright)
     return Retraction(q=q, error=left, on_path=upright & (left <= ACCEPTED))
 
 
@@ -85,7 +85,7 @@ def eliminate(
     return solution, determinant
 
 
-def _written(arm: Arm, tasks: Sequence[Task]) -> Program:
+def _written(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     """Return the program of all errors, then all entries of the Jacobian, at joint positions and targets."""
     key = arm, *((task.frame, task.axes) for task in tasks)
     if key not in _WRITTEN:
@@ -98,10 +98,10 @@ def _written(arm: Arm, tasks: Sequence[Task]) -> Program:
             targets: list[Any] = [tape.input() for _ in range(task.numbers)]
             found, slopes = task.errors(arm, links, targets)
             errors, jacobian = errors + found, jacobian + [slope for row in slopes for slope in row]
-        _WRITTEN[key] = program(tape, [entry(tape, value) for value in (*errors, *jacobian)])
+        _WRITTEN[key] = compile_evaluator(tape, [as_entry(tape, value) for value in (*errors, *jacobian)])
         if len(_WRITTEN) > REMEMBERED:
             _WRITTEN.popitem(last=False)
     return _WRITTEN[key]
 
 
-_WRITTEN: OrderedDict[Any, Program] = OrderedDict()
+_WRITTEN: OrderedDict[Any, Evaluator] = OrderedDict()

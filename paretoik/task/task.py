@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Times
-from paretoik.autodiff.tape import choose
+from paretoik.autodiff.tape import where
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.components import (
@@ -213,18 +213,18 @@ def _turn(axes: str, rotation: Rows, desired: Rows) -> Triple:
         x, y, z = transpose(between)[2]
         sine = np.sqrt(plus(times(x, x), times(y, y)))
         factor = _angle_over_sine(sine, z)
-        return choose(_is_half_turn(sine, z), np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0
+        return where(_is_half_turn(sine, z), np.pi, times(-1.0, times(y, factor))), times(x, factor), 0.0
     vector = _sines(axes, between)
     trace = plus(plus(between[0][0], between[1][1]), between[2][2])
     sine, cosine = np.sqrt(dot(vector, vector)), times(0.5, minus(trace, 1.0))
     opposite, turn = _is_half_turn(sine, cosine), scale(vector, _angle_over_sine(sine, cosine))
-    x, y, z = (choose(opposite, half, part) for half, part in zip(_half_turn(between), turn, strict=True))
+    x, y, z = (where(opposite, half, part) for half, part in zip(_half_turn(between), turn, strict=True))
     return x, y, z
 
 
 def _angle_over_sine(sine: Component, cosine: Component) -> Component:
     small = np.less(sine, DUST)
-    found: Component = choose(small, 1.0, np.arctan2(sine, cosine) / choose(small, 1.0, sine))
+    found: Component = where(small, 1.0, np.arctan2(sine, cosine) / where(small, 1.0, sine))
     return found
 
 
@@ -243,5 +243,5 @@ def _half_turn(between: Rows) -> Triple:
 
 
 def _either(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Triple:
-    x, y, z = (choose(condition, one, other) for one, other in zip(first, second, strict=True))
+    x, y, z = (where(condition, one, other) for one, other in zip(first, second, strict=True))
     return x, y, z

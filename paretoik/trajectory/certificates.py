@@ -59,11 +59,11 @@ def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " 
 def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str, np.ndarray]:
     at, count = linearised(program, q), len(ranges)
     radius = np.sqrt(at.unknowns / at.normal.shape[2])
-    bounded = np.flatnonzero(np.isfinite(program.caps))
+    bounded = np.flatnonzero(np.isfinite(program.upper))
     constraints = Constraints(
         unknowns=at.unknowns,
-        gaps=np.concatenate([at.gaps, program.caps[bounded] - at.values.totals[bounded]]),
-        slopes=sparse.csr_array(sparse.vstack([at.slopes, sparse.csr_array(-at.gradients[bounded])])),
+        values=np.concatenate([at.gaps, program.upper[bounded] - at.values.totals[bounded]]),
+        jacobian=sparse.csr_array(sparse.vstack([at.slopes, sparse.csr_array(-at.gradients[bounded])])),
         cones=at.cones,
     )
     found = criticality(at.gradients[:count] / ranges[:, None], constraints, radius)
@@ -76,14 +76,14 @@ def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges
     """Return whether the curvature on the critical cone says minimum or saddle."""
     count, limits = len(ranges), len(at.gaps)
     counts = found.weights >= COUNTS
-    strong = found.limits > COUNTS
-    weak = ~strong & (constraints.gaps <= ACTIVE)
+    strong = found.multipliers > COUNTS
+    weak = ~strong & (constraints.values <= ACTIVE)
     factors = np.zeros(len(at.program.totals))
     factors[:count] = found.weights / ranges
-    factors[np.isfinite(at.program.caps)] += found.limits[limits:]
-    table = at.curvature(factors, found.limits[:limits], found.pulls).toarray()
-    held = [at.gradients[:count][counts] / ranges[counts, None], constraints.slopes[strong].toarray()]
-    for cone, pull in zip(at.cones, found.pulls, strict=True):
+    factors[np.isfinite(at.program.upper)] += found.multipliers[limits:]
+    table = at.curvature(factors, found.multipliers[:limits], found.cone_multipliers).toarray()
+    held = [at.gradients[:count][counts] / ranges[counts, None], constraints.jacobian[strong].toarray()]
+    for cone, pull in zip(at.cones, found.cone_multipliers, strict=True):
         slope, bent = _length(cone, at.gradients.shape[1])
         held.append(slope)
         table += np.linalg.norm(pull) * bent
@@ -97,7 +97,7 @@ def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges
         return "minimum"
     direction = free @ vectors[:, 0]
     for sign in (1.0, -1.0):
-        fits = np.all(constraints.slopes[weak] @ (sign * direction) >= -1e-9)
+        fits = np.all(constraints.jacobian[weak] @ (sign * direction) >= -1e-9)
         falls = np.all(at.gradients[:count][~counts] @ (sign * direction) <= 1e-9)
         if fits and falls and _dominated(at, sign * direction * radius, count):
             return "saddle"

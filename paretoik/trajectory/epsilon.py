@@ -18,9 +18,9 @@ from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import APART, coarse_starts, descended, distance, ladder, planned
+from paretoik.trajectory.multistart import APART, coarse_starts, descended, ladder, planned
 from paretoik.trajectory.polish import polish
-from paretoik.trajectory.transcription import MotionProgram, motion_program
+from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
 
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
@@ -201,7 +201,7 @@ def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
     unique: list[np.ndarray] = []
     for q in pool:
-        if not unique or distance(task, q, np.stack(unique)).min() > APART:
+        if not unique or joint_distance(task, q, np.stack(unique)).min() > APART:
             unique.append(q)
     return np.stack(unique), np.stack(best), ranges
 
@@ -279,6 +279,6 @@ def _apart(task: MotionTask, got: Solutions) -> Int[np.ndarray, " kept"]:
     """Return one of every motion that several starts led to, the best first."""
     kept: list[int] = []
     for i in np.argsort(got.objectives[:, 0], kind="stable").tolist():
-        if not kept or distance(task, got.x[i], got.x[kept]).min() > APART:
+        if not kept or joint_distance(task, got.x[i], got.x[kept]).min() > APART:
             kept.append(i)
     return np.array(kept, dtype=int)

@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from paretoik.autodiff.differentiation import used
-from paretoik.autodiff.rewriting import pieces
-from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.differentiation import dependencies
+from paretoik.autodiff.rewriting import smooth_pieces
+from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.task.derivatives import TracedMotion, local, traced_sample, traced_whole, whole
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
@@ -55,8 +55,8 @@ class Functions:
     def distances(self) -> list[int]:
         """What the distances to obstacles are made of: pieces that meet without a kink."""
         known = self.motion.task.obstacles
-        return used(
-            self.motion.trace.tape, [entry(self.motion.trace.tape, self.motion.clearance.entries)] if known else []
+        return dependencies(
+            self.motion.trace.tape, [as_entry(self.motion.trace.tape, self.motion.clearance.entries)] if known else []
         )
 
 
@@ -90,15 +90,15 @@ def _add_total(found: Functions, what: str, given: Objective | Constraint, facto
         found.wholes.append(_whole(motion.task, what, given, factor))
         return
     tape = motion.trace.tape
-    top, share = entry(tape, np.sign(factor) * value), tape.input()  # an input: other shares, the same program
-    motion.trace.data[share.index] = np.full(len(motion.time), abs(factor))
+    top, share = as_entry(tape, np.sign(factor) * value), tape.input()  # an input: other shares, the same program
+    motion.trace.parameters[share.index] = np.full(len(motion.time), abs(factor))
     if form == "integral":
         found.totals.append(Total(name=given.name, kind="sum", index=len(found.sums), upper=upper))
         found.sums.append((share * Expression(tape, top)).index)
         return
     found.totals.append(Total(name=given.name, kind="peak", index=len(found.tops), upper=upper))
     sigma = tape.input()
-    for piece in pieces(tape, top):
+    for piece in smooth_pieces(tape, top):
         found.under.append((sigma - share * Expression(tape, piece)).index)
         found.over.append(len(found.tops))
     found.tops.append(sigma.index)
@@ -133,8 +133,8 @@ def _add_limits(found: Functions) -> None:
 def _add_row(found: Functions, name: str, value: Any, bounds: np.ndarray) -> None:
     """Add a function of a sample between bounds (time or 1, 2), by its smooth pieces where it has kinks."""
     tape, samples = found.motion.trace.tape, len(found.motion.task.times)
-    top, both = entry(tape, value), np.broadcast_to(bounds, (samples, 2))
-    below, above = pieces(tape, top, -1), pieces(tape, top, 1)
+    top, both = as_entry(tape, value), np.broadcast_to(bounds, (samples, 2))
+    below, above = smooth_pieces(tape, top, -1), smooth_pieces(tape, top, 1)
     sides = [(top, both)]
     if len(below) > 1 or len(above) > 1:
         free = np.full(samples, np.inf)

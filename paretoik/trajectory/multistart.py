@@ -25,7 +25,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import objective
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.polish import polish, within_limits
-from paretoik.trajectory.transcription import MotionProgram, motion_program
+from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
 
 COARSEST = 26  # samples: with half as many, the best torque optimum does not exist
 APART = 0.01  # rad (RMS): optima nearer than this are one
@@ -103,7 +103,7 @@ def planned(
     q = _starts(level, wanted, rng)
     q = q if given is None else np.concatenate([given[:, np.searchsorted(task.times, level.times)], q])
     programs = ladder(task, sizes(task, q))
-    further = _Further(level, q, -(-starts // 2), rng) if programs[-1].smooth else None
+    further = _Further(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
     found, levels = descended(programs, q, np.ones(1), np.full(1, np.inf), observe, ease=True, further=further)
     if further is not None and found.converged.any() and further.at_its_end:
         found = _shaken(programs[-1], found)
@@ -151,7 +151,7 @@ class _Further:
             return found.x[:0] if self.gridded else self._laid()
         every = found.x[found.converged]
         optima = found.x[_distinct(self.level, found, found.objectives[:, 0], most=len(found))]
-        reached = [int((distance(self.level, each, every) <= APART).sum()) for each in optima]
+        reached = [int((joint_distance(self.level, each, every) <= APART).sum()) for each in optima]
         rare = self.rounds < ROUNDS and min(reached) <= RARE
         if not self.gridded and (len(optima) >= MANY or (rare and self.rounds > 0)) and len(ways := self._laid()):
             return ways
@@ -316,13 +316,6 @@ def level_samples(samples: int) -> list[int]:
     return counts
 
 
-def distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
-    """Return the RMS over time of the joint distance [rad, m] between motions (..., time, dof), angles modulo 2π."""
-    apart = q - other
-    apart = np.where(task.arm.periodic, (apart + np.pi) % (2 * np.pi) - np.pi, apart)
-    return np.asarray(np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1)))
-
-
 def _coarsest(task: MotionTask) -> MotionTask:
     return task.subsampled(level_samples(len(task.times))[0])
 
@@ -351,7 +344,7 @@ def _distinct(task: MotionTask, found: Solutions, cost: np.ndarray, *, most: int
         order = np.argsort(np.where(found.converged, cost, np.inf), kind="stable")[: found.converged.sum()]
     kept: list[int] = []
     for i in order:
-        if len(kept) < most and (not kept or distance(task, found.x[i], found.x[kept]).min() > APART):
+        if len(kept) < most and (not kept or joint_distance(task, found.x[i], found.x[kept]).min() > APART):
             kept.append(int(i))
     return np.array(kept)
 

@@ -17,13 +17,8 @@ from jaxtyping import Float
 
 from paretoik.nlp.compiled.interior_point import CONVERGED, STUCK, Rules, minimise
 from paretoik.nlp.solutions import Solutions
-from paretoik.task.motion import steepest
-from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
 from paretoik.trajectory.sequential import sequential
 from paretoik.trajectory.transcription import MotionProgram
-
-AT_REST = 1e-6  # stationarity of a motion that ends at rest
 
 
 def polish(
@@ -38,16 +33,16 @@ def polish(
     Every start goes its own way, whatever else is in the batch; ``rules`` are for all, or one a start. The program's
     own caps hold as well.
     """
-    count, q = len(q), at_rest(program.task, q) if program.task.stops else q
+    count, q = len(q), program.project(q)
     each = [rules] * count if isinstance(rules, Rules) else list(rules)
     weights = np.broadcast_to(factors, (count, len(program.totals)))
     below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.totals)))
-    below = np.minimum(below, program.caps)
-    solver = _compiled if program.smooth else _general
+    below = np.minimum(below, program.upper)
+    solver = _compiled if program.is_smooth else _general
     found = solver(program, q, weights, below, each)
     if program.task.stops:
         # How the last sample follows is known up to the path's own last step: below that no step makes it better.
-        near = (found.status == STUCK) & (found.stationarity <= AT_REST) & (found.violation <= 1e-8)
+        near = (found.status == STUCK) & (found.stationarity <= program.rounding) & (found.violation <= 1e-8)
         found.status[near] = CONVERGED
     if program.task.start is not None:
         found.x[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
@@ -68,18 +63,9 @@ def within_limits(
         program,
         q,
         np.zeros((len(q), len(caps))),
-        np.tile(np.minimum(caps, program.caps), (len(q), 1)),
+        np.tile(np.minimum(caps, program.upper), (len(q), 1)),
         [rules] * len(q),
     )
-
-
-def at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
-    wanted = np.tile(task.targets[-1], (len(q), 1))
-    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], wanted)[1])
-    found = retract(task.arm, task.tasks, q[:, -2], wanted, directions)
-    ends = np.where(found.on_path[:, None], found.q, q[:, -1])
-    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
 
 
 def _compiled(
@@ -88,7 +74,7 @@ def _compiled(
     count = len(q)
 
     def one(i: int) -> tuple[Any, ...]:
-        return minimise(program.compiled, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i])
+        return minimise(program.kernel, np.ascontiguousarray(q[i]), weights[i].copy(), below[i].copy(), rules[i])
 
     found = list(_pool().map(one, range(count))) if count > 1 else [one(i) for i in range(count)]
     return Solutions(

@@ -153,8 +153,8 @@ def _model(program: MotionProgram, local: Linearised, at: _Point, caps: np.ndarr
         slopes = sparse.csr_array(sparse.vstack([slopes[:limits], between, slopes[limits:]]))
     constraints = Constraints(
         unknowns=local.unknowns,
-        gaps=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
-        slopes=slopes,
+        values=np.concatenate([at.gaps, np.maximum(local.gaps[limits:], 0.0)]),
+        jacobian=slopes,
         cones=local.cones,
     )
     return _Model(constraints=constraints, yielding=limits + len(capped), capped=capped, scales=scales)
@@ -250,7 +250,7 @@ def _bent(
                 found.append(before[span].max() + taken.step[column] - after[span])
                 column += 1
         column += not len(each.groups)
-    return replace(known, gaps=np.concatenate(found) - known.slopes @ taken.step)
+    return replace(known, values=np.concatenate(found) - known.jacobian @ taken.step)
 
 
 def _again(

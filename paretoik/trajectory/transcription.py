@@ -17,14 +17,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.autodiff.differentiation import gradient, hessian
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.kinks import Smoothed, smoothed, spelled_out
-from paretoik.autodiff.tape import Expression, entry
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
+from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
 from paretoik.robot.kinematics import chain
 from paretoik.task.limits import ranges as widths
+from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
@@ -69,13 +71,13 @@ class MotionProgram:
     rows: tuple[str, ...]
     under: Int[np.ndarray, " under"]
     over: Int[np.ndarray, " under"]
-    slack: Program
-    value: Program
-    slope: Program
+    slack: Evaluator
+    value: Evaluator
+    slope: Evaluator
     slopes: Slopes
-    curvature: Program
+    curvature: Evaluator
     second: Slopes
-    track: Program
+    track: Evaluator
     limited: Int[np.ndarray, "limits 2"]
     sides: Float[np.ndarray, " limits"]
     bounds: Float[np.ndarray, " limits"]
@@ -84,28 +86,53 @@ class MotionProgram:
     wholes: tuple[Whole, ...]
 
     @property
-    def smooth(self) -> bool:
+    def is_smooth(self) -> bool:
         """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
         return not (self.slacks or self.peaks or self.wholes)
 
     @property
-    def caps(self) -> Float[np.ndarray, " totals"]:
+    def upper(self) -> Float[np.ndarray, " totals"]:
         """What the totals may not exceed."""
         return np.array([total.upper for total in self.totals])
 
     @property
-    def compiled(self) -> Compiled:
-        """The program as compiled code takes it; each has registers of its own: one for every thread."""
-        assert self.smooth, "compiled code takes sums of smooth functions only"
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the totals, the task's objectives first."""
+        return tuple(total.name for total in self.totals)
+
+    @property
+    def rounding(self) -> float:
+        """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
+        return 1e-6 if self.task.stops else 0.0
+
+    def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+        """Return motions that begin at the start to the bit, and end at rest where they have to."""
+        q = end_at_rest(self.task, x) if self.task.stops else x
+        if self.task.start is not None:
+            q = q.copy()
+            q[:, 0] = self.task.start
+        return q
+
+    def distance(
+        self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
+    ) -> Float[np.ndarray, " others"]:
+        """Return how far a motion is from others [rad, m], RMS over time, angles modulo 2π."""
+        return joint_distance(self.task, x, others)
+
+    @property
+    def kernel(self) -> Compiled | None:
+        """The program as compiled code takes it, None with kinks; each has registers of its own: one for a thread."""
+        if not self.is_smooth:
+            return None
         return Compiled(
-            value=self.value.parts,
-            slope=self.slope.parts,
+            value=self.value.arrays,
+            slope=self.slope.arrays,
             slope_of=self.slopes.function,
             slope_by=self.slopes.variable,
-            curvature=self.curvature.parts,
+            curvature=self.curvature.arrays,
             second_i=self.second.function,
             second_j=self.second.variable,
-            track=self.track.parts,
+            track=self.track.arrays,
             window=self.stencil.window,
             weights=self.stencil.weights,
             place=self.stencil.place,
@@ -120,6 +147,22 @@ class MotionProgram:
             sides=self.sides,
             bounds=self.bounds,
         )
+
+
+def end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
+    targets = np.tile(task.targets[-1], (len(q), 1))
+    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
+    retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
+    ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
+    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
+
+
+def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
+    """Return the RMS over time of the joint distance [rad, m] between motions (..., time, dof), angles modulo 2π."""
+    difference = q - other
+    difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
+    return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
 def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
@@ -137,7 +180,7 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
     orders = _orders(task, known.slopes.variable[known.slopes.variable < 4 * task.arm.dof], asked.wholes)
     gone = (4 - orders) * task.arm.dof  # rates that nothing looks at are left out
     inputs = np.zeros((known.inputs, samples))
-    for i, values in asked.motion.trace.data.items():
+    for i, values in asked.motion.trace.parameters.items():
         inputs[asked.motion.trace.tape.entries[i][1]] = values
     ties = len(asked.under) + known.ties
     bounds = [*asked.bounds, *[np.tile([0.0, np.inf], (samples, 1))] * ties]
@@ -180,13 +223,13 @@ class _Derived:
     inputs: int
     extra: Int[np.ndarray, " extra"]
     multipliers: Int[np.ndarray, 3]
-    slack: Program
-    value: Program
-    slope: Program
+    slack: Evaluator
+    value: Evaluator
+    slope: Evaluator
     slopes: Slopes
-    curvature: Program
+    curvature: Evaluator
     second: Slopes
-    track: Program
+    track: Evaluator
 
 
 _KNOWN: OrderedDict[Any, _Derived] = OrderedDict()
@@ -208,42 +251,42 @@ def _derived(asked: Functions, path: list[int]) -> _Derived:
 def _differentiated(asked: Functions, path: list[int]) -> _Derived:
     tape, n = asked.motion.trace.tape, asked.motion.arm.dof
     plain = _without_kinks(asked)
-    every = [*plain.functions, *plain.rows]
+    every = [*plain.functions, *plain.constraints]
     multipliers = len(tape.inputs) + np.cumsum([0, len(path), len(asked.sums)])
     factors = [tape.input() for _ in range(len(path) + len(every))]
     lagrangian: Any = 0.0
     for factor, f in zip(factors, (*path, *every), strict=True):
         lagrangian = lagrangian + factor * Expression(tape, f)
-    u, extra = list(tape.inputs[: 4 * n]), [*plain.slacks, *asked.tops]
+    u, extra = list(tape.inputs[: 4 * n]), [*plain.epigraph_variables, *asked.tops]
     first = [gradient(tape, f, [*u, *extra]) for f in every]
     nothing = tape.constant(0.0)
     slopes = [(k, j, slope) for k, row in enumerate(first) for j, slope in enumerate(row) if slope != nothing]
-    second = hessian(tape, entry(tape, lagrangian), [*u, *plain.slacks])
+    second = hessian(tape, as_entry(tape, lagrangian), [*u, *plain.epigraph_variables])
     jacobian = [slope for h in path for slope in gradient(tape, h, u[:n])]
     return _Derived(
-        slacks=len(plain.slacks),
-        ties=len(plain.rows),
+        slacks=len(plain.epigraph_variables),
+        ties=len(plain.constraints),
         inputs=len(tape.inputs),
         extra=np.array([tape.entries[i][1] for i in extra], dtype=np.int64),
         multipliers=multipliers,
-        slack=program(tape, plain.nodes),
-        value=program(tape, every),
-        slope=program(tape, [*every, *(slope for *_, slope in slopes)]),
+        slack=compile_evaluator(tape, plain.nodes),
+        value=compile_evaluator(tape, every),
+        slope=compile_evaluator(tape, [*every, *(slope for *_, slope in slopes)]),
         slopes=_places([(k, j) for k, j, _ in slopes]),
-        curvature=program(tape, list(second.values())),
+        curvature=compile_evaluator(tape, list(second.values())),
         second=_places(list(second)),
-        track=program(tape, [*path, *jacobian]),
+        track=compile_evaluator(tape, [*path, *jacobian]),
     )
 
 
-def _without_kinks(asked: Functions) -> Smoothed:
+def _without_kinks(asked: Functions) -> Reformulation:
     """Return sums, rows and what lies under peaks without the kinks that matter."""
     tape, rng = asked.motion.trace.tape, np.random.default_rng(0)
     probes = np.zeros((len(tape.inputs), PROBES))
     dof = asked.motion.arm.dof
     for order, spread in enumerate(SPREAD):
         probes[order * dof : (order + 1) * dof] = spread * rng.normal(size=(dof, PROBES))
-    for i, values in asked.motion.trace.data.items():
+    for i, values in asked.motion.trace.parameters.items():
         probes[tape.entries[i][1]] = rng.choice(values, PROBES)
     sides = [1] * len(asked.sums)
     for bounds in asked.bounds:
@@ -254,8 +297,8 @@ def _without_kinks(asked: Functions) -> Smoothed:
     names = [total.name for total in asked.totals if total.kind == "sum"]
     names += [*asked.names, *(peaks[k] for k in asked.over)]
     left = asked.distances
-    plain = spelled_out(tape, [*asked.sums, *asked.rows, *asked.under], names, probes, left)
-    return smoothed(tape, plain, sides, probes, left)
+    plain = reformulate_choices(tape, [*asked.sums, *asked.rows, *asked.under], names, probes, left)
+    return reformulate_kinks(tape, plain, sides, probes, left)
 
 
 def _path(asked: Functions) -> list[int]:
@@ -264,11 +307,13 @@ def _path(asked: Functions) -> list[int]:
     targets = task.targets.copy()
     if task.cyclic:
         targets[-1] = targets[0]
-    wanted: list[Any] = [motion.trace.varying(column) for column in targets.T]
+    wanted: list[Any] = [motion.trace.parameter(column) for column in targets.T]
     links, begun = chain(task.arm, list(motion.q.entries)), 0
     path: list[int] = []
     for part in task.tasks:
-        path += [entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.numbers])]
+        path += [
+            as_entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.numbers])
+        ]
         begun += part.numbers
     return path
 

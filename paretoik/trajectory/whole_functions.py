@@ -14,10 +14,11 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
 
-from paretoik.autodiff.differentiation import gradient, tangents, used
-from paretoik.autodiff.evaluator import Program, program
-from paretoik.autodiff.rewriting import addends, pieces, squares
-from paretoik.autodiff.tape import Op, Tape, entry
+from paretoik.autodiff.differentiation import dependencies, gradient, tangents
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.operations import Op
+from paretoik.autodiff.rewriting import norm_terms, smooth_pieces, summands
+from paretoik.autodiff.tape import Tape, as_entry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,11 +34,11 @@ class Whole:
     groups: Int[np.ndarray, " groups"]
     factor: float
     parts: int
-    value: Program
-    slope: Program
+    value: Evaluator
+    slope: Evaluator
     part: Int[np.ndarray, " entries"]
     by: Int[np.ndarray, " entries"]
-    curvature: Program
+    curvature: Evaluator
     by_second: Int[np.ndarray, " second"]
     inputs: int
 
@@ -79,13 +80,13 @@ class Whole:
 
 def whole_function(tape: Tape, name: str, value: object) -> Whole:
     """Return a function that was written on a tape whose inputs are all u."""
-    top, count = entry(tape, value), len(tape.inputs)
-    known = squares(tape, top)
+    top, count = as_entry(tape, value), len(tape.inputs)
+    known = norm_terms(tape, top)
     groups = _groups(tape, top) if known is None else []
     parts = [part for group in groups for part in group] if known is None else known[1]
     nothing, entries = tape.constant(0.0), []
     for k, part in enumerate(parts):
-        mine = [i for i in used(tape, [part]) if tape.entries[i][0] is Op.INPUT]
+        mine = [i for i in dependencies(tape, [part]) if tape.entries[i][0] is Op.INPUT]
         slopes = gradient(tape, part, mine)
         entries += [(k, tape.entries[i][1], slope) for i, slope in zip(mine, slopes, strict=True) if slope != nothing]
     directions = [tape.input().index for _ in range(count)]
@@ -102,11 +103,11 @@ def whole_function(tape: Tape, name: str, value: object) -> Whole:
         groups=np.cumsum([0, *map(len, groups)], dtype=np.int64)[:-1] if groups else np.empty(0, dtype=np.int64),
         factor=1.0 if known is None else known[0],
         parts=len(parts),
-        value=program(tape, parts),
-        slope=program(tape, [slope for *_, slope in entries]),
+        value=compile_evaluator(tape, parts),
+        slope=compile_evaluator(tape, [slope for *_, slope in entries]),
         part=table[:, 0],
         by=table[:, 1],
-        curvature=program(tape, [second for _, second in curved]),
+        curvature=compile_evaluator(tape, [second for _, second in curved]),
         by_second=np.array([j for j, _ in curved], dtype=np.int64),
         inputs=count,
     )
@@ -115,8 +116,8 @@ def whole_function(tape: Tape, name: str, value: object) -> Whole:
 def _groups(tape: Tape, top: int) -> list[list[int]]:
     """Return the pieces of every addend with kinks, after what is smooth as one."""
     smooth, groups = tape.constant(0.0), list[list[int]]()
-    for term in addends(tape, top):
-        found = pieces(tape, term)
+    for term in summands(tape, top):
+        found = smooth_pieces(tape, term)
         if len(found) > 1:
             groups.append(found)
         else:

@@ -89,7 +89,7 @@ class Postures:
 
 def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
     """Return the postures of a mechanism along its trajectory, by a grid of so many pieces, made four times finer."""
-    mechanism = Mechanism(arm=pk.kim_3r(), actuation=actuation_of(one.mechanism))
+    mechanism = Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(one.mechanism))
     straight = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
     soonest, other = (resolved(mechanism, path, pieces=pieces, cell=cell) for path in (one.path, straight))
     maxima, following = along_maxima(mechanism, evenly(one.path, 4 * pieces))
@@ -111,7 +111,7 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     q = profile.q[:-1] + profile.turned / 2
     rate, torque = profile.turned / seconds[:, None], loads(mechanism.arm, q)
     motors = mechanism.actuation
-    if isinstance(motors, pk.JointActuation):
+    if isinstance(motors, pk.capability.JointActuation):
         return Driven(lasting=seconds, q=q, efforts=torque[:, None], speeds=rate[:, None], sliders=None)
     known = joint_speeds(motors, q, torque)
     front = _steady(motors, q, np.where(rate >= 0, known.front_high, known.front_low))
@@ -124,7 +124,7 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     return Driven(lasting=seconds, q=q, efforts=efforts, speeds=speeds, sliders=np.stack([front, back], axis=1))
 
 
-def _steady(motors: pk.DistributedActuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
+def _steady(motors: pk.capability.DistributedActuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
     """Return best front sliders that do not swap with back sliders: with the same bounds, both are as good."""
     assert np.array_equal(motors.front_bounds, motors.back_bounds)
     back, found = motors.gears(q, front)[0], front.copy()

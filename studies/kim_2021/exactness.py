@@ -8,7 +8,7 @@ import paretoik as pk
 from paretoik.capability.actuation import joint_speeds
 from paretoik.capability.best_postures import loads
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.fastest_path import path_time
+from paretoik.capability.geodesic import path_time
 from paretoik.capability.zonotopes import fastest
 from paretoik.nlp.linear_program import furthest
 from paretoik.robot.kinematics import jacobian
@@ -23,7 +23,10 @@ GOALS = {"closed form beside LP, at most": 1e-12, "v(−d) beside v(d), at most"
 
 
 def random_postures(
-    arm: pk.Arm, actuation: pk.JointActuation | pk.DistributedActuation, count: int, rng: np.random.Generator
+    arm: pk.Arm,
+    actuation: pk.capability.JointActuation | pk.capability.DistributedActuation,
+    count: int,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return Jacobians of positions (count, task, dof), and joints' lowest and highest speeds, where all can hold."""
     task = 2 if arm.is_planar else 3
@@ -43,9 +46,9 @@ def random_postures(
 def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
     """Return the largest difference of the closed form from linear programs, as a share: in the plane and in space."""
     robot = panda()
-    arms = [(pk.kim_3r(), actuation_of(each), each) for each in MECHANISMS]
+    arms = [(pk.arms.kim_3r(), actuation_of(each), each) for each in MECHANISMS]
     rows = []
-    for arm, actuation, name in [*arms, (robot, pk.JointActuation.of(robot), "Panda, 3-D, its own limits")]:
+    for arm, actuation, name in [*arms, (robot, pk.capability.JointActuation.of(robot), "Panda, 3-D, its own limits")]:
         columns, low, high = random_postures(arm, actuation, count, rng)
         ways = unit_directions(rng.normal(size=(count, columns.shape[1])), columns.shape[1])
         ours = fastest(columns, low, high, ways[:, None])[:, 0]
@@ -63,7 +66,7 @@ def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
         half = found.shape[1] // 2
         worst = float(np.abs(found[:, half:] / found[:, :half] - 1.0).max())
         rows.append(_small(name, "v(−d) beside v(d), at most", worst, "nine positions, 16 directions"))
-        columns, low, high = random_postures(pk.kim_3r(), actuation_of(name), count, rng)
+        columns, low, high = random_postures(pk.arms.kim_3r(), actuation_of(name), count, rng)
         vertices = fastest(columns, low, high, ways)[..., None] * ways
         edges = np.roll(vertices, -1, axis=1) - vertices
         size = np.linalg.norm(vertices, axis=2).max(axis=1)[:, None] ** 2

@@ -25,10 +25,10 @@ from studies.kim_2021.motion_program import motion_program
 from studies.kim_2021.setting import paper as printed
 from studies.reporting import Row, drawing
 
-MECHANISMS: dict[str, Callable[[], pk.JointActuation | pk.DistributedActuation]] = {
-    "JAM": pk.kim_joint_motors,
-    "DAM": pk.kim_sliders,
-    "DAM, base −150°": lambda: pk.kim_sliders(float(np.deg2rad(-150.0))),
+MECHANISMS: dict[str, Callable[[], pk.capability.JointActuation | pk.capability.DistributedActuation]] = {
+    "JAM": pk.capability.kim_joint_motors,
+    "DAM": pk.capability.kim_sliders,
+    "DAM, base −150°": lambda: pk.capability.kim_sliders(float(np.deg2rad(-150.0))),
 }
 TABLE = "time against energy from p4 to p6, without jumps"
 RACED = "time against energy beside CasADi + IPOPT, one program from the same starts"
@@ -74,7 +74,7 @@ class Race:
 
 def problem_of(name: str, samples: int) -> pk.PointToPoint:
     """Return the problem of a mechanism."""
-    return pk.PointToPoint(pk.kim_3r(), MECHANISMS[name](), START, TARGET, samples=samples)
+    return pk.PointToPoint(pk.arms.kim_3r(), MECHANISMS[name](), START, TARGET, samples=samples)
 
 
 def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEnergy:

@@ -68,7 +68,7 @@ class FullProgram:
             known = nodes(self.mechanism, position[None], angles, elbows)
             q, able = known.q[0], np.isfinite(known.slowness).all(axis=(0, 1, 3))
             parts = [q]
-            if isinstance(motors, pk.DistributedActuation):
+            if isinstance(motors, pk.capability.DistributedActuation):
                 q[:] = motors.zero + (q - motors.zero) % (2 * np.pi)  # the turn in which rods' angles are in bounds
                 low, high = motors.front_bounds.T
                 front = low + (high - low) * rng.uniform(size=(rows, 3))
@@ -86,7 +86,7 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
     motors = actuation_of(mechanism)
     given, q, speed = ca.SX.sym("given", 4), ca.SX.sym("q", 3), ca.SX.sym("speed")
     place, columns, torque = linkage(q)
-    if isinstance(motors, pk.JointActuation):
+    if isinstance(motors, pk.capability.JointActuation):
         share = ca.SX.sym("share", 3)
         unknowns = [q, share, speed]
         rates = [motors.motors.fastest[j] * share[j] for j in range(3)]
@@ -109,7 +109,7 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
         lower=lower,
         upper=upper,
         inequalities=len(rows),
-        mechanism=Mechanism(arm=pk.kim_3r(), actuation=motors),
+        mechanism=Mechanism(arm=pk.arms.kim_3r(), actuation=motors),
     )
 
 
@@ -129,7 +129,7 @@ def linkage(q: Any) -> tuple[list[Any], list[Any], list[Any]]:
 
 
 def _sliding(
-    motors: pk.DistributedActuation, q: Any, front: Any, share: Any, torque: list[Any]
+    motors: pk.capability.DistributedActuation, q: Any, front: Any, share: Any, torque: list[Any]
 ) -> tuple[list[Any], list[Any]]:
     """Return joint speeds, and rows for back sliders and motors, none of them negative."""
     rates, rows = list[Any](), list[Any]()

@@ -20,8 +20,8 @@ class Polygons:
     """The speeds of both mechanisms from one position."""
 
     name: str
-    jam: pk.PerformancePolygon
-    dam: pk.PerformancePolygon
+    jam: pk.capability.PerformancePolygon
+    dam: pk.capability.PerformancePolygon
 
     @property
     def gain(self) -> Float[np.ndarray, " directions"]:
@@ -32,7 +32,7 @@ class Polygons:
 
 def polygons(directions: int = DIRECTIONS) -> list[Polygons]:
     """Return both polygons at the nine positions."""
-    arm = pk.kim_3r()
+    arm = pk.arms.kim_3r()
     found = []
     for name, position in POSITIONS.items():
         jam, dam = (pk.directional_maxima(arm, actuation_of(each), position, directions) for each in MECHANISMS)

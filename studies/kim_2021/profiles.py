@@ -21,7 +21,7 @@ class Mechanism:
     """An arm and what drives it."""
 
     arm: pk.Arm
-    actuation: pk.JointActuation | pk.DistributedActuation
+    actuation: pk.capability.JointActuation | pk.capability.DistributedActuation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,7 +24,7 @@ TOLERANCE = 1e-8  # IPOPT's own
 
 def polygon_race(*, rounds: int) -> list[Row]:
     """Return the milliseconds of all 16 directions at p6, ours, and of one start in one direction by IPOPT."""
-    arm, position, rng = pk.kim_3r(), POSITIONS["p6"], np.random.default_rng(0)
+    arm, position, rng = pk.arms.kim_3r(), POSITIONS["p6"], np.random.default_rng(0)
     ways = unit_directions(DIRECTIONS, 2)
     ours: dict[str, list[float]] = {name: [] for name in MECHANISMS}
     theirs: dict[str, list[float]] = {name: [] for name in MECHANISMS}

@@ -49,16 +49,16 @@ class Assumed:
         return ", ".join(told + ["JAM with DAM's joint ranges"] * self.joint_ranges) or "as is"
 
     @property
-    def motors(self) -> pk.JointActuation:
+    def motors(self) -> pk.capability.JointActuation:
         """JAM."""
-        known = pk.kim_joint_motors().motors
-        return pk.JointActuation(motors=_shaped(known, self.shape))
+        known = pk.capability.kim_joint_motors().motors
+        return pk.capability.JointActuation(motors=_shaped(known, self.shape))
 
     @property
-    def sliders(self) -> pk.DistributedActuation:
+    def sliders(self) -> pk.capability.DistributedActuation:
         """DAM."""
-        known = pk.kim_sliders(float(np.deg2rad(self.base_angle)), self.bend)
-        return pk.DistributedActuation(
+        known = pk.capability.kim_sliders(float(np.deg2rad(self.base_angle)), self.bend)
+        return pk.capability.DistributedActuation(
             front=_shaped(known.front, self.shape),
             rod=known.rod,
             front_bounds=known.front_bounds,
@@ -70,7 +70,7 @@ class Assumed:
     @property
     def free(self) -> pk.Arm:
         """The arm with these masses, as DAM has it: its rods limit its joints."""
-        return pk.kim_3r([self.mass] * 3)
+        return pk.arms.kim_3r([self.mass] * 3)
 
     @property
     def limited(self) -> pk.Arm:
@@ -177,5 +177,5 @@ def _near(assumed: Assumed, gain: np.ndarray, printed: float, note: str) -> Row:
     )
 
 
-def _shaped(curve: pk.MotorCurve, shape: Literal["diamond", "strip"]) -> pk.MotorCurve:
-    return pk.MotorCurve(stall=curve.stall, fastest=curve.fastest, shape=shape)
+def _shaped(curve: pk.capability.MotorCurve, shape: Literal["diamond", "strip"]) -> pk.capability.MotorCurve:
+    return pk.capability.MotorCurve(stall=curve.stall, fastest=curve.fastest, shape=shape)

@@ -21,14 +21,14 @@ DIRECTIONS = 16
 MECHANISMS = ("JAM", "DAM")
 
 
-def actuation_of(mechanism: str) -> pk.JointActuation | pk.DistributedActuation:
+def actuation_of(mechanism: str) -> pk.capability.JointActuation | pk.capability.DistributedActuation:
     """Return motors at the joints ("JAM") or sliders along the links ("DAM"), as the library has them by default."""
-    return pk.kim_joint_motors() if mechanism == "JAM" else pk.kim_sliders()
+    return pk.capability.kim_joint_motors() if mechanism == "JAM" else pk.capability.kim_sliders()
 
 
 def speeds(mechanism: str, position: Float[np.ndarray, " 2"], directions: object = DIRECTIONS) -> np.ndarray:
     """Return the directional maxima [m/s] of the arm as the library has it by default, 0.5 kg a link."""
-    return pk.directional_maxima(pk.kim_3r(), actuation_of(mechanism), position, directions).values
+    return pk.directional_maxima(pk.arms.kim_3r(), actuation_of(mechanism), position, directions).values
 
 
 @cache

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.fastest_path import FastestPath, fastest_path, path_time
+from paretoik.capability.geodesic import FastestPath, fastest_path, path_time
 from paretoik.capability.time_optimal import Plan, TimeOptimalRun, fastest_plan, time_optimal_control
 from studies.kim_2021.profiles import evenly
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper, paper, speeds

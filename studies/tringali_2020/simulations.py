@@ -53,7 +53,7 @@ def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None) -> p
     task = problem.task if samples is None else problem.task.resampled(samples)
     limits = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     return pk.Tracking(
-        pk.tringali_3r(masses="fitted" if masses == "fitted" else "printed"),
+        pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed"),
         task.tasks,
         objectives=task.objectives,
         limits=pk.Limits(

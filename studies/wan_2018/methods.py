@@ -39,21 +39,21 @@ def paper() -> dict[tuple[str, str, str], float]:
         return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
-def compared(table: str) -> dict[str, pk.DampedLeastSquares]:
+def compared(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
     """Return the methods of Table 2 (limits on positions alone) or Table 3 (and on velocities)."""
-    positions = pk.Criterion(objective=pk.joint_limit_nearness, gain=GAIN_POSITIONS, reference=7.0)
-    velocities = pk.Criterion(objective=pk.velocity_limit_nearness, gain=GAIN_VELOCITIES, reference=7.0)
-    first: dict[str, pk.DampedLeastSquares] = (
-        {"WLN": pk.WeightedLeastNorm(feedback=FEEDBACK, region=REGION, damping=DAMPING)}
+    positions = pk.methods.Criterion(objective=pk.joint_limit_nearness, gain=GAIN_POSITIONS, reference=7.0)
+    velocities = pk.methods.Criterion(objective=pk.velocity_limit_nearness, gain=GAIN_VELOCITIES, reference=7.0)
+    first: dict[str, pk.methods.DampedLeastSquares] = (
+        {"WLN": pk.methods.WeightedLeastNorm(feedback=FEEDBACK, region=REGION, damping=DAMPING)}
         if table == "Table 2"
         else {
-            "GPM": pk.GradientProjection(
+            "GPM": pk.methods.GradientProjection(
                 criteria=[positions, velocities], feedback=FEEDBACK, region=REGION, damping=DAMPING
             )
         }
     )
     for name, variant in VARIANTS.items():
-        first[name] = pk.WeightedGradientProjection(
+        first[name] = pk.methods.WeightedGradientProjection(
             criteria=[] if table == "Table 2" else [velocities],
             variant=variant,
             feedback=FEEDBACK,
@@ -68,7 +68,7 @@ def compared(table: str) -> dict[str, pk.DampedLeastSquares]:
 
 def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     """Return postures (found, 7) of the first pose, within the limits, from so many random ones."""
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     task = motion_task(
         arm,
         path,
@@ -91,7 +91,7 @@ def worst_errors(motion: pk.ResolvedMotion) -> np.ndarray:
 
 def table_rows(table: str, *, population: int) -> list[Row]:
     """Return medians over starts of the greatest errors, what becomes of joint 4, and how often steps fall short."""
-    arm, path = pk.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
+    arm, path = pk.arms.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
     begun = starts(path, population)
     lower, upper = arm.position_limits[FOURTH]
     rows = []
@@ -162,11 +162,13 @@ def table_rows(table: str, *, population: int) -> list[Row]:
 
 def speed_row(*, rounds: int) -> Row:
     """Return the seconds that so many parameter sets take along the path of section 3.2."""
-    arm, path, rng = pk.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
+    arm, path, rng = pk.arms.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
     begun = starts(path, 40)[0]
-    method = pk.WeightedGradientProjection(
+    method = pk.methods.WeightedGradientProjection(
         criteria=[
-            pk.Criterion(objective=pk.velocity_limit_nearness, gain=10.0 ** rng.uniform(-4, -1, SETS), reference=7.0)
+            pk.methods.Criterion(
+                objective=pk.velocity_limit_nearness, gain=10.0 ** rng.uniform(-4, -1, SETS), reference=7.0
+            )
         ],
         feedback=rng.uniform(20.0, 150.0, SETS),
         buffer=rng.uniform(0.05, 0.45, SETS),

@@ -36,7 +36,7 @@ def long() -> pk.ClosedLoop:
 
 def loop(steps):
     path = pk.circle((0.7, 0.0), 0.5, duration=1e-3 * steps, samples=steps + 1, turns=1.1e-3 * steps, timing="uniform")
-    return pk.ClosedLoop(pk.marcos_nr(3), path, start=START, population=20, generations=10)
+    return pk.ClosedLoop(pk.arms.marcos_nr(3), path, start=START, population=20, generations=10)
 """
 
 
@@ -117,9 +117,9 @@ def test_what_means_nothing_for_a_loop_is_refused(name):
 
 
 def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
-    wall = pk.Circle((0.7 + 0.5 * np.cos(0.06), 0.5 * np.sin(0.06)), 0.005)
+    wall = pk.obstacles.Circle((0.7 + 0.5 * np.cos(0.06), 0.5 * np.sin(0.06)), 0.005)
     loop = pk.ClosedLoop(
-        pk.marcos_nr(3),
+        pk.arms.marcos_nr(3),
         marcos_2012.round_trip(0.7, STEPS),
         start=posture(3),
         obstacles=[wall],
@@ -134,16 +134,16 @@ def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
 def test_a_singular_arm_is_told_as_such():
     path = pk.line([3.0, 0.0], [2.9, 0.1], duration=0.1, samples=5, timing="uniform")
     with pytest.raises(pk.Infeasible, match=r"step 1 .*: a Jacobian of full rank wanted.* condition number is"):
-        pk.ClosedLoop(pk.marcos_nr(3), path, start=np.zeros(3), population=8, generations=2).run()
+        pk.ClosedLoop(pk.arms.marcos_nr(3), path, start=np.zeros(3), population=8, generations=2).run()
 
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_one_objective_or_three_and_a_spatial_arm(count):
-    arm, q = pk.wan_7r(), np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
+    arm, q = pk.arms.wan_7r(), np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
     where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=4, timing="uniform")
     objectives = [pk.position_error, pk.joint_displacement, pk.manipulability][:count]
-    ball = pk.Sphere(where + np.array([0.0, 0.3, 0.0]), 0.05)
+    ball = pk.obstacles.Sphere(where + np.array([0.0, 0.3, 0.0]), 0.05)
     loop = pk.ClosedLoop(arm, path, objectives=objectives, start=q, obstacles=[ball], population=20, generations=20)
     front = pk.solve(loop)
     assert front.objectives.shape == (1, count)
@@ -162,7 +162,7 @@ def test_position_and_velocity_limits_hold_at_every_step():
     fastest = 0.8 * np.abs(np.diff(q, axis=0)).max() / 1e-3
     limits = pk.Limits(position=(limit[:, 0], limit[:, 1]), velocity=1.5 * fastest)
     loop = pk.ClosedLoop(
-        pk.marcos_nr(3),
+        pk.arms.marcos_nr(3),
         marcos_2012.round_trip(0.7, 40),
         start=q[0],
         limits=limits,

@@ -17,7 +17,7 @@ SMALL = {"population": 30, "generations": 24, "seed": 1, "refine": True}
 def problem_of():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm]
-    return pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,13 @@ def test_only_a_tracking_problem_is_refined():
 
 def walk():
     return pk.PointToPoint(
-        pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4
+        pk.arms.kim_3r(),
+        pk.capability.kim_joint_motors(),
+        (0.1, -0.15),
+        (0.2, -0.15),
+        samples=9,
+        coefficients=5,
+        bases=4,
     )
 
 
@@ -102,7 +108,9 @@ def test_gradients_find_ends_that_a_search_alone_does_not():
 
 def test_a_front_is_refined_with_its_own_problem_only():
     front = pk.solve(walk(), population=20, generations=4, seed=1, points=3)
-    other = pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5)
+    other = pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5
+    )
     with pytest.raises(pk.InvalidInput, match="refine: the problem that the front solves wanted"):
         pk.refine(front, other)
 

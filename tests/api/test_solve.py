@@ -22,7 +22,7 @@ QUICK = {"population": 12, "generations": 6}
 
 def tracking(*objectives, **limits) -> pk.Tracking:
     return pk.Tracking(
-        pk.tringali_3r(),
+        pk.arms.tringali_3r(),
         PATH,
         objectives=objectives or (pk.kinetic_energy, pk.torque_norm),
         limits=pk.Limits(**limits),
@@ -86,7 +86,7 @@ def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_
     started = solve(problem, population=max(12, len(front)), generations=1, seed=3, initial=front.motions)
     np.testing.assert_array_less(started.objectives.min(axis=0), front.objectives.min(axis=0) * (1 + 1e-6))
     finer = pk.Tracking(
-        pk.tringali_3r(), PATH, objectives=(pk.kinetic_energy, pk.torque_norm), coefficients=12, bases=2
+        pk.arms.tringali_3r(), PATH, objectives=(pk.kinetic_energy, pk.torque_norm), coefficients=12, bases=2
     )
     wild = finer.decode(np.column_stack([np.full(4, 0.5), np.tile([0.5, -0.5], (4, 6)) * np.arange(1, 5)[:, None] / 4]))
     with pytest.warns(RuntimeWarning, match=r"initial: \d of 4 motions start approximately"):
@@ -258,7 +258,7 @@ def test_the_fingerprint_tells_what_makes_genes_mean_something_else(problem):
         tracking(velocity=6.0, torque=5.0),
         tracking(pk.kinetic_energy, pk.jerk, velocity=6.0),
         pk.Tracking(
-            pk.tringali_3r("fitted"),
+            pk.arms.tringali_3r("fitted"),
             PATH,
             objectives=(pk.kinetic_energy, pk.torque_norm),
             limits=pk.Limits(velocity=6.0),

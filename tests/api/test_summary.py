@@ -17,7 +17,8 @@ from paretoik.cli import main
 from problems import tringali_2020
 
 MINE = """
-from paretoik import Tracking, kinetic_energy, line, torque_norm, tringali_3r
+from paretoik import Tracking, kinetic_energy, line, torque_norm
+from paretoik.robot.arms import tringali_3r
 
 def good() -> Tracking:
     path = line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
@@ -29,7 +30,7 @@ def good() -> Tracking:
 def front():
     goals = [pk.kinetic_energy, pk.torque_norm]
     return pk.epsilon_front(
-        pk.Tracking(pk.tringali_3r(), tringali_2020.straight(26), objectives=goals), points=5, starts=6
+        pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=goals), points=5, starts=6
     )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.autodiff.evaluator import program
-from paretoik.autodiff.tape import entry
+from paretoik.autodiff.evaluator import compile_evaluator
+from paretoik.autodiff.tape import as_entry
 from paretoik.autodiff.tracing import Trace
 
 SAMPLES = 6
@@ -31,7 +31,7 @@ def numbers(trace, array, *given):
         flat = source.reshape(lanes, -1).T
         rows[begun : begun + len(flat)] = flat
         begun += len(flat)
-    for i, values in trace.data.items():
+    for i, values in trace.parameters.items():
         rows[trace.tape.entries[i][1]] = values
-    outputs = [entry(trace.tape, value) for value in array.entries.ravel()]
-    return program(trace.tape, outputs)(rows).T.reshape(array.shape)
+    outputs = [as_entry(trace.tape, value) for value in array.entries.ravel()]
+    return compile_evaluator(trace.tape, outputs)(rows).T.reshape(array.shape)

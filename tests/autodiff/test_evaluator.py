@@ -1,4 +1,4 @@
-"""The machine: programs compute tapes, for any number of lanes, in few registers."""
+"""Evaluators compute tapes, for any number of points, in few registers."""
 
 from __future__ import annotations
 
@@ -9,33 +9,34 @@ import pytest
 from hypothesis import given, settings
 
 from paretoik.autodiff.differentiation import gradient, hessian
-from paretoik.autodiff.evaluator import LANES, Fused, program
-from paretoik.autodiff.tape import NOTHING, Op, Tape, entry
+from paretoik.autodiff.evaluator import BLOCK_SIZE, Fused, compile_evaluator
+from paretoik.autodiff.operations import NO_OPERAND, Op
+from paretoik.autodiff.tape import Tape, as_entry
 from tests.autodiff.trees import KINKED, SMOOTH, points, seeds, taped, trees
 
 
 @settings(max_examples=40)
 @given(trees({**SMOOTH, **KINKED}), seeds)
-def test_a_program_gives_the_same_bits_for_any_number_of_lanes(tree, seed):
+def test_an_evaluator_gives_the_same_bits_for_any_number_of_points(tree, seed):
     tape, value, variables = taped(tree)
     outputs = [value, *gradient(tape, value, variables), *hessian(tape, value, variables).values()]
-    run = program(tape, outputs)
+    run = compile_evaluator(tape, outputs)
     at = points(seed, lanes=200)
     alone = np.concatenate([run(at[:, [lane]]) for lane in range(200)], axis=1)
-    for lanes in (1, LANES - 1, LANES, LANES + 1, 2 * LANES, 200):
+    for lanes in (1, BLOCK_SIZE - 1, BLOCK_SIZE, BLOCK_SIZE + 1, 2 * BLOCK_SIZE, 200):
         np.testing.assert_array_equal(run(at[:, :lanes]), alone[:, :lanes])
 
 
 @settings(max_examples=40)
 @given(trees({**SMOOTH, **KINKED}), seeds)
-def test_no_register_is_given_back_before_its_value_was_last_read(tree, seed):
+def test_no_register_is_freed_before_its_value_was_last_read(tree, seed):
     tape, value, variables = taped(tree)
     outputs = [value, *gradient(tape, value, variables)]
-    found = program(tape, outputs)
+    found = compile_evaluator(tape, outputs)
     held = dict.fromkeys(range(len(found.inputs) + len(found.constants)), "given")
     for op, to, *operands in found.code.tolist():
         own = () if op in set(Fused) else next(e for e in tape.entries if e[0] == op)[1:]
-        count = sum(k != NOTHING for k in own) if own else 3
+        count = sum(k != NO_OPERAND for k in own) if own else 3
         count, written = (1, [to, operands[1]]) if op == Fused.SINE_COSINE else (count, [to])
         assert all(k in held for k in operands[:count])
         for register in written:
@@ -47,13 +48,13 @@ def test_no_register_is_given_back_before_its_value_was_last_read(tree, seed):
     assert all(register in held for register in found.outputs)
 
 
-def test_registers_are_used_again():
+def test_registers_are_reused():
     tape = Tape()
     x = tape.input()
     total = x
     for k in range(500):
         total = total + np.sin(x * (1 + k % 7)) * total
-    found = program(tape, [total.index])
+    found = compile_evaluator(tape, [total.index])
     assert len(found.code) > 500
     assert found.registers < 25
     (at,) = points(0)[:1]
@@ -63,11 +64,11 @@ def test_registers_are_used_again():
     np.testing.assert_allclose(found(at[None])[0], wanted, rtol=1e-9)
 
 
-def test_a_product_that_one_sum_or_difference_wants_is_made_with_it():
+def test_a_product_that_one_sum_or_difference_uses_is_fused_with_it():
     tape = Tape()
     x, y, z = (tape.input() for _ in range(3))
     a, b, c = at = points(3)[:3]
-    found = program(tape, [e.index for e in (x * y + z, x + y * z, x * z - y, y - x * x)])
+    found = compile_evaluator(tape, [e.index for e in (x * y + z, x + y * z, x * z - y, y - x * x)])
     np.testing.assert_array_equal(found(at), [a * b + c, a + b * c, a * c - b, b - a * a])
     assert [op for op, *_ in found.code.tolist()] == [
         Fused.MULTIPLY_ADD,
@@ -75,7 +76,7 @@ def test_a_product_that_one_sum_or_difference_wants_is_made_with_it():
         Fused.MULTIPLY_SUBTRACT,
         Fused.SUBTRACT_PRODUCT,
     ]
-    found = program(tape, [e.index for e in (x * y + z, x * y - z, x * z, x * z + y, x * x - z * z)])
+    found = compile_evaluator(tape, [e.index for e in (x * y + z, x * y - z, x * z, x * z + y, x * x - z * z)])
     np.testing.assert_array_equal(found(at), [a * b + c, a * b - c, a * c, a * c + b, a * a - c * c])
     assert [op for op, *_ in found.code.tolist()].count(Op.MULTIPLY) == 3  # two are wanted twice, one is z²
 
@@ -83,7 +84,7 @@ def test_a_product_that_one_sum_or_difference_wants_is_made_with_it():
 def test_only_the_inputs_that_matter_are_loaded():
     tape = Tape()
     inputs = [tape.input() for _ in range(10)]
-    found = program(tape, [(inputs[7] - inputs[2]).index])
+    found = compile_evaluator(tape, [(inputs[7] - inputs[2]).index])
     assert found.inputs.tolist() == [2, 7]
     np.testing.assert_array_equal(found(np.arange(20.0).reshape(10, 2)), [[10.0, 10.0]])
 
@@ -93,46 +94,46 @@ def test_an_output_may_be_an_input_a_constant_or_another_output_again():
     x, y = tape.input(), tape.input()
     both = x + y
     outputs = [y.index, tape.constant(3.0), both.index, both.index, (both * 2).index, x.index]
-    found = program(tape, outputs)(np.array([[1.0, 2.0], [10.0, 20.0]]))
+    found = compile_evaluator(tape, outputs)(np.array([[1.0, 2.0], [10.0, 20.0]]))
     np.testing.assert_array_equal(found, [[10, 20], [3, 3], [11, 22], [11, 22], [22, 44], [1, 2]])
 
 
-def test_a_program_of_nothing_and_of_no_lanes_gives_nothing():
+def test_an_evaluator_of_no_outputs_and_of_no_points():
     tape = Tape()
     x = tape.input()
-    assert program(tape, [])(np.ones((1, 3))).shape == (0, 3)
-    assert program(tape, [np.sin(x).index])(np.ones((1, 0))).shape == (1, 0)
+    assert compile_evaluator(tape, [])(np.ones((1, 3))).shape == (0, 3)
+    assert compile_evaluator(tape, [np.sin(x).index])(np.ones((1, 0))).shape == (1, 0)
 
 
 def test_inputs_may_lie_in_memory_in_any_way():
     tape = Tape()
     x, y = tape.input(), tape.input()
-    run = program(tape, [(x - y).index])
+    run = compile_evaluator(tape, [(x - y).index])
     at = np.random.default_rng(0).normal(size=(130, 4))
     np.testing.assert_array_equal(run(at.T[::2]), [at[:, 0] - at[:, 2]])
 
 
 @pytest.mark.parametrize("op", [op for op in Op if op > Op.INPUT], ids=lambda op: op.name.lower())
 def test_compiled_operations_are_those_that_fold_constants(op):
-    arity = 3 if op is Op.CHOOSE else 1 + (op in PAIRS)
+    arity = 3 if op is Op.WHERE else 1 + (op in PAIRS)
     at = np.array(np.meshgrid(*[[-2.0, -0.5, 0.0, 0.5, 1.0, np.nan]] * arity)).reshape(arity, -1)
     if op is Op.POWER:
         at = at[:, at[1] == 0.5]
     tape = Tape()
     variables = [tape.input() for _ in range(arity)]
-    found = program(tape, [tape.apply(op, *(v.index for v in variables))])(at)[0]
+    found = compile_evaluator(tape, [tape.apply(op, *(v.index for v in variables))])(at)[0]
     for lane, numbers in enumerate(at.T):
-        folded = tape.apply(op, *(entry(tape, number) for number in numbers))
+        folded = tape.apply(op, *(as_entry(tape, number) for number in numbers))
         np.testing.assert_allclose(found[lane], tape.values[folded], rtol=1e-14, atol=1e-300)
 
 
-PAIRS = {Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.ARC_TANGENT, Op.POWER, Op.WEIGH}
+PAIRS = {Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.ARC_TANGENT, Op.POWER, Op.MASKED_MULTIPLY}
 PAIRS |= {Op.MAXIMUM, Op.MINIMUM, Op.LESS, Op.LESS_EQUAL}
 
 
-def test_one_program_runs_in_many_threads_at_once():
+def test_one_evaluator_runs_in_many_threads_at_once():
     tape, value, variables = taped(lambda x, y, z: np.hypot(np.sin(x * y), z) ** 2.5 / (1 + np.exp(x)))
-    run = program(tape, [value, *gradient(tape, value, variables)])
+    run = compile_evaluator(tape, [value, *gradient(tape, value, variables)])
     given = [points(seed, lanes=500) for seed in range(8)]
     wanted = [run(at) for at in given]
     found = [None] * len(given)

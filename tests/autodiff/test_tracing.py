@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from paretoik.autodiff.differentiation import gradient
-from paretoik.autodiff.numpy_functions import FUNCTIONS
+from paretoik.autodiff.numpy_array_functions import FUNCTIONS
 from paretoik.autodiff.tape import Expression
-from paretoik.autodiff.tracing import NotLocal, Traced
+from paretoik.autodiff.tracing import NotLocal, TracedArray
 from paretoik.errors import InvalidInput
 from tests.autodiff.samples import RNG, ROW, SAMPLES, TABLE, TIME, TURNS, Q, R, V, numbers, traced
 
@@ -20,7 +20,7 @@ def agrees(function, *given, samples=SAMPLES):
     """Hold a function of traced arrays against NumPy."""
     trace, inputs = traced(*given, samples=samples)
     found, wanted = function(*inputs), function(*given)
-    assert isinstance(found, Traced)
+    assert isinstance(found, TracedArray)
     assert found.shape == np.shape(wanted)
     assert found.ndim == np.ndim(wanted)
     np.testing.assert_allclose(numbers(trace, found, *given), np.asarray(wanted, float), rtol=1e-12, atol=1e-13)
@@ -266,7 +266,7 @@ def test_plain_numbers_by_the_sample_become_inputs_once_and_constants_none():
     before = len(trace.tape.inputs)
     (q * TABLE) + (q / TABLE) + TIME[:, None]
     assert len(trace.tape.inputs) == before + 4
-    assert {values.tobytes() for values in trace.data.values()} == {
+    assert {values.tobytes() for values in trace.parameters.values()} == {
         np.ascontiguousarray(values).tobytes() for values in (*TABLE.T, TIME)
     }
     q * np.full((SAMPLES, 3), 2.0)
@@ -278,7 +278,7 @@ def test_gradients_through_arrays_are_those_of_the_sample_alone():
     value = np.linalg.norm(np.cross(r @ ROW, q), axis=-1) + np.linalg.det(r) * TIME
     (value,) = value.entries.ravel()
     slopes = [Expression(trace.tape, i) for i in gradient(trace.tape, value.index, trace.tape.inputs[:12])]
-    found = numbers(trace, Traced(trace, slopes), Q, R)
+    found = numbers(trace, TracedArray(trace, slopes), Q, R)
 
     def real(flat):
         q, r = flat[:, :3], flat[:, 3:].reshape(-1, 3, 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from paretoik.autodiff.evaluator import program
+from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.tape import Tape
 
 VARIABLES = 3
@@ -66,7 +66,7 @@ def taped(function):
 
 
 def evaluated(tape, outputs, given):
-    return program(tape, list(outputs))(np.atleast_2d(np.asarray(given, dtype=float)))
+    return compile_evaluator(tape, list(outputs))(np.atleast_2d(np.asarray(given, dtype=float)))
 
 
 def points(seed, lanes=7):

@@ -30,12 +30,14 @@ def planar(links, length=0.3, mass=0.4, limits=None):
 
 def motors(stall, shape="diamond"):
     fastest = np.linspace(1.0, 2.0, len(stall))
-    return pk.JointActuation(motors=pk.MotorCurve(stall=stall, fastest=fastest, shape=shape))
+    return pk.capability.JointActuation(motors=pk.capability.MotorCurve(stall=stall, fastest=fastest, shape=shape))
 
 
 def rods(dof, zero):
-    curve = pk.MotorCurve(stall=[195.9, 95.8, 75.8, 55.8][:dof], fastest=[1.8e-3, 7.1e-3, 7.1e-3, 7.1e-3][:dof])
-    return pk.DistributedActuation(front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=zero)
+    curve = pk.capability.MotorCurve(
+        stall=[195.9, 95.8, 75.8, 55.8][:dof], fastest=[1.8e-3, 7.1e-3, 7.1e-3, 7.1e-3][:dof]
+    )
+    return pk.capability.DistributedActuation(front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=zero)
 
 
 @pytest.mark.parametrize("limits", [(1.0, np.inf), (-np.inf, -1.0), (4.0, np.inf), (-9.0, -4.0), (-np.inf, 20.0)])
@@ -92,8 +94,10 @@ def test_where_no_posture_can_be_held_the_joint_of_the_best_is_named():
 
 @pytest.mark.parametrize(("turn", "bend"), [(0, 1.0), (1, 1.0), (-2, 1.0), (1, -1.0), (0, -1.0)])
 def test_limits_and_rods_are_compared_in_the_turn_of_the_limits(turn, bend):
-    curve = pk.MotorCurve(stall=[50.0] * 3, fastest=[0.01] * 3)
-    actuation = pk.DistributedActuation(front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=0.4, bend=bend)
+    curve = pk.capability.MotorCurve(stall=[50.0] * 3, fastest=[0.01] * 3)
+    actuation = pk.capability.DistributedActuation(
+        front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=0.4, bend=bend
+    )
     reached = np.sort(0.4 + bend * actuation.angle_bounds[0]) + 2 * np.pi * turn
     inner, past = np.array([0.3, -0.3]), np.array([-0.2, 0.2])
     wanted = np.array([reached + inner, reached + past, [reached[0] + 0.2, reached[1] + 0.2]])
@@ -180,7 +184,7 @@ def test_motors_that_bear_any_load_push_without_end_and_are_as_fast_as_without_g
 
 def test_forces_of_a_panda_are_the_same_from_any_seed():
     arm = panda.panda()
-    actuation = pk.JointActuation.of(arm)
+    actuation = pk.capability.JointActuation.of(arm)
     values = [
         pk.directional_maxima(arm, actuation, [0.45, 0.1, 0.4], 3, quantity="force", samples=60, seed=seed).values
         for seed in range(3)
@@ -194,7 +198,9 @@ def test_arms_with_rods_that_turn_the_other_way_are_mirrored():
     zero = np.deg2rad([-120.0, 10.0, 0.0])
     one = rods(3, zero)
     curve = one.front
-    other = pk.DistributedActuation(front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=-zero, bend=-1.0)
+    other = pk.capability.DistributedActuation(
+        front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=-zero, bend=-1.0
+    )
     arm, mirror = planar(3, length=0.114, mass=0.5), np.array([1.0, -1.0])
     turned = arm.mounted(gravity=[0.0, 9.81, 0.0])
     for quantity in QUANTITIES:

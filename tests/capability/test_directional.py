@@ -15,15 +15,15 @@ from paretoik.nlp.dense_sqp import minimised
 from paretoik.robot import kinematics
 
 PLACE = np.array([0.2, -0.15])
-ARM = pk.kim_3r()
-DRIVES = {"motors": pk.kim_joint_motors(), "sliders": pk.kim_sliders()}
+ARM = pk.arms.kim_3r()
+DRIVES = {"motors": pk.capability.kim_joint_motors(), "sliders": pk.capability.kim_sliders()}
 SHAPES = ("diamond", "strip", "box")
 seeds = st.integers(0, 10**6)
 
 
 def driven(shape="diamond"):
-    motors = pk.MotorCurve(stall=[12.3, 3.5, 3.5], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
-    return pk.JointActuation(motors=motors)
+    motors = pk.capability.MotorCurve(stall=[12.3, 3.5, 3.5], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
+    return pk.capability.JointActuation(motors=motors)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -156,12 +156,14 @@ def test_joint_limits_are_kept_and_can_only_slow():
 
 def test_planar_arms_of_any_length_and_spatial_arms_are_served():
     four = pk.Arm.planar(lengths=[0.3] * 4, masses=[0.4] * 4, centers=[0.15] * 4, inertias=[0.0] * 4)
-    motors = pk.JointActuation(motors=pk.MotorCurve(stall=[9.0] * 4, fastest=[1.0] * 4, shape="strip"))
+    motors = pk.capability.JointActuation(
+        motors=pk.capability.MotorCurve(stall=[9.0] * 4, fastest=[1.0] * 4, shape="strip")
+    )
     polygon = pk.directional_maxima(four, motors, [0.5, 0.2], 4)
     many = several_postures(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
     assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
-    arm = pk.wan_7r()
-    solid = pk.directional_maxima(arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
+    arm = pk.arms.wan_7r()
+    solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
     assert np.linalg.norm(solid.directions, axis=1) == pytest.approx(np.ones(5))
     columns = kinematics.jacobian(arm, solid.q)[:, :3]
     assert np.einsum("kaj,kj->ka", columns, solid.dq) == pytest.approx(solid.vertices, abs=1e-9)
@@ -207,13 +209,13 @@ def test_other_bad_input_is_refused_by_name():
     with pytest.raises(InvalidInput, match="quantity must be one of velocity, force"):
         pk.directional_maxima(ARM, motors, PLACE, quantity="power")
     with pytest.raises(InvalidInput, match="3 joints of Kim 3R wanted, got 7"):
-        pk.directional_maxima(ARM, pk.JointActuation.of(pk.wan_7r()), PLACE)
+        pk.directional_maxima(ARM, pk.capability.JointActuation.of(pk.arms.wan_7r()), PLACE)
     with pytest.raises(OutOfReach, match="position out of reach"):
-        pk.directional_maxima(pk.wan_7r(), pk.JointActuation.of(pk.wan_7r()), [3.0, 0.0, 0.0])
+        pk.directional_maxima(pk.arms.wan_7r(), pk.capability.JointActuation.of(pk.arms.wan_7r()), [3.0, 0.0, 0.0])
 
 
 def test_sliders_that_reach_no_posture_are_named_with_the_angle():
     with pytest.raises(
         Infeasible, match=r"joint\d: a rod's angle that its sliders can reach wanted, 10° to 117.4° .* toggles"
     ):
-        pk.directional_maxima(ARM, pk.kim_sliders(base_angle=np.deg2rad(60.0)), PLACE)
+        pk.directional_maxima(ARM, pk.capability.kim_sliders(base_angle=np.deg2rad(60.0)), PLACE)

@@ -39,8 +39,8 @@ class Drawn:
             inertias=[0.0] * 3,
             position_limits=(self.low, self.high),
         ).mounted(gravity=[*GRAVITY, 0.0])
-        motors = pk.MotorCurve(stall=self.stall, fastest=self.fastest, shape=self.shape)
-        self.actuation = pk.JointActuation(motors=motors)
+        motors = pk.capability.MotorCurve(stall=self.stall, fastest=self.fastest, shape=self.shape)
+        self.actuation = pk.capability.JointActuation(motors=motors)
 
     def maxima(self, quantity):
         return pk.directional_maxima(self.arm, self.actuation, self.position, self.directions, quantity=quantity)
@@ -157,7 +157,9 @@ def test_what_is_found_can_be_done_by_other_formulae(compared):
 def test_where_none_holds_the_joint_is_named_with_the_least_that_would_do():
     drawn = Drawn(0)
     most = np.abs(drawn.loads(drawn.postures())).max(axis=1).min()
-    drawn.actuation = pk.JointActuation(motors=pk.MotorCurve(stall=[0.5 * most] * 3, fastest=drawn.fastest))
+    drawn.actuation = pk.capability.JointActuation(
+        motors=pk.capability.MotorCurve(stall=[0.5 * most] * 3, fastest=drawn.fastest)
+    )
     with pytest.raises(Infeasible, match=rf"joint\d: a torque of at most {0.5 * most:.4g} N m wanted") as said:
         drawn.maxima("velocity")
     assert said.value.violation == pytest.approx(1.0, abs=0.05)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from paretoik.capability import time_optimal
-from paretoik.capability.fastest_path import fastest_path, path_time
+from paretoik.capability.geodesic import fastest_path, path_time
 from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
 from paretoik.errors import InvalidInput, SolverFailed
-from tests.capability.test_fastest_path import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
+from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; one test below makes them checked
 

@@ -129,7 +129,7 @@ def test_longer_searches_find_better_fronts(loop):
 
 
 def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     q = np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
     where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")

@@ -88,7 +88,7 @@ def whole(motion):
         ({"objectives": []}, "objectives: wants at least one"),
         ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must lie within -3 to 3, got 4"),
         (
-            {"obstacles": [pk.Circle([0.5, 0.2], 1.0)]},
+            {"obstacles": [pk.obstacles.Circle([0.5, 0.2], 1.0)]},
             "start: must be clear of obstacles, got -.* from obstacle 1 of 1",
         ),
         ({"limits": pk.Limits(torque=3.0)}, "limits: of position, velocity and clearance wanted .*, got torque"),
@@ -100,13 +100,13 @@ def whole(motion):
 def test_what_cannot_be_used_is_named(settings, said):
     path = marcos_2012.round_trip(0.7, 4)
     with pytest.raises(InvalidInput, match=said):
-        ClosedLoop(pk.marcos_nr(3), path, **{"start": posture(3), **settings})
+        ClosedLoop(pk.arms.marcos_nr(3), path, **{"start": posture(3), **settings})
 
 
 def test_times_that_are_not_even_are_refused():
     path = pk.poses([0.0, 0.1, 0.5, 0.6], [pk.Pose(np.array([1.2, y, 0.0])) for y in (0.0, 0.01, 0.02, 0.03)])
     with pytest.raises(InvalidInput, match="evenly spaced"):
-        ClosedLoop(pk.marcos_nr(4), pk.Task(path, axes="xy"), start=posture(4))
+        ClosedLoop(pk.arms.marcos_nr(4), pk.Task(path, axes="xy"), start=posture(4))
 
 
 def test_an_objective_that_looks_at_other_samples_is_named():
@@ -114,7 +114,7 @@ def test_an_objective_that_looks_at_other_samples_is_named():
     def mean(step):
         return step.motion.q[..., 0].mean(axis=-1)
 
-    loop = ClosedLoop(pk.marcos_nr(3), marcos_2012.round_trip(0.7, 4), objectives=[elbow, mean], start=posture(3))
+    loop = ClosedLoop(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 4), objectives=[elbow, mean], start=posture(3))
     with pytest.raises(InvalidInput, match="objective mean"):
         loop.search()
 

@@ -7,7 +7,8 @@ from pathlib import Path as File
 
 import numpy as np
 
-from paretoik import Arm, Path, Pose, Tracking, joint_travel, kinetic_energy, line, marcos_nr, tringali_3r
+from paretoik import Arm, Path, Pose, Tracking, joint_travel, kinetic_energy, line
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.robot.kinematics import tool_pose
 
 PANDA = File(__file__).parents[2] / "problems" / "robots" / "panda.urdf"

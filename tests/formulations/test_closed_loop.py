@@ -173,7 +173,7 @@ def test_engine_and_problem_agree_on_what_is_free():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_oracles_geometry_is_that_of_obstacles(seed):
     rng = np.random.default_rng(seed)
-    circle, box = marcos_2012.obstacles(0.7)
+    circle, box = marcos_2012.paper_obstacles(0.7)
     circles, boxes = shapes([circle, box])
     for q in rng.uniform(-np.pi, np.pi, size=(300, 3)):
         angles = np.cumsum(q)

@@ -14,12 +14,12 @@ from paretoik.robot import kinematics
 
 PLACE = [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
-ACTUATIONS = {"motors": pk.kim_joint_motors, "sliders": pk.kim_sliders}
+ACTUATIONS = {"motors": pk.capability.kim_joint_motors, "sliders": pk.capability.kim_sliders}
 
 
 @pytest.fixture(scope="module", params=ACTUATIONS)
 def problem(request):
-    return pk.DirectionalMaxima(pk.kim_3r(), ACTUATIONS[request.param](), PLACE, WAYS)
+    return pk.DirectionalMaxima(pk.arms.kim_3r(), ACTUATIONS[request.param](), PLACE, WAYS)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_the_same_seed_gives_the_same_front(problem, front):
 
 
 def test_it_is_a_pymoo_problem_of_any_number_of_directions():
-    one = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
+    one = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
     found = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
     assert one.n_obj == 1
     most = pk.directional_maxima(one.arm, one.actuation, PLACE, [[0.0, 1.0]]).values[0]
@@ -116,9 +116,9 @@ def test_it_is_a_pymoo_problem_of_any_number_of_directions():
 
 
 def test_spatial_arms_are_served():
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     problem = pk.DirectionalMaxima(
-        arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], np.eye(3)[:2], power=False, samples=60
+        arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], np.eye(3)[:2], power=False, samples=60
     )
     front = pk.solve(problem, population=24, generations=10, seed=0, points=4)
     refined = pk.refine(front)
@@ -137,9 +137,9 @@ def test_a_saved_front_comes_back_with_its_genes(problem, refined, tmp_path):
 @pytest.mark.usefixtures("unchecked")
 def test_what_cannot_be_is_refused_by_name(problem, front):
     with pytest.raises(Infeasible, match=r"joint2: a torque of at most 3\.5 N m wanted"):
-        pk.DirectionalMaxima(pk.kim_3r().with_payload(20.0), pk.kim_joint_motors(), PLACE, WAYS)
+        pk.DirectionalMaxima(pk.arms.kim_3r().with_payload(20.0), pk.capability.kim_joint_motors(), PLACE, WAYS)
     with pytest.raises(InvalidInput, match="at least one, wanted"):
-        pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
-    other = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), PLACE, WAYS, power=False)
+        pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
+    other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
     with pytest.raises(InvalidInput, match="refine: a front of speed_1, speed_2 with its genes wanted"):
         pk.refine(front, other)

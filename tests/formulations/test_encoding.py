@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from paretoik import Tracking, circle, line, tringali_3r
+from paretoik import Tracking, circle, line
+from paretoik.robot.arms import tringali_3r
 from tests.formulations.problems import PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)

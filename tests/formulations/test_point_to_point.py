@@ -15,7 +15,9 @@ START, TARGET = [0.1, -0.15], [0.2, -0.15]
 
 @pytest.fixture(scope="module")
 def problem():
-    return pk.PointToPoint(pk.kim_3r(), pk.kim_joint_motors(), START, TARGET, samples=13, coefficients=5)
+    return pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), START, TARGET, samples=13, coefficients=5
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +57,7 @@ def test_energy_is_the_work_of_all_motors(problem, front):
 
 
 def test_work_of_sliders_is_the_work_of_the_joints():
-    problem = pk.PointToPoint(pk.kim_3r(), pk.kim_sliders(), START, TARGET, samples=49)
+    problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), START, TARGET, samples=49)
     genes = problem.candidates(2, np.random.default_rng(0))
     timing = problem.timing(genes)
     sliders = problem.sliders(genes)
@@ -104,8 +106,10 @@ def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
 @pytest.mark.parametrize("shape", ["strip", "box"])
 def test_other_motor_curves_are_polished_too(shape):
     """At their limits lie places that motors can just bear: none may be lost to rounding."""
-    motors = pk.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
-    problem = pk.PointToPoint(pk.kim_3r(), pk.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4)
+    motors = pk.capability.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
+    problem = pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4
+    )
     found = pk.solve(problem, population=40, generations=20, seed=1, points=4)
     refined = pk.refine(found)
     before = dict(zip(found.ids, found.minimised, strict=True))
@@ -147,9 +151,15 @@ def test_a_saved_front_comes_back_with_its_motions(problem, refined, tmp_path):
 
 
 def test_spatial_arms_are_served():
-    arm = pk.wan_7r()
+    arm = pk.arms.wan_7r()
     problem = pk.PointToPoint(
-        arm, pk.JointActuation.of(arm), [0.5, 0.3, -0.2], [0.4, 0.35, -0.1], samples=9, coefficients=4, bases=4
+        arm,
+        pk.capability.JointActuation.of(arm),
+        [0.5, 0.3, -0.2],
+        [0.4, 0.35, -0.1],
+        samples=9,
+        coefficients=4,
+        bases=4,
     )
     found = pk.solve(problem, population=20, generations=5, seed=0, points=2)
     tool = kinematics.tool_pose(arm, found.motions.q)[1]
@@ -159,7 +169,7 @@ def test_spatial_arms_are_served():
 
 @pytest.mark.usefixtures("unchecked")
 def test_what_cannot_be_is_refused_by_name():
-    arm, motors = pk.kim_3r(), pk.kim_joint_motors()
+    arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
     with pytest.raises(InvalidInput, match="another place than the start wanted"):
         pk.PointToPoint(arm, motors, START, START)
     with pytest.raises(InvalidInput, match="target: must be finite"):

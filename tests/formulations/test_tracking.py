@@ -8,8 +8,9 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 import paretoik as pk
-from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line, tringali_3r
+from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.robot.arms import tringali_3r
 from paretoik.self_motion.starts import JUMP
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 
@@ -150,7 +151,7 @@ def test_pymoos_own_minimize_solves_it():
 
 
 def test_obstacles_become_a_constraint_that_motions_really_keep():
-    post = pk.Circle([0.25, 0.22], 0.05)
+    post = pk.obstacles.Circle([0.25, 0.22], 0.05)
     problem = paper_3r(obstacles=[post], link_radius=0.02, limits=Limits(clearance=0.01), bases=8)
     genes = genes_of(problem, 300)
     out = evaluate(problem, genes)

@@ -16,7 +16,7 @@ import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.front import Front
-from paretoik.front.storage import MOTIONS, RUN, TABLE
+from paretoik.run_files import MOTIONS, RUN, TABLE
 
 FILES = (RUN, TABLE, MOTIONS)
 THREADS = """

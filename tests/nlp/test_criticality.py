@@ -5,24 +5,24 @@ import pytest
 from scipy import sparse
 
 from paretoik.nlp.conic import Cone, Constraints
-from paretoik.nlp.criticality import criticality, criticality_model
+from paretoik.nlp.criticality import criticality, solve_with_cvxpy
 
 
 def random_point(seed, *, objectives=2, unknowns=40, limits=90):
     rng = np.random.default_rng(seed)
     slopes = sparse.csr_array(sparse.random_array((limits, unknowns), density=0.1, rng=rng))
     gaps = rng.uniform(0, 0.3, size=limits)
-    return rng.normal(size=(objectives, unknowns)), Constraints(unknowns=unknowns, gaps=gaps, slopes=slopes)
+    return rng.normal(size=(objectives, unknowns)), Constraints(unknowns=unknowns, values=gaps, jacobian=slopes)
 
 
 def free(unknowns):
-    return Constraints(unknowns=unknowns, gaps=np.empty(0), slopes=sparse.csr_array((0, unknowns)))
+    return Constraints(unknowns=unknowns, values=np.empty(0), jacobian=sparse.csr_array((0, unknowns)))
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_clarabel_and_cvxpy_agree(seed):
     point = random_point(seed, objectives=1 + seed % 3)
-    ours, model = criticality(*point, radius=3.0), criticality_model(*point, radius=3.0)
+    ours, model = criticality(*point, radius=3.0), solve_with_cvxpy(*point, radius=3.0)
     assert ours.value == pytest.approx(model.value, rel=1e-6)
     assert ours.weights == pytest.approx(model.weights, abs=1e-4)
 
@@ -41,17 +41,17 @@ def test_opposed_gradients_leave_nothing_to_gain_and_weights_that_balance():
 
 
 def test_a_limit_that_is_reached_takes_the_gain_and_its_multiplier_says_so():
-    wall = Constraints(unknowns=2, gaps=np.zeros(1), slopes=sparse.csr_array(np.array([[1.0, 0.0]])))
+    wall = Constraints(unknowns=2, values=np.zeros(1), jacobian=sparse.csr_array(np.array([[1.0, 0.0]])))
     found = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
     assert found.value == pytest.approx(0.0, abs=1e-9)
-    assert found.limits == pytest.approx([2.0], abs=1e-6)
+    assert found.multipliers == pytest.approx([2.0], abs=1e-6)
 
 
 def test_a_far_limit_takes_what_goes_beyond_it():
-    wall = Constraints(unknowns=2, gaps=np.array([0.5]), slopes=sparse.csr_array(np.array([[1.0, 0.0]])))
+    wall = Constraints(unknowns=2, values=np.array([0.5]), jacobian=sparse.csr_array(np.array([[1.0, 0.0]])))
     found = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
     assert found.value == pytest.approx(1.0, rel=1e-8)
-    assert found.limits == pytest.approx([2.0], abs=1e-6)
+    assert found.multipliers == pytest.approx([2.0], abs=1e-6)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
@@ -63,18 +63,18 @@ def test_the_criticality_scales_with_the_objectives(factor):
 
 def test_limits_out_of_reach_change_nothing():
     gradients, within = random_point(1)
-    found = criticality(gradients, replace(within, gaps=within.gaps + 100.0), radius=1.0)
+    found = criticality(gradients, replace(within, values=within.values + 100.0), radius=1.0)
     assert found.value == pytest.approx(criticality(gradients, free(40), radius=1.0).value, rel=1e-9)
-    assert not found.limits.any()
+    assert not found.multipliers.any()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_column_that_no_ball_bounds_and_a_cone_agree_with_cvxpy(seed):
     gradients, cone = with_a_cone(seed)
-    within = replace(free(6), slopes=sparse.csr_array((0, 7)), cones=(cone,))
-    ours, model = criticality(gradients, within, radius=0.5), criticality_model(gradients, within, radius=0.5)
+    within = replace(free(6), jacobian=sparse.csr_array((0, 7)), cones=(cone,))
+    ours, model = criticality(gradients, within, radius=0.5), solve_with_cvxpy(gradients, within, radius=0.5)
     assert ours.value == pytest.approx(model.value, rel=1e-6)
-    assert ours.pulls[0] == pytest.approx(model.pulls[0], abs=1e-4)
+    assert ours.cone_multipliers[0] == pytest.approx(model.cone_multipliers[0], abs=1e-4)
 
 
 def with_a_cone(seed):
@@ -88,5 +88,5 @@ def with_a_cone(seed):
 
 def test_a_length_of_nothing_cannot_shrink():
     cone = Cone(column=2, values=np.zeros(2), rows=sparse.csr_array(np.eye(2, 3)))
-    within = Constraints(unknowns=2, gaps=np.empty(0), slopes=sparse.csr_array((0, 3)), cones=(cone,))
+    within = Constraints(unknowns=2, values=np.empty(0), jacobian=sparse.csr_array((0, 3)), cones=(cone,))
     assert criticality(np.array([[0.0, 0.0, 1.0]]), within, radius=1.0).value == pytest.approx(0.0, abs=1e-8)

@@ -20,7 +20,7 @@ def random_model(seed, *, unknowns=20, extra=4, limits=40):
     ties = np.concatenate([rng.normal(size=(2 * extra, unknowns)), np.tile(np.eye(extra), (2, 1))], axis=1)
     gradient = np.concatenate([rng.normal(size=unknowns), np.ones(extra)])
     gaps = np.concatenate([rng.uniform(-0.02, 0.3, size=limits), rng.uniform(0, 0.2, size=2 * extra)])
-    constraints = Constraints(unknowns=unknowns, gaps=gaps, slopes=sparse.csr_array(np.concatenate([slopes, ties])))
+    constraints = Constraints(unknowns=unknowns, values=gaps, jacobian=sparse.csr_array(np.concatenate([slopes, ties])))
     return gradient, sparse.csr_array(hessian), constraints
 
 
@@ -55,13 +55,13 @@ def test_clarabel_and_cvxpy_agree_about_cones(seed):
 
 def test_without_limits_a_small_step_is_newtons():
     hessian = sparse.csr_array(np.diag([2.0, 4.0]))
-    within = Constraints(unknowns=2, gaps=np.empty(0), slopes=sparse.csr_array((0, 2)))
+    within = Constraints(unknowns=2, values=np.empty(0), jacobian=sparse.csr_array((0, 2)))
     found = step(np.array([-0.2, 0.4]), hessian, within, yielding=0, radius=1.0, price=1.0)
     assert found.step == pytest.approx([0.1, -0.1], abs=1e-8)
 
 
 def test_a_limit_that_cannot_be_kept_within_the_box_is_kept_as_far_as_it_can():
-    wall = Constraints(unknowns=1, gaps=np.array([-1.0]), slopes=sparse.csr_array(np.ones((1, 1))))
+    wall = Constraints(unknowns=1, values=np.array([-1.0]), jacobian=sparse.csr_array(np.ones((1, 1))))
     found = step(np.zeros(1), sparse.csr_array((1, 1)), wall, yielding=1, radius=0.25, price=10.0)
     assert found.step == pytest.approx([0.25], abs=1e-7)
     assert found.violation == pytest.approx(0.75, abs=1e-7)

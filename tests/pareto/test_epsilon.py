@@ -120,14 +120,14 @@ def test_where_no_start_leads_within_limits_that_is_said():
         epsilon_points(sketch, np.zeros((2, 3)), points=3)
 
 
-DRIVES = {"motors": (pk.kim_joint_motors, 9, 4), "sliders": (pk.kim_sliders, 7, 3)}
+DRIVES = {"motors": (pk.capability.kim_joint_motors, 9, 4), "sliders": (pk.capability.kim_sliders, 7, 3)}
 
 
 @pytest.fixture(scope="module", params=DRIVES)
 def way(request):
     actuation, samples, points = DRIVES[request.param]
     ends = (0.1, -0.15), (0.2, -0.15)
-    problem = pk.PointToPoint(pk.kim_3r(), actuation(), *ends, samples=samples, coefficients=5)
+    problem = pk.PointToPoint(pk.arms.kim_3r(), actuation(), *ends, samples=samples, coefficients=5)
     return problem, points, pk.epsilon_front(problem, points=points, starts=4)
 
 
@@ -157,6 +157,8 @@ def test_it_is_the_same_again_bit_for_bit(way):
 
 
 def test_one_objective_is_no_front():
-    problem = pk.DirectionalMaxima(pk.kim_3r(), pk.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False)
+    problem = pk.DirectionalMaxima(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False
+    )
     with pytest.raises(InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
         pk.epsilon_front(problem, points=3)

@@ -7,20 +7,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import paretoik as pk
-from paretoik import Limits, Pose, line, tringali_3r, wan_7r
+from paretoik import Limits, Pose, line
 from paretoik.errors import Infeasible
 from paretoik.robot import kinematics
+from paretoik.robot.arms import tringali_3r, wan_7r
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
 BENT = np.array([0.3, -0.4, 0.5, -0.9, 0.4, 0.7, -0.3])
 DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=101)
 METHODS = [
-    pk.PseudoInverse(),
-    pk.DampedLeastSquares(),
-    pk.WeightedLeastNorm(),
-    pk.WeightedGradientProjection(),
-    pk.PredictiveKineticEnergy(feedback=50.0),
+    pk.methods.PseudoInverse(),
+    pk.methods.DampedLeastSquares(),
+    pk.methods.WeightedLeastNorm(),
+    pk.methods.WeightedGradientProjection(),
+    pk.methods.PredictiveKineticEnergy(feedback=50.0),
 ]
 every_method = pytest.mark.parametrize("method", METHODS, ids=lambda one: type(one).__name__)
 
@@ -54,7 +55,7 @@ def test_a_step_too_long_is_refused_by_its_length():
     first = Pose.from_matrix(rotation, position)
     path = line(first, first @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2.8)), duration=1.0, samples=3)
     with pytest.raises(Infeasible, match=r"a joint were to go more than 1 rad or m in the step at sample 1 \(0.5 s\)"):
-        pk.resolve(arm, path, pk.PseudoInverse(), start=BENT)
+        pk.resolve(arm, path, pk.methods.PseudoInverse(), start=BENT)
 
 
 def test_who_comes_back_too_late_to_look_ahead_still_follows():
@@ -78,7 +79,7 @@ def turned(arm, q, about, angle):
 def test_without_feedback_an_error_of_orientation_turns_with_the_target_and_keeps_its_size(angle):
     arm = wan_7r()
     path = turned(arm, BENT, (1.0, -2.0, 0.5), angle)
-    motion = pk.resolve(arm, path, pk.PseudoInverse(feedback=0.0), start=BENT, unreachable="track")
+    motion = pk.resolve(arm, path, pk.methods.PseudoInverse(feedback=0.0), start=BENT, unreachable="track")
     sizes = np.linalg.norm(motion.traces.errors[:, 3:], axis=1)
     assert sizes == pytest.approx(np.full(1001, angle), abs=2e-3)  # Euler's
 
@@ -87,7 +88,7 @@ def test_without_feedback_an_error_of_orientation_turns_with_the_target_and_keep
 def test_a_large_error_of_orientation_is_made_good(angle):
     arm = wan_7r()
     path = turned(arm, BENT, (1.0, -2.0, 0.5), angle)
-    motion = pk.resolve(arm, path, pk.PseudoInverse(feedback=10.0), start=BENT, unreachable="track")
+    motion = pk.resolve(arm, path, pk.methods.PseudoInverse(feedback=10.0), start=BENT, unreachable="track")
     sizes = np.linalg.norm(motion.traces.errors[:, 3:], axis=1)
     decayed = angle * (1.0 - 10.0 * 0.001) ** np.arange(1001)
     assert sizes[:601] == pytest.approx(decayed[:601], rel=0.05)  # later it meets the limit of its reach
@@ -108,17 +109,19 @@ def test_sliding_joints_are_resolved_as_turning_ones_are(axes):
     first = Pose.from_matrix(rotation, position)
     last = Pose.from_rpy((0.1, -0.05, 0.05), (0.1, 0.0, 0.2)) @ first
     path = line(first, last, duration=1.0, samples=401)
-    motion = pk.resolve(arm, pk.Task(path, axes=axes), pk.PseudoInverse(), start=BENT)
+    motion = pk.resolve(arm, pk.Task(path, axes=axes), pk.methods.PseudoInverse(), start=BENT)
     assert motion.tracking_error.max() < 1e-4
     assert np.abs(motion.traces.velocities[:, [1, 4]]).min() > 0
     rows = 5 if axes == "xyz+z-axis" else 6
     assert motion.traces.errors.shape == (401, rows)
-    half = pk.resolve(arm, pk.Task(path.resampled(201), axes=axes), pk.PseudoInverse(), start=BENT)
+    half = pk.resolve(arm, pk.Task(path.resampled(201), axes=axes), pk.methods.PseudoInverse(), start=BENT)
     assert half.q[-1] == pytest.approx(motion.q[-1], abs=5e-3)  # both go the same way
 
 
 @pytest.mark.parametrize("side", ["upper", "lower"])
-@pytest.mark.parametrize("method", [pk.WeightedLeastNorm(), pk.WeightedGradientProjection()], ids=["WLN", "WGPM"])
+@pytest.mark.parametrize(
+    "method", [pk.methods.WeightedLeastNorm(), pk.methods.WeightedGradientProjection()], ids=["WLN", "WGPM"]
+)
 def test_a_joint_with_one_limit_is_kept_from_it_as_with_a_turn_between_two(method, side):
     upper, lower = np.array([0.35, 1.2, -0.5]), np.array([-0.3, 0.1, -1.9])
     one = (np.full(3, -np.inf), upper) if side == "upper" else (lower, np.full(3, np.inf))
@@ -133,15 +136,5 @@ def test_a_joint_with_one_limit_is_kept_from_it_as_with_a_turn_between_two(metho
 
 def test_of_a_joint_with_one_limit_the_far_half_is_free():
     limits = Limits(position=(np.full(3, -np.inf), START + 4.0))
-    motion = pk.resolve(tringali_3r(), DOWN, pk.WeightedLeastNorm(), start=START, limits=limits)
+    motion = pk.resolve(tringali_3r(), DOWN, pk.methods.WeightedLeastNorm(), start=START, limits=limits)
     assert (motion.traces.weights == 1.0).all()
-
-
-def test_the_margin_of_a_joint_with_one_limit_counts():
-    arm = pk.Arm.planar(lengths=[1.0, 1.0, 1.0], position_limits=(-np.inf, [2.0, 2.0, 2.0]))
-    path = line([2.0, 0.0], [1.8, 0.2], duration=1.0, samples=21)
-    problem = pk.ProjectionGains(arm, path, several=1)
-    genes = np.random.default_rng(0).uniform(problem.xl, problem.xu, (5, problem.n_var))
-    margins = -problem.evaluate(genes)[:, 1]
-    nearest = ((2.0 - problem.decode(genes).q) / (2 * np.pi)).min(axis=(1, 2))
-    assert margins == pytest.approx(nearest, rel=1e-12)

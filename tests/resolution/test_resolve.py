@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik import Criterion, Limits, Pose, line, tringali_3r, wan_7r
+from paretoik import Limits, Pose, line
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach
+from paretoik.resolution.methods import Criterion
 from paretoik.robot import kinematics
+from paretoik.robot.arms import tringali_3r, wan_7r
 from tests.resolution.plainly import Plainly, coefficient, damping, repulsions, weights_of_clamping
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -117,15 +119,18 @@ CRITERIA = [
 DAMPED = {"region": REGION, "damping": MOST, "feedback": FEEDBACK}
 WEIGHTED = {"criteria": CRITERIA, "priorities": np.array([3.0, 1.0]), "buffer": 0.3, "repulsion": 0.8, "band": 0.2}
 METHODS = {
-    "pseudoinverse": (pk.PseudoInverse(feedback=FEEDBACK), lambda: pseudoinverse),
-    "damped": (pk.DampedLeastSquares(**DAMPED), lambda: damped_least_squares),
-    "least norm": (pk.WeightedLeastNorm(**DAMPED), weighted_least_norm),
-    "gradient": (pk.GradientProjection(criteria=CRITERIA, **DAMPED), lambda: gradient_projection),
+    "pseudoinverse": (pk.methods.PseudoInverse(feedback=FEEDBACK), lambda: pseudoinverse),
+    "damped": (pk.methods.DampedLeastSquares(**DAMPED), lambda: damped_least_squares),
+    "least norm": (pk.methods.WeightedLeastNorm(**DAMPED), weighted_least_norm),
+    "gradient": (pk.methods.GradientProjection(criteria=CRITERIA, **DAMPED), lambda: gradient_projection),
     "paper": (
-        pk.WeightedGradientProjection(variant="paper", **WEIGHTED, **DAMPED),
+        pk.methods.WeightedGradientProjection(variant="paper", **WEIGHTED, **DAMPED),
         lambda: weighted_projection("paper"),
     ),
-    "consistent": (pk.WeightedGradientProjection(**WEIGHTED, **DAMPED), lambda: weighted_projection("consistent")),
+    "consistent": (
+        pk.methods.WeightedGradientProjection(**WEIGHTED, **DAMPED),
+        lambda: weighted_projection("consistent"),
+    ),
 }
 
 
@@ -150,20 +155,22 @@ def test_what_was_compared_was_damped_clamped_and_weighed():
 @every_arm
 def test_without_damping_criteria_or_limits_near_weighted_projection_is_the_pseudoinverse(name):
     free = Limits(position=100.0)
-    one = followed(name, pk.WeightedGradientProjection(region=0.0), limits=free)
-    other = followed(name, pk.PseudoInverse(), limits=free)
+    one = followed(name, pk.methods.WeightedGradientProjection(region=0.0), limits=free)
+    other = followed(name, pk.methods.PseudoInverse(), limits=free)
     np.testing.assert_allclose(one.q, other.q, rtol=0, atol=1e-12)
 
 
 @every_arm
 def test_the_consistent_variant_leaves_the_task_alone_where_nothing_is_damped(name):
     limits = TIGHT if name == "planar" else None
-    method = pk.WeightedGradientProjection(region=0.0, criteria=CRITERIA, repulsion=0.3)
+    method = pk.methods.WeightedGradientProjection(region=0.0, criteria=CRITERIA, repulsion=0.3)
     motion = followed(name, method, limits=limits)
     plainly = Plainly(motion, None, 0.0)
     disturbed = {}
     for variant in ("consistent", "paper"):
-        motion = followed(name, pk.WeightedGradientProjection(**{**vars(method), "variant": variant}), limits=limits)
+        motion = followed(
+            name, pk.methods.WeightedGradientProjection(**{**vars(method), "variant": variant}), limits=limits
+        )
         own = motion.traces.repulsion + motion.traces.projected.sum(axis=1)
         disturbed[variant] = max(np.abs(plainly.at(motion.q[k], k)[1] @ own[k]).max() for k in range(40))
         assert np.abs(own).max() > 0.1
@@ -188,7 +195,7 @@ def test_the_task_part_is_stationary_in_the_damped_problem(name):
 
 def test_a_clamped_joint_does_nothing_for_the_task():
     limits = Limits(position=([-0.3, 0.1, -0.754], [0.35, 1.2, 1.0]))
-    motion = followed("planar", pk.WeightedGradientProjection(repulsion=0.0), limits=limits)
+    motion = followed("planar", pk.methods.WeightedGradientProjection(repulsion=0.0), limits=limits)
     assert (motion.traces.velocities[:, 2] == 0.0).all()
     assert np.abs(motion.q[-1, :2] - START[:2]).min() > 0.05
 
@@ -197,7 +204,7 @@ def test_weighted_projection_frees_a_joint_that_the_weighted_least_norm_keeps_at
     limits = Limits(position=([-3.0, -3.0, -0.80], [3.0, 3.0, 1.0]))
     kept, freed = (
         pk.resolve(tringali_3r(), DOWN.resampled(201), method, start=START, limits=limits).q[-1, 2]
-        for method in (pk.WeightedLeastNorm(), pk.WeightedGradientProjection())
+        for method in (pk.methods.WeightedLeastNorm(), pk.methods.WeightedGradientProjection())
     )
     assert kept < -0.75
     assert freed > -0.6
@@ -219,7 +226,7 @@ def test_a_batch_is_resolved_as_its_motions_are(method):
 
 def test_starts_and_numbers_are_broadcast():
     numbers = np.linspace(0.1, 0.4, 4)
-    method = pk.WeightedGradientProjection(
+    method = pk.methods.WeightedGradientProjection(
         buffer=numbers,
         criteria=[Criterion(objective=middle, gain=numbers[:, None])],
         feedback=np.array([5.0, 20.0])[:, None, None],
@@ -229,16 +236,20 @@ def test_starts_and_numbers_are_broadcast():
         pk.resolve(tringali_3r(), DOWN, method, start=starts)
     motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=TIGHT, tolerance=0.1)
     assert motion.q.shape == (2, 4, 4, 41, 3)
-    one = pk.WeightedGradientProjection(buffer=0.3, criteria=[Criterion(objective=middle, gain=0.2)], feedback=20.0)
+    one = pk.methods.WeightedGradientProjection(
+        buffer=0.3, criteria=[Criterion(objective=middle, gain=0.2)], feedback=20.0
+    )
     alone = pk.resolve(tringali_3r(), DOWN, one, start=START, limits=TIGHT, tolerance=0.1)
     np.testing.assert_allclose(motion.q[1, 1, 2], alone.q, rtol=0, atol=1e-12)
 
 
 def test_open_loop_errors_stay_and_feedback_takes_them_away():
-    drifting, kept = (followed("planar", method) for method in (pk.LeastSquaresVelocity(), pk.PseudoInverse()))
+    drifting, kept = (
+        followed("planar", method) for method in (pk.methods.LeastSquaresVelocity(), pk.methods.PseudoInverse())
+    )
     assert drifting.tracking_error[-1] > 10 * kept.tracking_error[-1]
-    half = pk.resolve(tringali_3r(), DOWN.resampled(81), pk.LeastSquaresVelocity(), start=START)
-    whole = pk.resolve(tringali_3r(), DOWN, pk.LeastSquaresVelocity(), start=START)
+    half = pk.resolve(tringali_3r(), DOWN.resampled(81), pk.methods.LeastSquaresVelocity(), start=START)
+    whole = pk.resolve(tringali_3r(), DOWN, pk.methods.LeastSquaresVelocity(), start=START)
     assert half.tracking_error[-1] / whole.tracking_error[-1] == pytest.approx(0.5, abs=0.1)  # Euler's
 
 
@@ -254,10 +265,10 @@ def test_a_singular_start_is_refused_or_held_or_damped():
         Infeasible,
         match=r"no velocities do what the task wants at sample 1 .* condition number is (inf|\d\.?\d*e\+1\d)",
     ):
-        pk.resolve(tringali_3r(), path, pk.PseudoInverse(), start=stretched)
-    held = pk.resolve(tringali_3r(), path, pk.PseudoInverse(), start=stretched, unreachable="track")
+        pk.resolve(tringali_3r(), path, pk.methods.PseudoInverse(), start=stretched)
+    held = pk.resolve(tringali_3r(), path, pk.methods.PseudoInverse(), start=stretched, unreachable="track")
     assert (held.traces.status == "held").all()
-    damped = pk.resolve(tringali_3r(), path, pk.DampedLeastSquares(), start=stretched, unreachable="track")
+    damped = pk.resolve(tringali_3r(), path, pk.methods.DampedLeastSquares(), start=stretched, unreachable="track")
     assert damped.traces.status[0] == "damped"
     assert np.abs(damped.traces.velocities).max() < 20.0
 
@@ -286,18 +297,18 @@ def test_limits_may_vary_along_the_path():
     upper = np.tile([0.35, 1.2, -0.6], (41, 1))
     upper[:20] = 3.0
     limits = Limits(position=(np.full((41, 3), -3.0), upper))
-    motion = followed("planar", pk.WeightedGradientProjection(), limits=limits)
+    motion = followed("planar", pk.methods.WeightedGradientProjection(), limits=limits)
     assert (motion.traces.weights[:20] == 1.0).all()
     assert (motion.traces.weights[25:] < 1.0).any()
 
 
 def test_without_a_start_one_is_found_far_from_singular():
-    motion = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse())
+    motion = pk.resolve(tringali_3r(), DOWN, pk.methods.PseudoInverse())
     assert motion.tracking_error.max() < 1e-3
-    again = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse())
+    again = pk.resolve(tringali_3r(), DOWN, pk.methods.PseudoInverse())
     np.testing.assert_array_equal(motion.q, again.q)
     with pytest.raises(OutOfReach):
-        pk.resolve(tringali_3r(), line([0.6, 0.0], [0.5, 0.0], duration=1.0, samples=11), pk.PseudoInverse())
+        pk.resolve(tringali_3r(), line([0.6, 0.0], [0.5, 0.0], duration=1.0, samples=11), pk.methods.PseudoInverse())
 
 
 @pytest.mark.parametrize("objective", [pk.manipulability, pk.joint_limit_distance], ids=lambda one: one.name)
@@ -306,7 +317,7 @@ def test_a_criterion_means_the_same_whatever_the_duration(objective):
         pk.resolve(
             tringali_3r(),
             line([0.468, 0.0], [0.368, 0.0], duration=duration, samples=41),
-            pk.WeightedGradientProjection(criteria=[Criterion(objective=objective, scale=0.01, reference=1.0)]),
+            pk.methods.WeightedGradientProjection(criteria=[Criterion(objective=objective, scale=0.01, reference=1.0)]),
             start=START,
             limits=Limits(position=3.0),
             tolerance=0.2,
@@ -323,7 +334,9 @@ def test_a_criterion_sees_the_time_of_its_path():
         return (motion.q[..., 0] - motion.time) ** 2
 
     path = line([0.468, 0.0], [0.40, 0.0], duration=2.0, samples=41)
-    motion = pk.resolve(tringali_3r(), path, pk.GradientProjection(criteria=following), start=START, tolerance=0.1)
+    motion = pk.resolve(
+        tringali_3r(), path, pk.methods.GradientProjection(criteria=following), start=START, tolerance=0.1
+    )
     for k in (0, 12, 30):
         free = -2 * (motion.q[k, 0] - motion.time[k]) * np.array([1.0, 0.0, 0.0])
         jacobian = kinematics.jacobian(tringali_3r(), motion.q[k])[:2]
@@ -336,7 +349,10 @@ def test_a_criterion_without_a_value_is_named_or_left_out():
     def rooted(motion):
         return np.sqrt(motion.q[..., 2] + 0.7)
 
-    for method in (pk.GradientProjection(criteria=rooted), pk.WeightedGradientProjection(criteria=[rooted])):
+    for method in (
+        pk.methods.GradientProjection(criteria=rooted),
+        pk.methods.WeightedGradientProjection(criteria=[rooted]),
+    ):
         with pytest.raises(
             EvaluationFailed, match=r"criterion rooted: wants a finite value .* none at sample 0 \(0 s\)"
         ):
@@ -351,7 +367,7 @@ def test_a_criterion_without_a_value_is_named_or_left_out():
 @pytest.mark.parametrize("variant", ["paper", "consistent"])
 def test_a_joint_held_at_one_place_stays_there(variant):
     limits = Limits(position=([-3.0, -3.0, START[2]], [3.0, 3.0, START[2]]))
-    method = pk.WeightedGradientProjection(variant=variant, criteria=[middle])
+    method = pk.methods.WeightedGradientProjection(variant=variant, criteria=[middle])
     motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
     assert (motion.q[:, 2] == START[2]).all()
     assert np.abs(motion.traces.projected[..., :2]).max() > 0
@@ -360,13 +376,13 @@ def test_a_joint_held_at_one_place_stays_there(variant):
 
 def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
     limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 0.3, 3.0]))
-    method = pk.WeightedGradientProjection(damping=0.0)
+    method = pk.methods.WeightedGradientProjection(damping=0.0)
     motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
     assert motion.traces.status[0] == "held"
     assert motion.traces.repulsion[0, 1] < 0 < motion.traces.repulsion[0, 2]
     assert (motion.traces.status[-20:] == "done").all()
     assert motion.tracking_error[-1] < 1e-3
-    harder = pk.WeightedGradientProjection(damping=0.0, repulsion=100.0)
+    harder = pk.methods.WeightedGradientProjection(damping=0.0, repulsion=100.0)
     motion = pk.resolve(tringali_3r(), DOWN, harder, start=START, limits=limits, unreachable="track")
     assert motion.traces.status[0] == "held"
     assert np.abs(np.diff(motion.q, axis=0)).max() <= 1.0 + 1e-12
@@ -374,7 +390,9 @@ def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
 
 def test_criteria_may_be_one_objective_or_come_from_a_generator():
     given = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
-    motions = [pk.resolve(tringali_3r(), DOWN, pk.GradientProjection(criteria=each), start=START) for each in given]
+    motions = [
+        pk.resolve(tringali_3r(), DOWN, pk.methods.GradientProjection(criteria=each), start=START) for each in given
+    ]
     for motion in motions:
         np.testing.assert_array_equal(motion.traces.projected, motions[0].traces.projected)
     assert np.abs(motions[0].traces.projected).max() > 0
@@ -382,7 +400,9 @@ def test_criteria_may_be_one_objective_or_come_from_a_generator():
 
 def test_a_joint_past_its_limit_stays_there_by_the_weighted_least_norm():
     limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 3.0, 3.0]))
-    motion = pk.resolve(tringali_3r(), DOWN, pk.WeightedLeastNorm(), start=START, limits=limits, unreachable="track")
+    motion = pk.resolve(
+        tringali_3r(), DOWN, pk.methods.WeightedLeastNorm(), start=START, limits=limits, unreachable="track"
+    )
     assert np.abs(motion.q[:, 2] - START[2]).max() < 1e-9
     assert motion.traces.weights[:, 2].max() <= 2e12
 
@@ -390,7 +410,7 @@ def test_a_joint_past_its_limit_stays_there_by_the_weighted_least_norm():
 def test_the_default_start_is_within_the_limits_of_the_first_sample():
     lower, upper = np.full((41, 3), -3.0), np.full((41, 3), 3.0)
     upper[:5, 0] = -0.2
-    motion = pk.resolve(tringali_3r(), DOWN, pk.PseudoInverse(), limits=Limits(position=(lower, upper)))
+    motion = pk.resolve(tringali_3r(), DOWN, pk.methods.PseudoInverse(), limits=Limits(position=(lower, upper)))
     assert motion.q[0, 0] <= -0.2
 
 
@@ -401,7 +421,7 @@ def test_more_redundancy_and_several_tasks():
     hand = line(nodes[-1, :2], nodes[-1, :2] + np.array([-0.05, 0.1]), duration=1.0, samples=201)
     elbow = line(nodes[4, :2], nodes[4, :2] + np.array([-0.05, 0.05]), duration=1.0, samples=201)
     frames = [pk.Task(hand), pk.Task(elbow, frame="joint4")]
-    motion = pk.resolve(arm, frames, pk.PseudoInverse(), start=q)
+    motion = pk.resolve(arm, frames, pk.methods.PseudoInverse(), start=q)
     assert motion.traces.errors.shape == (201, 4)
     assert motion.tracking_error.max() < 1e-3
 
@@ -409,7 +429,7 @@ def test_more_redundancy_and_several_tasks():
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"method": pk.PseudoInverse}, "resolve: wants a method, such as PseudoInverse(), got <class"),
+        ({"method": pk.methods.PseudoInverse}, "resolve: wants a method, such as PseudoInverse(), got <class"),
         ({"method": "pinv"}, "resolve: wants a method, such as PseudoInverse(), got 'pinv'"),
         ({"unreachable": "ignore"}, "unreachable must be one of refuse, track, got 'ignore'"),
         ({"tolerance": 0.0}, "tolerance: a positive distance in m or rad wanted, got 0.0"),
@@ -420,26 +440,29 @@ def test_more_redundancy_and_several_tasks():
         ({"limits": 5}, "limits: Limits(...) wanted, got 5"),
         ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
         ({"link_radius": -1.0}, "link_radius: 0 m or more wanted, got -1.0"),
-        ({"method": pk.PseudoInverse(feedback=np.zeros(0))}, "PseudoInverse: numbers wanted, got an empty array"),
         (
-            {"method": pk.PredictiveKineticEnergy(terminal=np.zeros(0))},
+            {"method": pk.methods.PseudoInverse(feedback=np.zeros(0))},
+            "PseudoInverse: numbers wanted, got an empty array",
+        ),
+        (
+            {"method": pk.methods.PredictiveKineticEnergy(terminal=np.zeros(0))},
             "PredictiveKineticEnergy: numbers wanted, got an empty",
         ),
         ({"start": [0.3, 0.2, 0.5]}, "start is 0.2"),
         ({"start": "home"}, "start: joint positions (..., 3) wanted, got 'home'"),
-        ({"method": pk.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
+        ({"method": pk.methods.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
         (
-            {"method": pk.GradientProjection(criteria=[Criterion(objective=pk.torque_norm)])},
+            {"method": pk.methods.GradientProjection(criteria=[Criterion(objective=pk.torque_norm)])},
             "criterion torque_norm: wants a function of positions, velocities or both",
         ),
         (
-            {"method": pk.WeightedGradientProjection(criteria=CRITERIA, priorities=np.zeros(3))},
+            {"method": pk.methods.WeightedGradientProjection(criteria=CRITERIA, priorities=np.zeros(3))},
             "WeightedGradientProjection: priorities for each of 2 criteria wanted, got shape (3,)",
         ),
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(changed, said):
-    given = {"method": pk.PseudoInverse(), "start": START, **changed}
+    given = {"method": pk.methods.PseudoInverse(), "start": START, **changed}
     with pytest.raises(InvalidInput, match=re.escape(said)):
         pk.resolve(tringali_3r(), DOWN, **given)
 
@@ -447,22 +470,46 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: pk.WeightedGradientProjection(buffer=0.5), "buffer of 0 or more and less than 0.5 wanted, got 0.5"),
-        (lambda: pk.WeightedGradientProjection(band=-0.1), "band of 0 or more and less than 0.5 wanted, got -0.1"),
-        (lambda: pk.DampedLeastSquares(damping=np.nan), "DampedLeastSquares: damping: must be finite, got nan"),
-        (lambda: pk.DampedLeastSquares(region="a"), "DampedLeastSquares: region: must hold real numbers, got <U1"),
-        (lambda: pk.DampedLeastSquares(region=-1.0), "DampedLeastSquares: region of 0 or more wanted, got -1.0"),
-        (lambda: pk.PseudoInverse(feedback="a"), "PseudoInverse: feedback: must hold real numbers, got <U1"),
-        (lambda: pk.WeightedGradientProjection(priorities=[np.nan]), "priorities: must be finite, got nan at index 0"),
-        (lambda: pk.Nedungadi(tolerance=0.0), "Nedungadi: a positive tolerance wanted, got 0.0"),
-        (lambda: pk.WeightedGradientProjection(variant="ours"), "variant must be one of paper, consistent, got 'ours'"),
+        (
+            lambda: pk.methods.WeightedGradientProjection(buffer=0.5),
+            "buffer of 0 or more and less than 0.5 wanted, got 0.5",
+        ),
+        (
+            lambda: pk.methods.WeightedGradientProjection(band=-0.1),
+            "band of 0 or more and less than 0.5 wanted, got -0.1",
+        ),
+        (lambda: pk.methods.DampedLeastSquares(damping=np.nan), "DampedLeastSquares: damping: must be finite, got nan"),
+        (
+            lambda: pk.methods.DampedLeastSquares(region="a"),
+            "DampedLeastSquares: region: must hold real numbers, got <U1",
+        ),
+        (
+            lambda: pk.methods.DampedLeastSquares(region=-1.0),
+            "DampedLeastSquares: region of 0 or more wanted, got -1.0",
+        ),
+        (lambda: pk.methods.PseudoInverse(feedback="a"), "PseudoInverse: feedback: must hold real numbers, got <U1"),
+        (
+            lambda: pk.methods.WeightedGradientProjection(priorities=[np.nan]),
+            "priorities: must be finite, got nan at index 0",
+        ),
+        (lambda: pk.methods.Nedungadi(tolerance=0.0), "Nedungadi: a positive tolerance wanted, got 0.0"),
+        (
+            lambda: pk.methods.WeightedGradientProjection(variant="ours"),
+            "variant must be one of paper, consistent, got 'ours'",
+        ),
         (lambda: Criterion(objective=pk.joint_drift), "criteria: wants objectives of form integral or peak, got Obj"),
         (
-            lambda: pk.GradientProjection(criteria=["speed"]),
+            lambda: pk.methods.GradientProjection(criteria=["speed"]),
             "criteria: wants objectives of form integral or peak, got 's",
         ),
-        (lambda: pk.GradientProjection(criteria=5), "criteria: wants objectives of form integral or peak, got 5"),
-        (lambda: pk.GradientProjection(criteria=[middle, middle]), "criteria: names must differ, got middle, middle"),
+        (
+            lambda: pk.methods.GradientProjection(criteria=5),
+            "criteria: wants objectives of form integral or peak, got 5",
+        ),
+        (
+            lambda: pk.methods.GradientProjection(criteria=[middle, middle]),
+            "criteria: names must differ, got middle, middle",
+        ),
         (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: a positive scale wanted, got 0.0"),
         (lambda: Criterion(objective=middle, reference=np.inf), "criterion middle, reference: must be finite, got inf"),
         (lambda: Criterion(objective=middle, gain="a"), "criterion middle, gain: must hold real numbers, got <U1"),

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,8 +12,8 @@ import pytest
 
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import marcos_nr, tringali_3r, wan_7r
-from paretoik.robot.body import Body
 from paretoik.robot.pose import Pose
+from tests.robot.random_urdfs import random_body, random_robot
 
 ROOT = Path(__file__).parents[2]
 PANDA = ROOT / "problems" / "robots" / "panda.urdf"
@@ -35,14 +35,6 @@ class Oracle:
     def over(self, function: Callable[..., np.ndarray], *arrays: np.ndarray) -> np.ndarray:
         """Return function(q, ...) sample by sample, q in Pinocchio's own form."""
         return np.array([function(self.positions(q), *others) for q, *others in zip(*arrays, strict=True)])
-
-
-def random_body(rng: np.random.Generator) -> Body:
-    points = rng.normal(scale=0.1, size=(6, 3)) + rng.normal(scale=0.2, size=3)
-    mass = rng.uniform(0.2, 3.0)
-    offsets = points - points.mean(axis=0)
-    inertia = mass / 6 * (np.sum(offsets**2) * np.eye(3) - offsets.T @ offsets)
-    return Body(mass=mass, center=points.mean(axis=0), inertia=inertia)
 
 
 def random_dh(seed: int, dof: int = 5) -> dict[str, Any]:
@@ -93,55 +85,34 @@ def model_of(arm: Arm) -> Oracle:
     return Oracle(arm, model, model.createData(), number)
 
 
-def oracle_of(file: Path | str, arm: Arm, tip: str, frozen: tuple[str, ...] = ()) -> Oracle:
-    """Return Pinocchio's own reading of a URDF, untouched by ours."""
+def oracle_of(file: Path | str, arm: Arm, tip: str, frozen: Mapping[str, float] | None = None) -> Oracle:
+    """Return Pinocchio's own reading of a URDF, untouched by ours, with joints locked at given values."""
     model = pinocchio.buildModelFromXML(file.read_text() if isinstance(file, Path) else file)
-    if frozen:
-        numbers = [model.getJointId(name) for name in frozen]
-        model = pinocchio.buildReducedModel(model, numbers, pinocchio.neutral(model))
+    steps, joints = np.zeros(model.nv), {name: model.getJointId(name) for name in frozen or {}}
+    for name, joint in joints.items():
+        if model.nvs[joint] == 1:
+            steps[model.idx_vs[joint]] = (frozen or {})[name]
+    positions = pinocchio.integrate(model, pinocchio.neutral(model), steps)
+    model = pinocchio.buildReducedModel(model, list(joints.values()), positions)
     return Oracle(arm, model, model.createData(), model.getFrameId(tip, pinocchio.FrameType.BODY))
 
 
 def panda() -> Oracle:
     arm = Arm.from_urdf(PANDA, base="panda_link0", tip="panda_hand_tcp")
-    return oracle_of(PANDA, arm, "panda_hand_tcp", ("panda_finger_joint1", "panda_finger_joint2"))
+    return oracle_of(PANDA, arm, "panda_hand_tcp", {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
 
 
 def jaco() -> Oracle:
     return oracle_of(JACO, Arm.from_urdf(JACO, tip="j2s6s200_end_effector"), "j2s6s200_end_effector")
 
 
-def tilted_urdf(seed: int) -> str:
-    """Return a chain of every kind of joint about slanted axes, with a massless flange in its middle."""
-    rng = np.random.default_rng(seed)
-    kinds = ["revolute", "continuous", "prismatic", "fixed", "revolute", "continuous"]
-    words = [
-        " ".join(repr(float(x)) for x in row) for row in rng.normal(scale=0.7, size=(len(kinds), 9)).reshape(-1, 3)
-    ]
-    parts = ['<robot name="tilted"><link name="l0"/>']
-    for i, kind in enumerate(kinds):
-        body = random_body(rng)
-        xx, xy, xz, yy, yz, zz = body.inertia[np.triu_indices(3)].tolist()
-        inertial = (
-            f'<inertial><origin xyz="{words[3 * i]}" rpy="{words[3 * i + 1]}"/><mass value="{body.mass}"/>'
-            f'<inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>'
-        )
-        axis = unit(rng.normal(size=3))
-        parts.append(
-            f'<link name="l{i + 1}">{"" if kind == "fixed" else inertial}</link>'
-            f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/>'
-            f'<origin xyz="{words[3 * i + 2]}" rpy="{words[3 * i]}"/><axis xyz="{axis[0]} {axis[1]} {axis[2]}"/>'
-            f'<limit lower="-3" upper="3" velocity="1" effort="9"/></joint>'
-        )
-    return "".join(parts) + "</robot>"
-
-
-def tilted() -> Oracle:
-    text = tilted_urdf(7)
+def random_urdf(seed: int) -> Oracle:
+    robot = random_robot(seed)
     with TemporaryDirectory() as folder:
-        file = Path(folder) / "tilted.urdf"
-        file.write_text(text)
-        return oracle_of(text, Arm.from_urdf(file), "l6")
+        file = Path(folder) / "random.urdf"
+        file.write_text(robot.text)
+        arm = Arm.from_urdf(file, tip=robot.tip, fixed=robot.fixed)
+    return oracle_of(robot.text, arm, robot.tip, robot.frozen)
 
 
 ORACLES: dict[str, Callable[[], Oracle]] = {
@@ -151,7 +122,7 @@ ORACLES: dict[str, Callable[[], Oracle]] = {
     "Wan 7R": lambda: model_of(with_bodies(wan_7r(), 2)),
     "Panda": panda,
     "Jaco": jaco,
-    "tilted URDF": tilted,
+    **{f"random URDF {seed}": lambda seed=seed: random_urdf(seed) for seed in range(8)},
     **{f"random chain {seed}": lambda seed=seed: model_of(random_arm(seed)) for seed in range(6)},
 }
 
@@ -181,3 +152,15 @@ def anyarm_of() -> Callable[[int], Arm]:
 @pytest.fixture(scope="session")
 def dh_table() -> Callable[[int], dict[str, Any]]:
     return random_dh
+
+
+@pytest.fixture
+def write_urdf(tmp_path: Path) -> Callable[..., Path]:
+    """Return a function that writes parts of a robot to a file."""
+
+    def write(*parts: str, name: str = "robot.urdf") -> Path:
+        file = tmp_path / name
+        file.write_text(f'<robot name="r">{"".join(parts)}</robot>', encoding="utf-8")
+        return file
+
+    return write

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Arm, Motion, Pose, marcos_nr, tringali_3r
+from paretoik import Arm, Motion, Pose
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.branches import bends, labels
 from tests.formulations.problems import panda, random_arm
 

@@ -7,8 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, marcos_nr, poses, tringali_3r
+from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.starts import JUMP, candidates, charts, postures, pushed, swept
 from paretoik.task.motion_task import motion_task
 from paretoik.task.retraction import task_errors

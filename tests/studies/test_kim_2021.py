@@ -10,7 +10,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.fastest_path import path_time
+from paretoik.capability.geodesic import path_time
 from paretoik.capability.time_optimal import fastest_plan
 from paretoik.robot.kinematics import tool_pose
 from studies.kim_2021 import __main__ as study
@@ -53,7 +53,7 @@ def ways(trajectories):
 
 
 def mechanism(name):
-    return Mechanism(arm=pk.kim_3r(), actuation=actuation_of(name))
+    return Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(name))
 
 
 def test_the_papers_totals_are_its_sums():
@@ -85,7 +85,7 @@ def test_where_sliders_are_slower_is_said(corners):
 
 def test_the_usual_assumptions_are_the_librarys(corners):
     np.testing.assert_allclose(gains(Assumed(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
-    assert np.rad2deg(pk.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
+    assert np.rad2deg(pk.capability.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
     limited = Assumed(joint_ranges=True)
     assert str(limited) == "JAM with DAM's joint ranges"
     assert str(Assumed(mass=0.1, shape="strip")) == "mass 0.1, strip"
@@ -147,7 +147,7 @@ def test_points_are_spread_evenly():
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_postures_follow_the_path_and_no_joint_is_hurried(name, ways):
     known = ways[name].soonest
-    arm = pk.kim_3r()
+    arm = pk.arms.kim_3r()
     tool = tool_pose(arm, known.q)[1][..., :2]
     np.testing.assert_allclose(tool, known.points, atol=1e-12)
     assert np.all(np.diff(known.times) > 0)

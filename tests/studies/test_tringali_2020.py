@@ -275,5 +275,5 @@ def test_both_arms_are_those_of_the_library(found):
         assert [simulation.number for simulation in one] == [1, 2, 3, 4, 5]
         for simulation in one:
             assert [b.mass for b in simulation.problem.task.arm.bodies] == [
-                b.mass for b in pk.tringali_3r(masses=masses).bodies
+                b.mass for b in pk.arms.tringali_3r(masses=masses).bodies
             ]

@@ -35,7 +35,7 @@ def test_the_modified_trapezoid_has_its_textbooks_peaks():
 
 
 def test_starts_are_within_the_limits_and_on_the_first_pose():
-    path, arm = wan_2018.simulation(), pk.wan_7r()
+    path, arm = wan_2018.simulation(), pk.arms.wan_7r()
     found = starts(path, 60)
     assert len(found) > 5
     assert ((found >= arm.position_limits[:, 0]) & (found <= arm.position_limits[:, 1])).all()

@@ -9,8 +9,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.autodiff.differentiation import gradient
-from paretoik.autodiff.evaluator import program
-from paretoik.autodiff.tape import entry
+from paretoik.autodiff.evaluator import compile_evaluator
+from paretoik.autodiff.tape import as_entry
 from paretoik.errors import InvalidInput
 from paretoik.self_motion.starts import candidates
 from paretoik.task.derivatives import local, traced_sample
@@ -76,7 +76,7 @@ def inputs(motion, sample):
     found = np.zeros((len(sample.trace.tape.inputs), len(motion.time)))
     joints = np.concatenate([motion.q, motion.dq, motion.ddq, motion.jerk], axis=1).T
     found[: len(joints)] = joints
-    for i, values in sample.trace.data.items():
+    for i, values in sample.trace.parameters.items():
         found[sample.trace.tape.entries[i][1]] = values
     return found
 
@@ -85,8 +85,8 @@ def holds(task, q, function):
     """Hold a function's values and slopes against real motions, those beside it in some direction among them."""
     motion, sample = task.motion(q), traced_sample(task)
     tape, n = sample.trace.tape, task.arm.dof
-    value = entry(tape, local(sample, "it", function))
-    run = program(tape, [value, *gradient(tape, value, tape.inputs[: 4 * n])])
+    value = as_entry(tape, local(sample, "it", function))
+    run = compile_evaluator(tape, [value, *gradient(tape, value, tape.inputs[: 4 * n])])
     found = run(inputs(motion, sample))
     wanted = np.asarray(function(motion), dtype=float)
     assert wanted.shape == motion.time.shape
@@ -119,7 +119,7 @@ def test_users_own_are_those_of_real_motions_with_their_slopes(function, name):
 
 def test_what_an_objective_wants_is_said_as_on_real_motions():
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
-    task = pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
+    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
     with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance wants position limits"):
         local(traced_sample(task), "objective it", pk.joint_limit_distance.function)
     with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance wants obstacles"):
@@ -157,7 +157,7 @@ def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
     sample = traced_sample(task)
     assert local(sample, "it", lambda motion: 3) == 3.0
     found = local(sample, "it", lambda motion: motion.time**2)
-    np.testing.assert_array_equal(sample.trace.data[found.index], task.times**2)
+    np.testing.assert_array_equal(sample.trace.parameters[found.index], task.times**2)
     found = local(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
     assert sample.trace.tape.values[found.index] == 2.0
 

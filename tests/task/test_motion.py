@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Arm, Motion, Path, Pose, Sphere, Task, line, tringali_3r
+from paretoik import Arm, Motion, Path, Pose, Task, line
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics, kinematics
+from paretoik.robot.arms import tringali_3r
+from paretoik.task.obstacles import Sphere
 
 ARM = tringali_3r()
 SPATIAL = Arm.from_dh(

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik import Circle, Limits, Pose, Task, circle, joint_travel, kinetic_energy, line, marcos_nr, tringali_3r
+from paretoik import Limits, Pose, Task, circle, joint_travel, kinetic_energy, line
 from paretoik.errors import InvalidInput
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.obstacles import Circle
 
 ARM = tringali_3r()
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)

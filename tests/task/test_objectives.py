@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik import Arm, Motion, Sphere, Task, line, tringali_3r
+from paretoik import Arm, Motion, Task, line
 from paretoik.errors import InvalidInput
+from paretoik.robot.arms import tringali_3r
 from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
 from paretoik.robot.kinematics import jacobian
 from paretoik.task.objectives import LIBRARY
+from paretoik.task.obstacles import Sphere
 
 LIMITED = Arm.planar(
     lengths=[0.3, 0.25, 0.2, 0.1],

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik import Arm, Pose, Task, line, marcos_nr, tringali_3r
+from paretoik import Arm, Pose, Task, line
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.robot.kinematics import tool_pose
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import ACCEPTED, eliminate, retract, task_errors

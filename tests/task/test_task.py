@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Arm, Path, Pose, Task, line, marcos_nr, poses
+from paretoik import Arm, Path, Pose, Task, line, poses
 from paretoik.errors import InvalidInput
+from paretoik.robot.arms import marcos_nr
 from paretoik.robot.kinematics import chain, tool_pose
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors

@@ -34,7 +34,7 @@ def test_units_do_not_matter():
         effort = pk.objective(unit="", form="integral")(
             lambda motion, factor=factor: factor * np.sum(motion.dq**2, axis=-1)
         )
-        problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1)
+        problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1)
         q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
         criticalities.append(certify(problem.task, q, np.array([factor])).kkt_residual[0])
     assert criticalities[0] > 1e-3
@@ -52,10 +52,10 @@ def test_exchange_rates_stand_in_natural_units_and_own_signs():
 def test_where_more_multipliers_balance_the_gradients_exchange_rates_are_an_interval():
     gradients = np.array([[1.0, 0.0], [0.0, 1.0]])
     slopes = sparse.csr_array(np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
-    at_a_corner = Constraints(unknowns=2, gaps=np.zeros(3), slopes=slopes)
+    at_a_corner = Constraints(unknowns=2, values=np.zeros(3), jacobian=slopes)
     found = weight_ratios(gradients, at_a_corner, np.array([0.5, 0.5]))
     assert found[0, 1] == pytest.approx([0.0, np.inf])
-    apart = Constraints(unknowns=2, gaps=np.ones(3), slopes=slopes)
+    apart = Constraints(unknowns=2, values=np.ones(3), jacobian=slopes)
     assert weight_ratios(np.array([[1.0, 0.0], [-3.0, 0.0]]), apart, np.array([0.75, 0.25]))[0, 1] == pytest.approx(
         [3, 3]
     )
@@ -65,5 +65,5 @@ def test_the_ends_of_an_interval_are_those_of_the_dual_set():
     # λ₁ + λ₂ = μ₁ + μ₂ and λ₁ = 2 μ₁ + μ₂ / 2: λ₁ / λ₂ is at least 1 (μ₁ = 0), and unbounded (μ₂ = 0 needs λ₂ < 0).
     gradients = np.array([[1.0, 1.0], [1.0, 0.0]])
     slopes = sparse.csr_array(np.array([[1.0, 2.0], [1.0, 0.5]]))
-    found = weight_ratios(gradients, Constraints(unknowns=2, gaps=np.zeros(2), slopes=slopes), np.array([0.6, 0.4]))
+    found = weight_ratios(gradients, Constraints(unknowns=2, values=np.zeros(2), jacobian=slopes), np.array([0.6, 0.4]))
     assert found[0, 1, 0] == pytest.approx(1.0, abs=1e-5)

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import paretoik as pk
-from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, marcos_nr, torque_norm, tringali_3r
+from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, torque_norm
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.starts import candidates, postures
 from paretoik.task.motion_task import motion_task
 from paretoik.task.obstacles import Circle

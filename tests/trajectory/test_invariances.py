@@ -7,9 +7,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.trajectory.certificates import certify
-from paretoik.trajectory.multistart import distance
 from paretoik.trajectory.polish import polish
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import joint_distance, motion_program
 from problems import tringali_2020
 
 LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
@@ -41,7 +40,7 @@ def tool_detour(factor):
 
 def tracking(other, samples=26, limits=LIMITS):
     path = tringali_2020.straight(samples)
-    return pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits)
 
 
 def front_of(other, samples=26, limits=LIMITS):
@@ -101,7 +100,7 @@ def test_the_same_motion_is_chosen_whatever_the_unit(name, plain, scaled):
     make, *_ = FORMS[name]
     one, other = plain[make].select(CHOICE), scaled[name].select(CHOICE)
     assert one.index == other.index
-    assert float(distance(plain[make].problem.task, other.motion.q, one.motion.q)) < 1e-4
+    assert float(joint_distance(plain[make].problem.task, other.motion.q, one.motion.q)) < 1e-4
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +133,7 @@ def test_with_twice_as_many_samples_the_motion_chosen_is_nearer_than_any_other_p
     task = fine.problem.task
     one = np.asarray(coarse.problem.task.motion(coarse.select(CHOICE).motion.q).at(task.times))
     chosen = fine.select(CHOICE)
-    apart = distance(task, one, np.asarray(fine.motions.q))
+    apart = joint_distance(task, one, np.asarray(fine.motions.q))
     assert apart.argmin() == chosen.index
     assert apart.min() < 0.3 * np.sort(apart)[1]
 

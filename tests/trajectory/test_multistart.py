@@ -6,8 +6,9 @@ import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.trajectory import multistart
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import distance, level_samples
+from paretoik.trajectory.multistart import level_samples
 from paretoik.trajectory.posture_grid import windows_of
+from paretoik.trajectory.transcription import joint_distance
 from problems import tringali_2020, tringali_2021
 
 
@@ -26,7 +27,7 @@ def test_the_printed_arm_has_five_unconstrained_energy_optima():
 
 
 def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
-    free = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
+    free = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
     tried = []
     found = pk.plan(free, seed=0, observe=lambda samples, starts, _: tried.append((samples, starts)))
     assert tried[0][0] == 26
@@ -124,7 +125,7 @@ def test_optima_follow_the_path_within_the_limits_and_are_apart(name):
         assert problem.task.violations(motion).max(initial=-1.0) <= 1e-8
         assert optimum.objective == pytest.approx(float(problem.task.objectives[0](motion)), rel=1e-12)
         for other in found.optima[:i]:
-            assert distance(problem.task, motion.q, other.motion.q) > 0.01
+            assert joint_distance(problem.task, motion.q, other.motion.q) > 0.01
 
 
 def test_the_same_seed_gives_the_same_bits():
@@ -142,7 +143,7 @@ def test_the_energy_optimum_under_limits_is_that_of_ipopt():
 def test_torque_limits_hold_and_cost():
     free = pk.plan(tringali_2020.simulation_3()).best
     worst = np.abs(free.motion.torque).max()
-    arm, path = pk.tringali_3r(), tringali_2020.straight()
+    arm, path = pk.arms.tringali_3r(), tringali_2020.straight()
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=0.9 * worst)
     held = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm], limits=limits)).best
     assert np.abs(held.motion.torque).max() <= 0.9 * worst * (1 + 1e-8)
@@ -150,7 +151,7 @@ def test_torque_limits_hold_and_cost():
 
 
 def test_a_given_start_stays_and_given_motions_are_starts():
-    arm, path = pk.tringali_3r(), tringali_2020.straight(51)
+    arm, path = pk.arms.tringali_3r(), tringali_2020.straight(51)
     free = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy])).optima[-1]
     start = free.motion.q[0]
     held = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], start=start))
@@ -170,7 +171,8 @@ def test_a_users_own_objective_is_planned_for_and_units_do_not_matter():
         return 1e6 * np.linalg.norm(motion.dq, axis=-1) ** 2
 
     found = [
-        pk.plan(pk.Tracking(pk.tringali_3r(), tringali_2020.straight(51), objectives=[o])) for o in (effort, million)
+        pk.plan(pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[o]))
+        for o in (effort, million)
     ]
     assert found[1].best.objective == pytest.approx(1e6 * found[0].best.objective, rel=1e-9)
     assert len(found[0].optima) == len(found[1].optima)
@@ -193,7 +195,9 @@ def test_what_cannot_be_planned_is_named(change, said):
 
 def test_limits_that_cannot_hold_are_named_with_joint_and_sample():
     limits = pk.Limits(velocity=0.5)
-    problem = pk.Tracking(pk.tringali_3r(), tringali_2020.straight(26), objectives=[pk.kinetic_energy], limits=limits)
+    problem = pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=[pk.kinetic_energy], limits=limits
+    )
     with pytest.raises(pk.Infeasible, match=r"velocity of joint\d is exceeded by .* at sample \d+") as raised:
         pk.plan(problem, starts=4)
     assert raised.value.motion is not None

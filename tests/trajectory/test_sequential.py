@@ -40,13 +40,13 @@ def memory(motion):
 
 def problem_of(*objectives, samples=26, **settings):
     path = tringali_2020.straight(samples)
-    return pk.Tracking(pk.tringali_3r(), path, objectives=objectives, limits=LIMITS, bases=1, **settings)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=LIMITS, bases=1, **settings)
 
 
 def solved(task, q, **settings):
     program = motion_program(task)
     rules = {"radius": 0.3, "iterations": 150, "tolerance": 1e-8} | settings
-    return sequential(program, q, np.ones(len(program.totals)), program.caps, **rules)
+    return sequential(program, q, np.ones(len(program.totals)), program.upper, **rules)
 
 
 @pytest.mark.parametrize("name", ["simulation_1", "simulation_2", "simulation_4", "simulation_5"])
@@ -141,9 +141,9 @@ def test_a_motion_that_should_stop_ends_without_self_motion():
 @pytest.mark.parametrize(
     "obstacle",
     [
-        pk.Circle([0.15, 0.05], 0.02),
-        pk.Box([0.15, 0.05], [0.02, 0.02]),
-        pk.Capsule([0.15, 0.05, -1], [0.15, 0.05, 1], 0.02),
+        pk.obstacles.Circle([0.15, 0.05], 0.02),
+        pk.obstacles.Box([0.15, 0.05], [0.02, 0.02]),
+        pk.obstacles.Capsule([0.15, 0.05, -1], [0.15, 0.05, 1], 0.02),
     ],
     ids=lambda obstacle: type(obstacle).__name__,
 )
@@ -161,7 +161,7 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
         limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * least)
         path = tringali_2020.straight(26)
         return pk.plan(
-            pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=4
+            pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=4
         )
 
     with pytest.raises(pk.Infeasible, match=r"torque of joint\d .*at sample \d+"):
@@ -172,7 +172,7 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
 def test_the_least_violation_is_found_where_limits_cannot_hold():
     limits = pk.Limits(velocity=1.0)
     path = tringali_2020.straight(26)
-    task = pk.Tracking(pk.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
+    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
     q = coarse_starts(task, starts=3, seed=0)
     program = motion_program(task)
     eased = within_limits(program, q, np.full(1, np.inf), Rules())

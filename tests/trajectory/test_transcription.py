@@ -105,4 +105,4 @@ def test_what_has_no_derivative_is_named():
         return np.abs(np.fft.fft(motion.q[..., 0]))
 
     with pytest.raises(pk.InvalidInput, match=r"objective spectrum.*fft"):
-        motion_program(pk.Tracking(pk.tringali_3r(), path, objectives=[spectrum], bases=1).task)
+        motion_program(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[spectrum], bases=1).task)

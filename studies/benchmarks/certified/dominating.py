@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.linearisation import Linearised, evaluated, linearised
-from paretoik.trajectory.multistart import distance
+from paretoik.trajectory.transcription import joint_distance
 from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, judged
 from studies.reporting import Row
 
@@ -79,7 +79,7 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
         others = np.delete(rise, main)
         if others.max() <= ROUNDING:
             gain = float(-rise.min()) if rise.max() <= ROUNDING else -np.inf
-            apart = float(distance(subject.task, found, q))
+            apart = float(joint_distance(subject.task, found, q))
             return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
     return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
@@ -115,7 +115,7 @@ def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Gener
             tries.append(Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False))
             continue
         gain = float(((subject.values[point] - objectives(subject.task, found)) / subject.ranges).min())
-        apart = float(distance(subject.task, found, subject.q[point]))
+        apart = float(joint_distance(subject.task, found, subject.q[point]))
         tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart))
     return tries
 

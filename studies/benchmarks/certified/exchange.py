@@ -10,8 +10,8 @@ import numpy as np
 
 from paretoik.nlp.solutions import Solutions
 from paretoik.trajectory.epsilon import NEAR
-from paretoik.trajectory.multistart import distance
 from paretoik.trajectory.polish import polish
+from paretoik.trajectory.transcription import joint_distance
 from studies.benchmarks.certified.cases import Subject, judged
 from studies.reporting import Row
 
@@ -135,6 +135,6 @@ def _nearby(subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.
         moved = caps.copy()
         moved[:, i] += step * np.array([-1.0, 0.0, 1.0])
         got = polish(subject.program, np.repeat(own[None], 3, axis=0), factors, moved, NEAR)
-        if got.converged.all() and distance(subject.task, own, got.x).max() <= STAY:
+        if got.converged.all() and joint_distance(subject.task, own, got.x).max() <= STAY:
             return got
     return None

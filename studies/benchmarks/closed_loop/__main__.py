@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from paretoik.closed_loop.extended_jacobian import exact_steps
-from problems.marcos_2012 import DISTANCES, Links, obstacles
+from problems.marcos_2012 import DISTANCES, Links, paper_obstacles
 from studies.benchmarks.closed_loop.contestants import (
     GENERATIONS,
     PYGMO,
@@ -86,7 +86,7 @@ def exact_rows(rounds: int) -> list[Row]:
     for links in ARMS:
         loop = loop_of(links)
         for blocked in (False, True):
-            around = obstacles(DISTANCES[0]) if blocked else []
+            around = paper_obstacles(DISTANCES[0]) if blocked else []
             asked = partial(
                 exact_steps, loop.task.arm, loop.task.targets[:EXACT], loop.start, weight=0.5, obstacles=around
             )

@@ -56,7 +56,7 @@ class CompiledStep(ControlStep):
         configurations(room.children, 0, len(X), self.place, room.work, room.given)
         for j in range(n):
             room.given[n + j, : len(X)] = (room.given[j, : len(X)] - self.place.previous[j]) / self.place.dt
-        run_first(self.search.programs.objectives.parts, room.given, room.values, len(X))
+        run_first(self.search.programs.objectives.arrays, room.given, room.values, len(X))
         F: np.ndarray = room.values[:, : len(X)].T.copy()
         return np.where(np.isfinite(F).all(axis=1)[:, None], F, np.inf)
 

@@ -10,9 +10,9 @@ from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.self_motion.starts import JUMP
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import APART, COLD, Plan, distance
+from paretoik.trajectory.multistart import APART, COLD, Plan
 from paretoik.trajectory.polish import polish
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import joint_distance, motion_program
 from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings, Solved, peer
 from studies.benchmarks.planner.verdicts import LOSS, timed
 from studies.reporting import Row
@@ -53,7 +53,7 @@ def optima(
         for start in basins:
             end = tight.solve(start, masses)
             again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
-            if end.solved and again.converged[0] and distance(task, end.q, again.x[0]) < APART:
+            if end.solved and again.converged[0] and joint_distance(task, end.q, again.x[0]) < APART:
                 gaps.append(float(again.objectives[0, 0]) * plan.best.objective / end.value - 1)
         worst = max(np.abs(gaps), default=np.inf)
         rows.append(
@@ -108,6 +108,6 @@ def distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
     """Return one of every optimum, best first, told apart as ``plan`` does."""
     kept: list[Solved] = []
     for one in sorted(found, key=lambda s: s.value):
-        if not kept or distance(task, one.q, np.stack([other.q for other in kept])).min() > APART:
+        if not kept or joint_distance(task, one.q, np.stack([other.q for other in kept])).min() > APART:
             kept.append(one)
     return kept

@@ -56,7 +56,7 @@ def tracking(name: str, masses: str = "printed", samples: int = SAMPLES) -> pk.T
     task = getattr(tringali_2020, name)().task
     path = tringali_2020.round_trip(samples) if task.cyclic else tringali_2020.straight(samples)
     sides: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
-    arm = pk.tringali_3r(masses)  # type: ignore[arg-type]
+    arm = pk.arms.tringali_3r(masses)  # type: ignore[arg-type]
     return pk.Tracking(arm, path, objectives=task.objectives, limits=pk.Limits(**sides), cyclic=task.cyclic)
 
 

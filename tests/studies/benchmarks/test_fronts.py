@@ -27,7 +27,7 @@ NOTHING = np.empty((0, 2))
 @pytest.fixture(scope="module", autouse=True)
 def _small():
     """Make the populations and the problem small: 21 samples, 20 individuals."""
-    arm, path = pk.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
+    arm, path = pk.arms.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
     limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
 
     def make():
@@ -226,7 +226,7 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
     limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
     both = [pk.kinetic_energy, pk.torque_norm]
     problem = pk.Tracking(
-        pk.tringali_3r(), path, objectives=both, limits=limits, cyclic=cyclic, coefficients=8, bases=3
+        pk.arms.tringali_3r(), path, objectives=both, limits=limits, cyclic=cyclic, coefficients=8, bases=3
     )
     task, ranges, free = problem.task, np.array([0.04, 0.1]), np.full(2, np.inf)
     start = problem.decode(problem.candidates(1, np.random.default_rng(0))).q[0]

@@ -11,7 +11,7 @@ from studies.benchmarks import kinematics
 
 
 def test_the_peer_is_given_the_same_arm():
-    pinocchio = pytest.importorskip("pinocchio", reason="the peer, Pinocchio, comes with the extra urdf")
+    pinocchio = pytest.importorskip("pinocchio", reason="the peer, Pinocchio, comes with the extra bench")
     for arm in (tringali_3r(), kinematics.panda()):
         model = kinematics.pinocchio_model(arm)
         data = model.createData()

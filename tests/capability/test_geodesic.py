@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from paretoik.capability import fastest_path as module
-from paretoik.capability.fastest_path import fastest_path, path_time
+from paretoik.capability import geodesic as module
+from paretoik.capability.geodesic import fastest_path, path_time
 from paretoik.errors import InvalidInput, SolverFailed
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; those of test_time_optimal are checked

@@ -1,0 +1,59 @@
+"""Whether the links and joints of a URDF make one tree, and its mimic joints follow something."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from paretoik.robot.urdf_description import JointDescription, LinkDescription
+
+MAX_NAMES = 10  # of many roots, this many are named in a message
+
+Fault = tuple[int, str]  # line of the file, message
+
+
+def find_tree_faults(
+    links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription], lines: Mapping[str, int]
+) -> list[Fault]:
+    """Return what keeps links and joints from being one tree, each with a line; ``lines`` are those of the joints."""
+    faults: list[Fault] = []
+    parent_joint: dict[str, str] = {}
+    for name, joint in joints.items():
+        for tag, link in (("parent", joint.parent), ("child", joint.child)):
+            if link and link not in links:
+                faults.append((lines[name], f"joint {name!r}: {tag} link {link[:200]!r} does not exist"))
+        if joint.child in parent_joint:
+            two = f"{parent_joint[joint.child]!r} and {name!r}"
+            faults.append((lines[name], f"link {joint.child!r}: is the child of two joints, {two}"))
+        elif joint.child in links:
+            parent_joint[joint.child] = name
+        if joint.mimic and joint.mimic[0] not in joints:
+            leader = joint.mimic[0][:200]
+            faults.append((lines[name], f"joint {name!r}: mimics joint {leader!r}, which does not exist"))
+    for loop in _find_loops(joints, lambda joint: parent_joint.get(joint.parent)):
+        names = ", ".join(repr(name) for name in loop)
+        faults.append((lines[loop[0]], f"joints form a loop: {names}"))
+    for loop in _find_loops(joints, lambda joint: joint.mimic[0] if joint.mimic else None):
+        faults.append((lines[loop[0]], f"joint {loop[0]!r}: mimics itself"))
+    roots = [link for link in links if link not in parent_joint]
+    if len(roots) > 1:
+        names = ", ".join(repr(root) for root in roots[:MAX_NAMES]) + (", ..." if len(roots) > MAX_NAMES else "")
+        faults.append((1, f"the robot must have one root link, has {len(roots)}: {names}"))
+    return faults
+
+
+def _find_loops(
+    joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
+) -> list[list[str]]:
+    """Return each cycle of the graph in which every joint points to its ``successor``, once."""
+    visited: set[str] = set()
+    loops = []
+    for name in joints:
+        trail: list[str] = []
+        current: str | None = name
+        while current is not None and current in joints and current not in visited:
+            visited.add(current)
+            trail.append(current)
+            current = successor(joints[current])
+        if current in trail:
+            loops.append(trail[trail.index(current) :])
+    return loops

@@ -1,0 +1,131 @@
+"""The files of a run folder: their names, and `run.json`, which is built, written, read and checked here.
+
+`run.json` is strict JSON: its format, what the run says of itself, and a SHA-256 digest of the rest, so that a cut or
+altered file is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.files import replace_file
+
+FORMAT = 1
+RUN = "run.json"
+TABLE = "front.parquet"
+MOTIONS = "motions.npz"
+RECORDING = "review.rrd"
+PICTURE = "front.png"
+CERTIFICATES = "certificates.png"
+STEPS = "steps.parquet"
+CHECKPOINT = "checkpoint"
+CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, CHECKPOINT)
+
+
+def run_bytes(entries: Mapping[str, Any]) -> bytes:
+    """Return the content of a `run.json`: the format, `entries`, and the digest of both.
+
+    Raises TypeError or ValueError where an entry is no strict JSON.
+    """
+    run = json.loads(json.dumps({"format": FORMAT, **entries}, allow_nan=False))  # as it will be read
+    return json.dumps(run | {"digest": digest(run)}, indent=2).encode() + b"\n"
+
+
+def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
+    """Write `entries` as the folder's `run.json`, replaced at once or not at all; infinite numbers become null.
+
+    Raises
+    ------
+    InvalidInput
+        The file cannot be written, or an entry cannot be JSON.
+    """
+    replace_file(folder / RUN, run_bytes(to_json(entries)))
+
+
+def read_run(file: Path) -> dict[str, Any]:
+    """Return the entries of a `run.json` of this format, its digest not yet checked.
+
+    Raises
+    ------
+    InvalidRun
+        The file is missing, a link, no strict JSON, no run, or of another format.
+    """
+    content = read_plain_file(file)
+    try:
+        run = json.loads(content, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as fault:
+        raise InvalidRun(f"{file}: wanted strict JSON, got {fault}") from fault
+    if not isinstance(run, dict) or "format" not in run:
+        raise InvalidRun(f"{file}: wanted a run, got JSON without a format")
+    if run["format"] != FORMAT:
+        raise InvalidRun(f"{file}: wanted format {FORMAT}, got {run['format']!r}; it needs another version of paretoik")
+    return run
+
+
+def is_run(file: Path) -> bool:
+    """Say whether a file is the `run.json` of some version of this format."""
+    try:
+        run = json.loads(file.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(run, dict) and "format" in run
+
+
+def digest(run: Mapping[str, Any]) -> str:
+    """Return the SHA-256 digest of a run's entries, the one named "digest" left out."""
+    rest = {name: value for name, value in run.items() if name != "digest"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def to_json(value: Any, *, name: str = "run") -> Any:
+    """Return `value` as strict JSON has it: arrays as lists, paths as text, numbers that are not finite as null.
+
+    Raises
+    ------
+    InvalidInput
+        An item is neither number, text, truth value, None, list nor mapping.
+    """
+    match value:
+        case None | bool() | int() | str():
+            return value
+        case float():
+            return float(value) if math.isfinite(value) else None
+        case np.generic() | np.ndarray():
+            return to_json(value.tolist(), name=name)
+        case PurePath():
+            return str(value)
+        case Mapping():
+            return {str(key): to_json(item, name=f"{name}.{key}") for key, item in value.items()}
+        case list() | tuple():
+            return [to_json(item, name=f"{name}[{index}]") for index, item in enumerate(value)]
+        case _:
+            raise InvalidInput(f"{name}: wanted what JSON can hold, got {type(value).__name__}")
+
+
+def read_plain_file(file: Path) -> bytes:
+    """Return the content of a plain file; a link may lead anywhere, and a pipe may never end.
+
+    Raises
+    ------
+    InvalidRun
+        The file is missing, no plain file, or cannot be read.
+    """
+    if file.is_symlink() or not file.is_file():
+        kind = "a link" if file.is_symlink() else "something else" if file.exists() else "nothing"
+        raise InvalidRun(f"{file}: wanted a plain file, got {kind}")
+    try:
+        return file.read_bytes()
+    except OSError as fault:
+        raise InvalidRun(f"{file}: wanted to read it, got {fault.strerror}") from fault
+
+
+def _refuse_constant(constant: str) -> None:
+    raise ValueError(f"the number {constant}")

@@ -1,0 +1,109 @@
+"""Random robots as URDF text: every kind of joint and axis, fixed links with mass, turned inertial frames, branches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from paretoik.robot.body import Body
+
+MOVING = ("revolute", "continuous", "prismatic")
+
+
+@dataclass
+class RandomRobot:
+    """A URDF's text, the tip of its chain, and where joints are frozen: those off the chain at 0 but for ``fixed``."""
+
+    text: str = ""
+    tip: str = ""
+    links: list[str] = field(default_factory=list)
+    fixed: dict[str, float] = field(default_factory=dict)
+    frozen: dict[str, float] = field(default_factory=dict)
+
+
+def random_body(rng: np.random.Generator) -> Body:
+    points = rng.normal(scale=0.1, size=(6, 3)) + rng.normal(scale=0.2, size=3)
+    mass = rng.uniform(0.2, 3.0)
+    offsets = points - points.mean(axis=0)
+    inertia = mass / 6 * (np.sum(offsets**2) * np.eye(3) - offsets.T @ offsets)
+    return Body(mass=mass, center=points.mean(axis=0), inertia=inertia)
+
+
+def random_robot(seed: int) -> RandomRobot:
+    """Return a chain of 5 to 10 joints, three of which move at least, with side branches on some of its links."""
+    rng = np.random.default_rng(seed)
+    robot = RandomRobot()
+    parts = [link("l0", rng, massless=bool(rng.integers(2)))]
+    robot.links.append("l0")
+    kinds = [*rng.choice([*MOVING, "fixed", "fixed"], rng.integers(2, 8)).tolist(), "revolute", "revolute", "prismatic"]
+    kinds = rng.permutation(kinds).tolist()
+    for i, kind in enumerate(kinds):
+        child = f"l{i + 1}"
+        parts += [link(child, rng, massless=kind == "fixed" and rng.random() < 0.4)]
+        parts += [joint(f"j{i}", kind, f"l{i}", child, rng)]
+        robot.links.append(child)
+        if rng.random() < 0.5:
+            parts += branch(robot, i, child, rng)
+    robot.tip = f"l{len(kinds)}"
+    robot.text = f'<robot name="random">{"".join(parts)}</robot>'
+    for i, kind in enumerate(kinds):
+        if kind == "continuous" and rng.random() < 0.4:
+            robot.fixed[f"j{i}"] = robot.frozen[f"j{i}"] = float(rng.normal())
+    return robot
+
+
+def branch(robot: RandomRobot, number: int, parent: str, rng: np.random.Generator) -> list[str]:
+    """Return one link or two beside the chain, the joints of which are frozen at 0 or, by name, elsewhere."""
+    parts = []
+    for step in range(rng.integers(1, 3)):
+        child, name = f"side{number}_{step}", f"s{number}_{step}"
+        kind = str(rng.choice([*MOVING, "fixed", "floating"]))
+        parts += [link(child, rng, massless=rng.random() < 0.3), joint(name, kind, parent, child, rng)]
+        robot.links.append(child)
+        if kind != "fixed":
+            robot.frozen[name] = 0.0
+        if kind in MOVING and rng.random() < 0.5:
+            robot.fixed[name] = robot.frozen[name] = float(rng.normal())
+        parent = child
+    return parts
+
+
+def link(name: str, rng: np.random.Generator, *, massless: bool) -> str:
+    if massless:
+        return f'<link name="{name}"/>'
+    body = random_body(rng)
+    xx, xy, xz, yy, yz, zz = body.inertia[np.triu_indices(3)].tolist()
+    return (
+        f'<link name="{name}"><inertial>{origin(rng)}<mass value="{body.mass}"/>'
+        f'<inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial></link>'
+    )
+
+
+def joint(name: str, kind: str, parent: str, child: str, rng: np.random.Generator) -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{origin(rng)}{axis(rng)}'
+        f'<limit lower="-3" upper="3" velocity="1" effort="9"/></joint>'
+    )
+
+
+def origin(rng: np.random.Generator) -> str:
+    """Return a random origin, one of right angles, or none."""
+    choice = rng.integers(6)
+    xyz = rng.normal(scale=0.7, size=3)
+    rpy = rng.normal(scale=2.0, size=3) if choice else rng.integers(-2, 3, 3) * np.pi / 2
+    return "" if choice == 1 else f'<origin xyz="{words(xyz)}" rpy="{words(rpy)}"/>'
+
+
+def axis(rng: np.random.Generator) -> str:
+    """Return an axis: a coordinate axis, forwards or backwards, a slanted one of any length, or none."""
+    choice = rng.integers(6)
+    if choice == 0:
+        return ""
+    vector = rng.normal(size=3) if choice < 3 else rng.choice([-1.0, 1.0]) * np.eye(3)[rng.integers(3)]
+    length = 1.0 if choice % 2 else rng.uniform(0.2, 5.0)
+    return f'<axis xyz="{words(length * vector)}"/>'
+
+
+def words(values: np.ndarray) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,100 @@
+"""The chain of a URDF: which joints move, where the others are frozen, and what is said about them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paretoik.errors import InvalidInput, InvalidRobot
+from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import inverse_dynamics
+from paretoik.robot.kinematics import tool_pose
+from tests.robot.conftest import PANDA
+from tests.robot.urdf_text import LIMIT, chain_of_three, joint, link
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "several leaves, name one as tip: panda_hand_tcp, panda_leftfinger, panda_rightfinger"),
+        ({"tip": "hand"}, "tip 'hand' is not a link; links: panda_link0"),
+        ({"base": "foot", "tip": "panda_hand"}, "base 'foot' is not a link"),
+        ({"base": "panda_hand", "tip": "panda_link3"}, "link 'panda_link3' does not hang on link 'panda_hand'"),
+        ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "joint 'elbow' cannot be fixed; joints that move: panda_j"),
+        ({"tip": "panda_hand", "fixed": {"panda_joint1": np.nan}}, "joint 'panda_joint1' wants a finite value"),
+        ({"tip": "panda_hand", "zero_limits": "ignore"}, "zero_limits must be 'unlimited' or None, got 'ignore'"),
+    ],
+)
+def test_unknown_names_and_values_are_refused(options, words):
+    with pytest.raises(InvalidInput, match=words):
+        Arm.from_urdf(PANDA, **options)
+
+
+def test_joints_fixed_on_loading_are_the_whole_arm_held_there(panda_arm):
+    held = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_joint3": 0.4})
+    assert held.joint_names == tuple(f"panda_joint{i}" for i in (1, 2, 4, 5, 6, 7))
+    q = np.random.default_rng(1).normal(size=(3, 4, 6))
+    again = panda_arm.fixed(panda_joint3=0.4)
+    assert inverse_dynamics(held, *q) == pytest.approx(inverse_dynamics(again, *q), rel=1e-12, abs=1e-12)
+    assert any("'panda_joint3': on the chain, frozen at 0.4 rad" in notice for notice in held.notices)
+
+
+def test_a_mimic_joint_off_the_chain_follows_its_frozen_leader():
+    arm = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_finger_joint1": 0.03})
+    left, right = (tool_pose(arm, np.zeros(7), f"panda_{side}finger")[1] for side in ("left", "right"))
+    assert np.linalg.norm(left - right) == pytest.approx(0.06)
+
+
+def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
+    arm = Arm.from_urdf(PANDA, base="panda_link2", tip="panda_hand_tcp")
+    assert arm.joint_names == panda_arm.joint_names[2:]
+    assert any("what is above it is left out" in notice for notice in arm.notices)
+    q = np.random.default_rng(2).normal(size=5)
+    whole = tool_pose(panda_arm, np.array([0.0, 0.0, *q]))[1]
+    frame = tool_pose(panda_arm, np.zeros(7), "panda_link2")
+    assert frame[1] + frame[0] @ tool_pose(arm, q)[1] == pytest.approx(whole)
+
+
+@pytest.mark.parametrize("kind", ["planar", "floating"])
+def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(write_urdf, kind):
+    with pytest.raises(InvalidRobot, match=f"joint 'j2': {kind} joints cannot be on the chain"):
+        Arm.from_urdf(write_urdf(*chain_of_three(kind, "")))
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "a", "e", kind, "")), tip="d")
+    assert arm.dof == 3
+    assert any(f"'side': off the chain, frozen where its {kind} motion is zero" in notice for notice in arm.notices)
+
+
+def test_a_mimic_joint_is_refused_by_name_on_the_chain_unless_it_is_fixed(write_urdf):
+    file = write_urdf(*chain_of_three(inside=LIMIT + '<mimic joint="j1"/>'))
+    with pytest.raises(InvalidRobot, match="joint 'j2': mimic joints cannot be on the chain"):
+        Arm.from_urdf(file)
+    assert Arm.from_urdf(file, fixed={"j2": 0.5}).joint_names == ("j1", "j3")
+
+
+def test_a_frozen_joint_that_mimics_a_moving_one_is_told(write_urdf):
+    parts = [*chain_of_three(), link("e"), joint("side", "d", "e", inside=LIMIT + '<mimic joint="j1" offset="0.25"/>')]
+    arm = Arm.from_urdf(write_urdf(*parts), tip="d")
+    assert "joint 'side': off the chain, frozen at 0.25 rad, though it mimics 'j1'" in arm.notices
+
+
+def test_a_frozen_joint_outside_its_limits_is_told(write_urdf):
+    limit = '<limit lower="0.1" upper="1" velocity="1" effort="1"/>'
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "d", "e", inside=limit)), tip="d")
+    assert "joint 'side': off the chain, frozen at 0 rad, outside its limits" in arm.notices
+
+
+def test_a_massless_moving_link_before_other_joints_is_a_fault_and_at_the_end_a_notice(write_urdf):
+    parts = chain_of_three()
+    parts[2] = link("c", "")
+    with pytest.raises(InvalidRobot, match="joint 'j2': moves no mass, though other joints follow it"):
+        Arm.from_urdf(write_urdf(*parts))
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(last="")))
+    assert "joint 'j3': moves no mass" in arm.notices
+    assert arm.bodies[2].mass == 0.0
+
+
+def test_a_chain_without_a_moving_joint_is_refused(write_urdf):
+    file = write_urdf(link("a"), link("b"), joint("j", "a", "b", "fixed", ""))
+    with pytest.raises(InvalidRobot, match="no joint moves between 'a' and 'b'"):
+        Arm.from_urdf(file)
