@@ -18,8 +18,7 @@ from paretoik.nlp.dense_sqp import minimised
 from paretoik.nlp.filter_interior_point import approached
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.curves import wrapped
-from paretoik.self_motion.starts import postures, unreachable
+from paretoik.self_motion.postures import reach_error, sample_postures, wrap_difference
 from paretoik.task.curves import Line
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
@@ -267,7 +266,7 @@ def _apart(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
     for one in q[1:]:
         if len(found) == KEPT:
             break
-        if np.abs(wrapped(np.array(found) - one, arm.periodic)).max(axis=1).min() > APART:
+        if np.abs(wrap_difference(np.array(found) - one, arm.periodic)).max(axis=1).min() > APART:
             found.append(one)
     return found
 
@@ -280,9 +279,9 @@ def several_postures(
     Raises OutOfReach.
     """
     task = held_still(arm, position)
-    found = postures(task, samples, rng)
+    found = sample_postures(task, samples, rng)
     if not len(found):
-        raise _renamed(unreachable(task, rng, 0), position)
+        raise _renamed(reach_error(task, rng, 0), position)
     lower, upper = arm.position_limits.T
     for j in np.flatnonzero(arm.periodic):
         column = found[:, j]

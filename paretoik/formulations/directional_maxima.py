@@ -31,7 +31,7 @@ from paretoik.formulations.violations import explained
 from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.self_motion.curves import wrapped
+from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ACCEPTED, retract
 
 BESIDE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
@@ -171,7 +171,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return the genes of unknowns, or the nearest within their bounds."""
         parts = [self._asked.parts(one, self.size) for one in z]
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
-        apart = wrapped(q[:, None] - self.bases, self.arm.periodic)
+        apart = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(apart, axis=2).argmin(axis=1)
         beside = np.einsum("pjr,pj->pr", self.frames[1][which], apart[np.arange(len(q)), which])
         genes, front = [((which + 0.5) / len(self.bases))[:, None], beside], np.zeros_like(q)

@@ -24,8 +24,7 @@ from paretoik.resolution.parameters import Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import ArrayLike, finite_array
-from paretoik.self_motion.curves import chained, wrapped
-from paretoik.self_motion.starts import postures, unreachable
+from paretoik.self_motion.postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, jerk
 from paretoik.task.obstacles import Obstacle
@@ -229,13 +228,13 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
     Raises OutOfReach where there are none.
     """
     rng = np.random.default_rng(seed)
-    candidates = postures(task, START_CANDIDATES, rng)
+    candidates = sample_postures(task, START_CANDIDATES, rng)
     if not len(candidates):
-        raise unreachable(task, rng, 0)
-    candidates = wrapped(candidates, task.arm.periodic)
+        raise reach_error(task, rng, 0)
+    candidates = wrap_difference(candidates, task.arm.periodic)
     lower, upper = task.arm.position_limits.T
     within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
-    return chained(candidates[within] if within.any() else candidates, task.arm.periodic)
+    return order_by_neighbour(candidates[within] if within.any() else candidates, task.arm.periodic)
 
 
 def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:

@@ -16,7 +16,7 @@ from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 
 SPLINE_KNOTS = 2000  # of the splines through the targets, which give their derivatives in time
@@ -106,7 +106,7 @@ def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     inputs: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
     q, dq, *targets = inputs
-    links, equations, first = chain(arm, q), list[int](), 0
+    links, equations, first = link_frames(arm, q), list[int](), 0
     for each in task.tasks:
         numbers_of_task = targets[0][first : first + each.numbers]
         equations += [as_entry(tape, value) for value in each.equations(arm, links, numbers_of_task)]

@@ -24,7 +24,7 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.derivatives import TracedMotion, local
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -105,7 +105,7 @@ def horizon_program(
         weight = 1.0 + terminal if k == horizon - 1 else 1.0
         term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * weight)
         total = as_entry(tape, Expression(tape, total) + term)
-        links, first = chain(task.arm, list(q.entries)), 0
+        links, first = link_frames(task.arm, list(q.entries)), 0
         for each in task.tasks:
             residuals = each.equations(task.arm, links, numbers[first : first + each.numbers])
             equations += [as_entry(tape, one) for one in residuals]

@@ -7,7 +7,7 @@ import numpy as np
 from paretoik.errors import InvalidInput
 from paretoik.resolution.batch import position_ranges
 from paretoik.resolution.traces import ResolvedMotion
-from paretoik.self_motion.curves import wrapped
+from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective, objective
 
@@ -72,7 +72,7 @@ def distance_to(reference: Motion) -> Objective:
     def distance(motion: Motion) -> np.ndarray:
         if motion.q.shape[-2:] != reference.q.shape:
             raise InvalidInput(f"reference: one motion of shape {motion.q.shape[-2:]} wanted, got {reference.q.shape}")
-        difference = wrapped(motion.q - reference.q, motion.arm.periodic)
+        difference = wrap_difference(motion.q - reference.q, motion.arm.periodic)
         return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
     return distance

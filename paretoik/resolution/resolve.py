@@ -13,8 +13,7 @@ from paretoik.resolution.methods import Criterion, Method, VelocityMethod
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.self_motion.starts import postures
-from paretoik.self_motion.starts import unreachable as out_of_reach
+from paretoik.self_motion.postures import reach_error, sample_postures
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import joint_travel
@@ -120,9 +119,9 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
     """Return the postures (*batch, dof) that motions start in."""
     if start is None:
         rng = np.random.default_rng(seed)
-        candidates = postures(task, START_SAMPLES, rng)
+        candidates = sample_postures(task, START_SAMPLES, rng)
         if not len(candidates):
-            raise out_of_reach(task, rng, 0)
+            raise reach_error(task, rng, 0)
         jacobians = task_errors(task.arm, task.tasks, candidates, np.tile(task.targets[0], (len(candidates), 1)))[1]
         singular_values = np.linalg.svd(np.moveaxis(jacobians, -1, 0))[1]
         lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T

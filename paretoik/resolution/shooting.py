@@ -22,7 +22,7 @@ from paretoik.resolution.variational import (
     starts_on_path,
 )
 from paretoik.robot import dynamics
-from paretoik.self_motion.starts import charts
+from paretoik.self_motion.charts import build_charts
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
@@ -146,7 +146,7 @@ def _is_minimum(
     The neighbours must not meet a motion before its end, and must arrive there with momentum away from it.
     """
     task, (count, samples, dof) = equation.task, q.shape
-    normal = charts(task, q).normal
+    normal = build_charts(task, q).null_space
     near = _neighbours(task, q[:, 0], normal[:, 0]).reshape(-1, dof)
     states = integrate(equation, np.concatenate([near, equation.initial_rates(near)], axis=1), task.times, tolerance)
     paths = states[..., :dof].reshape(count, -1, samples, dof)

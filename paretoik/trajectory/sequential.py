@@ -19,7 +19,7 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
-from paretoik.nlp.subproblem import Step, step
+from paretoik.nlp.subproblem import Step, solve_subproblem
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import retract
 from paretoik.trajectory.linearisation import Linearised, Values, evaluated, linearised
@@ -83,7 +83,9 @@ def sequential(
         accepted = False
         while not accepted and length > SHORTEST:
             try:
-                taken = step(gradient, hessian, model.constraints, yielding=model.yielding, radius=length, price=price)
+                taken = solve_subproblem(
+                    gradient, hessian, model.constraints, elastic=model.yielding, radius=length, penalty=price
+                )
             except SolverFailed:
                 length /= 4
                 continue
@@ -172,9 +174,9 @@ def _curvature(
     forces = np.zeros(len(local.gaps))
     pulls: tuple[np.ndarray, ...] = ()
     if last is not None:
-        weights[model.capped] += last.limits[limits : model.yielding]
-        forces = np.concatenate([last.limits[:limits] / model.scales, last.limits[model.yielding :]])
-        pulls = last.pulls
+        weights[model.capped] += last.multipliers[limits : model.yielding]
+        forces = np.concatenate([last.multipliers[:limits] / model.scales, last.multipliers[model.yielding :]])
+        pulls = last.cone_multipliers
     plain = local.curvature(weights, forces, pulls)
     table = plain.toarray()
     used = np.flatnonzero(np.any(table != 0, axis=1) | (np.arange(len(table)) < local.unknowns))
@@ -257,7 +259,7 @@ def _again(
     gradient: np.ndarray, hessian: sparse.csr_array, bent: Constraints, yielding: int, length: float, price: float
 ) -> Step | None:
     try:
-        return step(gradient, hessian, bent, yielding=yielding, radius=length, price=price)
+        return solve_subproblem(gradient, hessian, bent, elastic=yielding, radius=length, penalty=price)
     except SolverFailed:
         return None
 

@@ -30,7 +30,7 @@ ARM = pk.Arm.planar(
     velocity_limits=[3.0, 3.0, np.inf],
 )
 START = np.array([0.0, 0.327, -0.754])
-FIRST = kinematics.tool_pose(tringali_3r(), START)[1][:2]
+FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
 AHEAD = line(FIRST, FIRST + np.array([-0.27, 0.11]), duration=5.0, samples=101)
 WEIGHTED, PLAIN = methods.WeightedGradientProjection(criteria=BOTH), methods.GradientProjection(criteria=BOTH)
 EVEN = Even(np.eye(2), np.array([-0.6, -0.6]), np.array([0.6, 0.6]))  # 1 m/s everywhere
@@ -438,3 +438,18 @@ def test_short_paths_are_looked_ahead_along_and_shorter_ones_refused():
 def test_a_path_out_of_reach_is_refused():
     with pytest.raises(OutOfReach):
         pk.Tuning(tringali_3r(), line([0.6, 0.0], [0.5, 0.0], duration=1.0, samples=11), PLAIN)
+
+
+@pytest.mark.parametrize("verb", ["solve", "plan", "epsilon_front", "refine"])
+def test_verbs_that_take_gradients_refuse_it_in_one_line_before_any_search(verb, tmp_path):
+    problem = tuning(objectives=[pk.kinetic_energy, pk.jerk], judged_starts=1)
+    run = {
+        "solve": lambda: pk.solve(problem, refine=True, out=tmp_path / "run"),
+        "plan": lambda: pk.plan(problem),
+        "epsilon_front": lambda: pk.epsilon_front(problem),
+        "refine": lambda: pk.refine(pk.solve(problem, population=4, generations=1)),
+    }[verb]
+    with pytest.raises(InvalidInput, match="a problem with gradients wanted, such as Tracking, got Tuning") as error:
+        run()
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "run").exists()

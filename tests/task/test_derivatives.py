@@ -12,7 +12,7 @@ from paretoik.autodiff.differentiation import gradient
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.tape import as_entry
 from paretoik.errors import InvalidInput
-from paretoik.self_motion.starts import candidates
+from paretoik.self_motion.starts import rollout_starts
 from paretoik.task.derivatives import local, traced_sample
 from problems import panda, tringali_2020
 
@@ -30,7 +30,7 @@ TASKS = {
     "planar 3R": tringali_2020.simulation_4().task.subsampled(21),
     "Panda": panda.across_the_table().task.subsampled(11),
 }
-POSTURES = {name: candidates(task, 2, np.random.default_rng(0))[0] for name, task in TASKS.items()}
+POSTURES = {name: rollout_starts(task, 2, np.random.default_rng(0))[0] for name, task in TASKS.items()}
 SERIES = [
     pk.kinetic_energy,
     pk.torque_norm,
@@ -128,7 +128,7 @@ def test_what_an_objective_wants_is_said_as_on_real_motions():
 
 def test_a_cyclic_motion_is_traced_as_it_is():
     task = tringali_2020.simulation_5().task
-    q = candidates(task, 2, np.random.default_rng(0))[0]
+    q = rollout_starts(task, 2, np.random.default_rng(0))[0]
     for objective in (pk.kinetic_energy, pk.torque_norm, pk.jerk):
         holds(task, q, objective.function)
 
