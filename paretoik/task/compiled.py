@@ -12,10 +12,10 @@ from paretoik.compilation import compiled
 def newton(arrays, targets, directions, settings, q, errors, same_sheet):
     """Move postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
 
-    ``arrays`` are those of the evaluator of errors and Jacobian entries at (q, targets); ``settings``:
-    tolerance, max_step and max_iterations. Writes q, the largest error where it was last evaluated, and whether the
-    determinant of the Newton matrix was positive there: the sheet that the posture started from. Samples share the lanes of the evaluator's
-    workspace; a sample that has finished leaves its lane to the next.
+    ``arrays`` are those of the evaluator of errors and Jacobian entries at (q, targets); ``settings``: tolerance,
+    max_step and max_iterations. Writes q, the largest error where it was last evaluated, and whether the determinant of
+    the Newton matrix was positive there: the sheet that the posture started from. Samples share the lanes of the
+    evaluator's workspace; a sample that has finished leaves its lane to the next.
     """
     code, constants, inputs, outputs, workspace = arrays
     samples, n, rows = directions.shape
