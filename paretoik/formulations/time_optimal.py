@@ -14,9 +14,8 @@ from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_contro
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
 from paretoik.resolution.parameters import Number, Parameter
 from paretoik.resolution.traces import HELD, STATUS, ResolvedMotion, Traces, empty_traces
-from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,7 +126,7 @@ def _joint_motion(
     q, reached = np.tile(start[:, None], (1, samples, 1)), np.array([run is not None for run in runs])
     for k in range(1, samples):
         jacobians = task_errors(task.arm, task.tasks, q[:, k - 1], tool[:, k])[1]
-        result = retract(task.arm, task.tasks, q[:, k - 1], tool[:, k], steepest(jacobians))
+        result = retract(task.arm, task.tasks, q[:, k - 1], tool[:, k], row_space_basis(jacobians))
         reached &= result.on_path
         q[:, k] = np.where(reached[:, None], result.q, q[:, k - 1])
     traces = empty_traces(count, samples, dof, task.rows, 1)

@@ -108,9 +108,9 @@ def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
     q, dq, *targets = inputs
     links, equations, first = link_frames(arm, q), list[int](), 0
     for each in task.tasks:
-        numbers_of_task = targets[0][first : first + each.numbers]
+        numbers_of_task = targets[0][first : first + each.target_size]
         equations += [as_entry(tape, value) for value in each.equations(arm, links, numbers_of_task)]
-        first += each.numbers
+        first += each.target_size
     q_index, dq_index = ([value.index for value in values] for values in (q, dq))
     x_index, dx_index, ddx_index = ([value.index for value in values] for values in targets)
     jacobian = [slope for equation in equations for slope in gradient(tape, equation, q_index)]

@@ -25,9 +25,9 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
-from paretoik.task.derivatives import TracedMotion, local
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.traced_motion import TracedMotion, trace_sample_function
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +99,7 @@ def horizon_program(
         ddq = (dq - previous_rate) * (1.0 / interval)
         previous, previous_rate = q, dq
         motion = TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
-        value = local(motion, what, objective.function)
+        value = trace_sample_function(motion, what, objective.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
         weight = 1.0 + terminal if k == horizon - 1 else 1.0
@@ -107,10 +107,10 @@ def horizon_program(
         total = as_entry(tape, Expression(tape, total) + term)
         links, first = link_frames(task.arm, list(q.entries)), 0
         for each in task.tasks:
-            residuals = each.equations(task.arm, links, numbers[first : first + each.numbers])
+            residuals = each.equations(task.arm, links, numbers[first : first + each.target_size])
             equations += [as_entry(tape, one) for one in residuals]
-            jacobian += [as_entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
-            first += each.numbers
+            jacobian += [as_entry(tape, one) for row in each.jacobian(task.arm, links) for one in row]
+            first += each.target_size
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")

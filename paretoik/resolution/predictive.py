@@ -23,10 +23,9 @@ from paretoik.resolution.methods import PredictiveKineticEnergy
 from paretoik.resolution.quartic_spline import DEGREE, quartic_spline, spline_position
 from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import ResolvedMotion, Traces, empty_traces
-from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,7 +240,7 @@ class Predictor:
         guess, current = np.empty((len(targets), len(q))), q
         for j, target in enumerate(targets):
             jacobian = task_errors(self.task.arm, self.task.tasks, current[None], target[None])[1]
-            result = retract(self.task.arm, self.task.tasks, current[None], target[None], steepest(jacobian))
+            result = retract(self.task.arm, self.task.tasks, current[None], target[None], row_space_basis(jacobian))
             guess[j] = current = result.q[0] if result.on_path[0] else current
         return guess
 

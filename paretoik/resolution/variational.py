@@ -22,9 +22,10 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
 from paretoik.resolution.integration import integrate
 from paretoik.robot import dynamics
-from paretoik.task.motion import Motion, steepest
-from paretoik.task.motion_task import START_TOLERANCE, MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import START_TOLERANCE
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 STEP_TOLERANCE = 1e-8  # of positions and velocities (relative past 1), each step
 TOLERANCE_RANGE = 1e-13, 1e-3  # finer ones are below rounding, coarser ones leave the path
@@ -114,7 +115,7 @@ def follow_equation(
 def retract_nearest(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Return postures near the path retracted onto it the shortest way; those that don't arrive are NaN."""
     jacobians = task_errors(task.arm, task.tasks, q, targets)[1]
-    result = retract(task.arm, task.tasks, q, targets, steepest(jacobians))
+    result = retract(task.arm, task.tasks, q, targets, row_space_basis(jacobians))
     return np.where(result.on_path[:, None], result.q, np.nan)
 
 
