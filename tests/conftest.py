@@ -10,20 +10,20 @@ import hypothesis
 import jaxtyping
 import pytest
 
-import paretoik.capability.motors
-import paretoik.capability.planar_maxima
+import paretoik.capability.compiled.actuators
+import paretoik.capability.compiled.planar_maxima
 import paretoik.closed_loop.admissible_steps
 import paretoik.closed_loop.configurations
 import paretoik.closed_loop.engine
 import paretoik.closed_loop.exact_step
 import paretoik.closed_loop.obstacles
-import paretoik.nlp.dense_kernel
-import paretoik.nlp.interior_point
+import paretoik.nlp.compiled.dense_kernel
+import paretoik.nlp.compiled.interior_point
 import paretoik.resolution.horizon_newton
 import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
 import paretoik.task.compiled
-import paretoik.trajectory.motion_kernel  # noqa: F401  before the hook, as all that is compiled
+import paretoik.trajectory.compiled.motion_kernel  # noqa: F401  before the hook, as all that is compiled
 import tests.shape_checks  # noqa: F401  the hook knows it by name
 
 # In production nobody looks at annotations; in tests every call and every field is held against them.

@@ -1,434 +1,140 @@
-"""A primal–dual interior-point method for nonlinear programs of every kind, compiled.
-
-    minimise    weights · F(x)
-    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
-
-Every iterate meets h(x) = 0: steps are taken in the null space of ∂h/∂x and retracted. Inequalities are elastic: an
-exact penalty, which grows until they hold, takes the place of a restoration phase (``elastic``). Steps are Newton's,
-with exact second derivatives, made positive definite where they are not, and guarded by a merit function. What a
-program is, and whether its Newton matrix is banded or dense, is up to its kernel (``interior_point_kernel``).
-
-Source: Nocedal & Wright, Numerical Optimization, chapters 3, 15.3, 17 and 19; Wächter & Biegler 2006 for how the
-barrier falls.
-"""
+"""From programs of parts to the arrays of ``DenseKernel``, and how these are minimised."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Hashable, Sequence
+from functools import lru_cache
+from typing import cast
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float
 
-from paretoik.compilation import compiled
-from paretoik.nlp.array_loops import clear, dot, finite_indices
-from paretoik.nlp.bordered_cholesky import factorise, solve
-from paretoik.nlp.elastic import (
-    barrier_terms,
-    begin_slacks,
-    central_multipliers,
-    complementarity_and_violation,
-    limit_implied_step,
-    limit_step,
-    merit_terms,
-    newton_slacks,
-    reset_slacks,
-    step_multipliers,
-    step_slacks,
+from paretoik.errors import EvaluationFailed
+from paretoik.nlp.assembled import Assembled, Part
+from paretoik.nlp.compiled.dense_kernel import DenseKernel
+from paretoik.nlp.compiled.interior_point import minimise
+from paretoik.nlp.dense_sqp import Caps, Minimum
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.solutions import CONVERGED, NOT_FINITE
+from paretoik.nlp.traced import Rows, Smooth
+
+OPTIONS = InteriorPointOptions(
+    barrier=1e-2,
+    last_barrier=1e-12,
+    penalty=100.0,
+    iterations=300,
+    longest_step=np.inf,
+    implied_slacks=False,
+    large_multiplier=100.0,
 )
-from paretoik.nlp.interior_point_kernel import (
-    allocate_workspace,
-    assemble,
-    dimensions,
-    directional_derivatives,
-    evaluate,
-    expand_step,
-    linearise,
-    prepare_multipliers,
-    reduced_gradient,
-    residual_norm,
-    restore,
-    retract,
-)
-from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
-
-inlined = njit(inline="always", nogil=True, error_model="numpy")
 
 
-class Iteration(NamedTuple):
-    """What one iteration works with; bounds on objectives stand below the inequalities c of the kernel."""
+def minimise_dense(
+    program: Rows,
+    cost: Float[np.ndarray, " unknowns"],
+    z: Float[np.ndarray, " unknowns"],
+    *,
+    caps: Caps | None = None,
+    options: InteriorPointOptions = OPTIONS,
+) -> Minimum:
+    """Return a local minimum of cost · z below caps, from any point.
 
-    bounds: np.ndarray  # (bounds,) which rows have a finite bound
-    objectives: np.ndarray  # (objectives,)
-    trial_objectives: np.ndarray
-    objective_changes: np.ndarray  # along the step
-    c: np.ndarray  # (constraints,)
-    trial_c: np.ndarray
-    dc: np.ndarray
-    s: np.ndarray  # slacks
-    trial_s: np.ndarray
-    ds: np.ndarray
-    t: np.ndarray  # elastic slacks
-    trial_t: np.ndarray
-    dt: np.ndarray
-    r: np.ndarray  # residuals c − s + t
-    trial_r: np.ndarray
-    z: np.ndarray  # multipliers of c
-    dz: np.ndarray
-    stiffness: np.ndarray  # of the constraints in Newton's system
-    force: np.ndarray  # multipliers that its right side has in place of z
-    objective_weights: np.ndarray
-    residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
-    step: np.ndarray  # (unknowns + bounds,)
-    A: np.ndarray  # Newton's matrix, its factors below
-    B: np.ndarray
-    C: np.ndarray
-    L: np.ndarray
-    X: np.ndarray
-    S: np.ndarray
-    filter: np.ndarray  # (iterations + 1, 2) residuals and merits that no step may be worse than in both
-
-
-class Barrier(NamedTuple):
-    """The subproblem: barrier μ and penalty, and the violation at the penalty that last halved it."""
-
-    mu: float
-    penalty: float
-    violation: float
-    helpful_penalty: float
-
-
-@compiled
-def minimise(kernel, x, weights, rows, upper, options):
-    """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none.
-
-    Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
+    Raises EvaluationFailed where the program is not finite at the point, or has more equalities than unknowns.
     """
-    x = x.copy()
-    size, band, border, inequalities = dimensions(kernel, x)
-    work = allocate_workspace(kernel, x)
-    it = _allocate(size, band, border, inequalities, len(weights), finite_indices(upper), options.iterations)
-    barrier = Barrier(options.barrier, options.penalty, np.inf, options.penalty)
-    trial, dx = x.copy(), np.zeros(x.shape)
-    delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
-    status, iteration, stationarity, violation = ITERATION_LIMIT, 0, np.inf, np.inf
-    if not restore(kernel, work, x):
-        status = VIOLATED
-    _evaluate(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
-    if not _all_finite(it.objectives, it.c):
-        status = NOT_FINITE
-    infeasible = options.filter_infeasible * max(1.0, _begin_slacks(barrier, it, options))
-    for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
-        if not linearise(kernel, work, x):
-            status = SINGULAR
-            break
-        scale = _multiplier_scale(it.z, options)
-        stationarity = _stationarity(kernel, work, weights, rows, it) / scale
-        complementarity, violation = complementarity_and_violation(it.c, it.s, it.z, barrier.mu)
-        complementarity /= scale
-        solved = _subproblem_solved(barrier, stationarity, complementarity, flat, it, options)
-        if solved and barrier.mu <= options.last_barrier and (flat or stationarity <= options.tolerance):
-            status = _final_status(barrier, violation, options)
-            break
-        if iteration == options.iterations:
-            break
-        if solved:
-            hopeless, barrier = _next_subproblem(barrier, stationarity, complementarity, violation, it, options)
-            entries = 0
-            if hopeless:
-                status = VIOLATED
-                break
-        delta = _newton_step(kernel, work, weights, rows, barrier, border, delta, it)
-        if not np.isfinite(delta):
-            status = NO_PROGRESS
-            break
-        length, slope = _direction(kernel, work, weights, rows, barrier, options, dx, it)
-        before = dot(weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
-        theta = _residual_sum(it.r, options)
-        flat = theta == 0.0 and (
-            -slope <= options.flat_decrease * (1 + abs(before)) or stalled >= options.stalled_steps
+    size = float(np.linalg.norm(cost)) or 1.0
+    rows, upper = (np.zeros((0, len(z))), np.zeros(0)) if caps is None else (caps.rows, caps.most)
+    kernel = _kernel(cast(Hashable, program), len(z))._replace(objectives=np.concatenate([cost[None] / size, rows]))
+    if kernel.equalities > len(z):
+        raise EvaluationFailed(f"program: at least {kernel.equalities} unknowns wanted, got {len(z)}")
+    count = len(kernel.objectives)
+    x, status, iterations, _, multipliers, _, _ = minimise(
+        kernel, np.array(z, dtype=float), np.eye(count)[0], np.eye(count), np.append(np.inf, upper), options
+    )
+    if status == NOT_FINITE:
+        raise EvaluationFailed("program: finite rows and slopes wanted, got others")
+    equalities, inequalities = program.rows(x)
+    violations = np.concatenate([np.abs(equalities), -inequalities, rows @ x - upper])
+    return Minimum(
+        z=x,
+        limits=size * multipliers,
+        violation=float(violations.max(initial=0.0)),
+        converged=status == CONVERGED,
+        iterations=iterations,
+    )
+
+
+@lru_cache(maxsize=64)
+def _kernel(program: Hashable, unknowns: int) -> DenseKernel:
+    if isinstance(program, Assembled):
+        return dense_kernel(unknowns, program.parts, np.zeros((0, unknowns)))
+    assert isinstance(program, Smooth)
+    whole = Part(program=program, where=np.arange(unknowns)[None], parameters=program.parameters[None])
+    return dense_kernel(unknowns, [whole], np.zeros((0, unknowns)))
+
+
+def dense_kernel(
+    unknowns: int, parts: Sequence[Part], objectives: Float[np.ndarray, "objectives unknowns"]
+) -> DenseKernel:
+    """Return a program of parts as compiled code takes it, its objectives linear."""
+    equalities = sum(part.program.equalities * len(part.where) for part in parts)
+    inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
+    first_h, first_c = 0, equalities
+    tables, programs, rows, first, second = [], [], [], [], []
+    arrays: list[list[np.ndarray]] = [[], [], [], []]
+    ends = np.zeros(4, dtype=np.int64)
+    where, parameters = [], []
+    begin = np.zeros(3, dtype=np.int64)
+    for part in parts:
+        own, places = part.program, len(part.where)
+        lane = np.arange(places)
+        row = np.concatenate(
+            [
+                first_h + np.arange(own.equalities)[:, None] + own.equalities * lane,
+                first_c + np.arange(own.inequalities)[:, None] + own.inequalities * lane,
+            ]
         )
-        accepted, after, entries = _search(
-            kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries,
-            options, trial, it
-        )  # fmt: skip
-        if accepted:
-            gained = after < before - options.merit_rounding * abs(before)
-            stalled = 0 if gained or barrier.mu > options.last_barrier else stalled + 1
-            step_multipliers(it.dz, it.trial_s, it.trial_t, barrier.mu, barrier.penalty, options, it.z)
-            x, trial = trial, x
-            _accept(it)
-        elif options.implied_slacks or restorations >= options.restorations or (theta == 0.0 and entries == 0):
-            if not flat:
-                status = NO_PROGRESS
-                break
-        else:
-            restorations += 1
-            if entries == 0:
-                reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
-                central_multipliers(it.s, barrier.mu, it.z)
-            entries = 0
-    return x, status, iteration, it.objectives, it.z, stationarity, violation
-
-
-@inlined
-def _allocate(size, band, border, inequalities, objectives, bounds, iterations):
-    constraints, borders = inequalities + len(bounds), border + len(bounds)
-    by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
-    F, trial_F, dF, objective_weights = by_objective[0], by_objective[1], by_objective[2], by_objective[3]
-    c = by_constraint
-    return Iteration(
-        bounds, F, trial_F, dF, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12],
-        c[13], c[14], objective_weights,
-        np.zeros(size + border),
-        np.zeros(size + borders),
-        np.zeros((size, band)),
-        np.zeros((borders, size)),
-        np.zeros((borders, borders)),
-        np.zeros((size, band)),
-        np.zeros((borders, size)),
-        np.zeros((borders, borders)),
-        np.zeros((iterations + 1, 2)),
-    )  # fmt: skip
-
-
-@inlined
-def _all_finite(F, c):
-    total = 0.0
-    for k in range(len(F)):
-        total += F[k]
-    for i in range(len(c)):
-        total += c[i]
-    return np.isfinite(total)
-
-
-@inlined
-def _begin_slacks(barrier, it, options):
-    """Write the first slacks and multipliers; return the sum of the residuals."""
-    if options.implied_slacks:
-        reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
-    else:
-        least = min(options.least_slack, np.sqrt(barrier.mu))
-        begin_slacks(it.c, barrier.mu, barrier.penalty, least, it.s, it.t, it.r)
-    central_multipliers(it.s, barrier.mu, it.z)
-    return _residual_sum(it.r, options)
-
-
-@compiled
-def _residual_sum(r, options):
-    """Return Σ |r|, 0 where it is below what counts."""
-    total = 0.0
-    for i in range(len(r)):
-        total += abs(r[i])
-    return max(0.0, total - options.residual_tolerance)
-
-
-@inlined
-def _multiplier_scale(z, options):
-    """Return what errors are relative to: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
-    total = 0.0
-    for i in range(len(z)):
-        total += z[i]
-    return max(1.0, total / (options.large_multiplier * max(1, len(z))))
-
-
-@inlined
-def _evaluate(kernel, work, x, rows, upper, bounds, F, c):
-    """Write objectives and constraint values at x."""
-    evaluate(kernel, work, x, F, c)
-    inequalities = len(c) - len(bounds)
-    for e in range(len(bounds)):
-        value = 0.0
-        for k in range(len(F)):
-            value += rows[bounds[e], k] * F[k]
-        c[inequalities + e] = upper[bounds[e]] - value
-
-
-@inlined
-def _accept(it):
-    """Take the trial values."""
-    for k in range(len(it.objectives)):
-        it.objectives[k] = it.trial_objectives[k]
-    for i in range(len(it.c)):
-        it.c[i], it.s[i], it.t[i], it.r[i] = it.trial_c[i], it.trial_s[i], it.trial_t[i], it.trial_r[i]
-
-
-@inlined
-def _weigh_objectives(weights, rows, bounds, multipliers, out):
-    """Write weights + rowsᵀ · multipliers of the bounds, the last of all multipliers."""
-    inequalities = len(multipliers) - len(bounds)
-    for k in range(len(weights)):
-        out[k] = weights[k]
-        for e in range(len(bounds)):
-            out[k] += rows[bounds[e], k] * multipliers[inequalities + e]
-
-
-@inlined
-def _stationarity(kernel, work, weights, rows, it):
-    """Return the length of the reduced gradient of the Lagrangian."""
-    _weigh_objectives(weights, rows, it.bounds, it.z, it.objective_weights)
-    reduced_gradient(kernel, work, it.objective_weights, it.z, it.residual)
-    prepare_multipliers(kernel, work, it.objective_weights)
-    return residual_norm(kernel, it.residual)
-
-
-@inlined
-def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
-    """Wächter & Biegler 2006, Eq. 5; where nothing more can be gained, rounding is all that is left."""
-    tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
-    for i in range(len(it.r)):
-        largest = max(largest, abs(it.r[i]))
-    feasible = largest <= max(tolerance, options.residual_tolerance)
-    return (flat or stationarity <= max(tolerance, options.tolerance)) and complementarity <= tolerance and feasible
-
-
-@inlined
-def _soft_violation(barrier, options):
-    """Return up to which a violation only says that the barrier is not yet low."""
-    return options.soft_violation * barrier.mu / barrier.penalty
-
-
-@inlined
-def _final_status(barrier, violation, options):
-    return CONVERGED if violation <= max(options.tolerance, _soft_violation(barrier, options)) else VIOLATED
-
-
-@inlined
-def _next_subproblem(barrier, stationarity, complementarity, violation, it, options):
-    """Return whether the constraints cannot all hold, and the next subproblem: a higher penalty or a lower barrier."""
-    mu, penalty, before, helpful = barrier
-    if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):
-        if violation <= 0.5 * before:
-            before, helpful = violation, penalty
-        elif penalty >= options.helpless_growth * helpful:
-            return True, barrier
-        penalty = options.penalty_factor * penalty
-        reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
-        central_multipliers(it.s, mu, it.z)
-    else:
-        mu = _next_barrier(mu, options)
-        while mu > options.last_barrier and max(stationarity, complementarity) <= options.barrier_tolerance * mu:
-            mu = _next_barrier(mu, options)
-        if options.implied_slacks:
-            reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
-    return False, Barrier(mu, penalty, before, helpful)
-
-
-@inlined
-def _next_barrier(mu, options):
-    """Wächter & Biegler 2006, Eq. 7."""
-    return max(options.last_barrier, min(options.barrier_factor * mu, mu**options.barrier_power))
-
-
-@inlined
-def _newton_step(kernel, work, weights, rows, barrier, border, delta, it):
-    """Write Newton's step; return what was added to the diagonal last, inf where no matrix serves."""
-    unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
-    barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
-    clear(it.A)
-    clear(it.B)
-    clear(it.C)
-    largest = assemble(kernel, work, it.stiffness, it.A, it.B, it.C)
-    size = it.A.shape[0]
-    for e in range(len(it.bounds)):  # a bound stays an equation: its row of [rows ∂F, −1 / stiffness] is the border's
-        reduced_gradient(kernel, work, rows[it.bounds[e]], it.force[:0], it.residual)
-        for i in range(size):
-            it.B[border + e, i] = it.residual[i]
-        for i in range(border):
-            it.C[border + e, i] = it.C[i, border + e] = it.residual[size + i]
-        it.C[border + e, border + e] = -1.0 / it.stiffness[inequalities + e]
-    _weigh_objectives(weights, rows, it.bounds, it.force, it.objective_weights)
-    reduced_gradient(kernel, work, it.objective_weights, it.force, it.residual)
-    delta = _factorise_definite(it.A, it.B, it.C, it.L, it.X, it.S, border, largest, delta)
-    if np.isfinite(delta):
-        for i in range(len(it.step)):
-            it.step[i] = -it.residual[i] if i < unknowns else 0.0
-        solve(it.L, it.B, it.X, it.S, it.step)
-    return delta
-
-
-@inlined
-def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
-    """Factorise with the least of growing multiples of the identity that gives the right inertia; return that.
-
-    Nocedal & Wright, algorithm 3.3. Infinity says that none does: the matrix is not finite.
-    """
-    added, most = 0.0, largest
-    for i in range(A.shape[0]):
-        most = max(most, abs(A[i, 0]))
-    while not factorise(A, B, C, L, X, S, C.shape[0] - border):
-        more = max(1e-9 * largest, delta / 4, 8 * added, 1e-300)
-        if not more < 1e15 * most:
-            return np.inf
-        for i in range(A.shape[0]):
-            A[i, 0] += more - added
-        for i in range(border):
-            C[i, i] += more - added
-        added = more
-    return added if added > 0 else delta / 16
-
-
-@inlined
-def _direction(kernel, work, weights, rows, barrier, options, dx, it):
-    """Write the step in x and what changes along it; return how far it may go and the merit function's slope."""
-    largest = expand_step(kernel, work, it.step, dx)
-    length = min(1.0, options.longest_step / max(largest, 1e-300))
-    directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
-    inequalities = len(it.c) - len(it.bounds)
-    for e in range(len(it.bounds)):
-        change = 0.0
-        for k in range(len(it.objective_changes)):
-            change += rows[it.bounds[e], k] * it.objective_changes[k]
-        it.dc[inequalities + e] = -change
-    for i in range(len(it.dz)):
-        it.dz[i] = it.force[i] - it.z[i] - it.stiffness[i] * it.dc[i]
-    mu, penalty, fraction = barrier.mu, barrier.penalty, options.boundary_fraction
-    if options.implied_slacks:
-        slope, length = limit_implied_step(it.c, it.s, it.dc, mu, length, fraction)
-    else:
-        newton_slacks(it.s, it.t, it.z, it.dz, mu, penalty, it.ds, it.dt)
-        slope, length = limit_step(it.s, it.t, it.ds, it.dt, mu, penalty, length, fraction)
-    slope += dot(weights, it.objective_changes)
-    return length, min(slope, 0.0) if options.implied_slacks else slope
-
-
-@inlined
-def _search(
-    kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries, options,
-    trial, it
-):  # fmt: skip
-    """Write the trial point of the longest step that the filter accepts; return (whether, merit, filter entries)."""
-    after, mu, penalty = before, barrier.mu, barrier.penalty
-    for _ in range(options.halvings):
-        if retract(kernel, work, x, dx, length, trial):
-            _evaluate(kernel, work, trial, rows, upper, it.bounds, it.trial_objectives, it.trial_c)
-            if options.implied_slacks:
-                reset_slacks(it.trial_c, mu, penalty, it.trial_s, it.trial_t, it.trial_r)
-            else:
-                step_slacks(it.trial_c, it.s, it.t, it.ds, it.dt, length, it.trial_s, it.trial_t, it.trial_r)
-            after = dot(weights, it.trial_objectives) + merit_terms(it.trial_s, it.trial_t, mu, penalty)
-            accepted, entries = _filter_accepts(
-                theta, before, _residual_sum(it.trial_r, options), after, slope, length, infeasible, it.filter,
-                entries, options
-            )  # fmt: skip
-            if accepted:
-                return True, after, entries
-        length *= 0.5
-    return False, after, entries
-
-
-@compiled
-def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible, filter_, entries, options):
-    """Return whether a step may be taken, and the number of filter entries (Wächter & Biegler 2006, section 2.3).
-
-    Without residuals this is Armijo's condition.
-    """
-    margin, rounding = options.filter_margin, options.merit_rounding * abs(before)
-    for i in range(entries):
-        if trial_theta >= (1 - margin) * filter_[i, 0] and after >= filter_[i, 1] - margin * filter_[i, 0]:
-            return False, entries
-    if theta <= infeasible and length * (-slope) ** 2.3 >= theta**1.1 and slope <= 0.0:
-        return after <= before + options.armijo * length * slope + rounding, entries
-    if trial_theta <= (1 - margin) * theta or after <= before - margin * theta + rounding:
-        filter_[entries, 0], filter_[entries, 1] = theta, before
-        return True, entries + 1
-    return False, entries
+        first_h, first_c = first_h + own.equalities * places, first_c + own.inequalities * places
+        tables.append([places, part.where.shape[1], part.parameters.shape[1], len(row), own.equalities > 0, *begin])
+        begin += part.where.size, part.parameters.size, row.size
+        table = []
+        for one in (own.values, own.first, own.second):
+            each = (one.code, one.constants, one.inputs, one.outputs)
+            sizes = np.array([len(array) for array in each])
+            table.append([*np.stack([ends, ends + sizes], axis=1).ravel(), one.registers, len(one.outputs)])
+            ends = ends + sizes
+            for known, array in zip(arrays, each, strict=True):
+                known.append(array)
+        programs.append(table)
+        rows.append(row.ravel())
+        where.append(part.where.T.ravel())
+        parameters.append(part.parameters.T.ravel())
+        (i, j), (a, b) = own.places, own.bends
+        first.append((row[i].ravel(), part.where.T[j].ravel()))
+        second.append((part.where.T[a].ravel(), part.where.T[b].ravel()))
+    first_row, first_column = (np.concatenate([pair[k] for pair in first]).astype(np.int64) for k in (0, 1))
+    second_row, second_column = (np.concatenate([pair[k] for pair in second]).astype(np.int64) for k in (0, 1))
+    order = np.lexsort((first_column, first_row))
+    by_row = order[first_row[order] >= equalities]
+    return DenseKernel(
+        unknowns=unknowns,
+        equalities=equalities,
+        inequalities=inequalities,
+        objectives=np.ascontiguousarray(objectives, dtype=float),
+        code=np.concatenate(arrays[0]),
+        constants=np.concatenate(arrays[1]),
+        inputs=np.concatenate(arrays[2]),
+        outputs=np.concatenate(arrays[3]),
+        programs=np.array(programs, dtype=np.int64),
+        parts=np.array(tables, dtype=np.int64),
+        where=np.concatenate(where).astype(np.int64),
+        parameters=np.concatenate(parameters),
+        row=np.concatenate(rows).astype(np.int64),
+        begin_first=np.cumsum([0, *(len(pair[0]) for pair in first)]),
+        first_row=first_row,
+        first_column=first_column,
+        begin_second=np.cumsum([0, *(len(pair[0]) for pair in second)]),
+        second_row=second_row,
+        second_column=second_column,
+        by_row=by_row,
+        begin_row=np.searchsorted(first_row[by_row], equalities + np.arange(inequalities + 1)),
+    )

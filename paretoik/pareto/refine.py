@@ -15,8 +15,8 @@ from jaxtyping import Float
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
 from paretoik.nlp.criticality import Criticality, criticality
-from paretoik.nlp.dense_program import minimise_dense
 from paretoik.nlp.dense_sqp import Caps, Local, Minimum, local, minimised
+from paretoik.nlp.interior_point import minimise_dense
 from paretoik.nlp.traced import Rows
 from paretoik.pareto.exchange_rates import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
 

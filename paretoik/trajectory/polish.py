@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.nlp.interior_point import minimise
+from paretoik.nlp.compiled.interior_point import minimise
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions
 from paretoik.trajectory.sequential import sequential
@@ -41,7 +41,7 @@ def polish(
     below = np.minimum(below, program.upper)
     solver = _compiled if program.is_smooth else _general
     found = solver(program, q, weights, below, each)
-    if program.task.stops:
+    if program.task.ends_at_rest:
         # How the last sample follows is known up to the path's own last step: below that no step makes it better.
         near = (found.status == NO_PROGRESS) & (found.stationarity <= program.rounding) & (found.violation <= 1e-8)
         found.status[near] = CONVERGED

@@ -20,8 +20,7 @@ from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
 from paretoik.nlp.subproblem import Step, solve_subproblem
-from paretoik.task.motion import steepest
-from paretoik.task.retraction import retract
+from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.linearisation import Linearised, Values, evaluated, linearised
 from paretoik.trajectory.transcription import MotionProgram
 
@@ -207,12 +206,12 @@ def _moved(program: MotionProgram, local: Linearised, at: _Point, step: np.ndarr
     q = at.q + local.displacement(step)
     if task.cyclic:
         q[-1] = q[0]
-    if task.stops:
+    if task.ends_at_rest:
         q[-1] = q[-2]
     targets = task.targets.copy()
     if task.cyclic:
         targets[-1] = targets[0]
-    directions = steepest(np.moveaxis(local.jacobian, 0, -1))
+    directions = row_space_basis(np.moveaxis(local.jacobian, 0, -1))
     found = retract(task.arm, task.tasks, q, targets, directions)
     if not found.on_path.all():
         return None

@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import linprog
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.dense_program import OPTIONS, minimise_dense
 from paretoik.nlp.dense_sqp import Caps
+from paretoik.nlp.interior_point import OPTIONS, minimise_dense
 from paretoik.nlp.traced import smooth
 
 LAST = np.array([0.0, 0.0, 0.0, 0.0, 1.0])

@@ -13,9 +13,9 @@ import numpy as np
 from paretoik.autodiff.evaluator import BLOCK_SIZE
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
-from paretoik.nlp import interior_point_kernel as steps
-from paretoik.nlp.array_loops import norm
-from paretoik.nlp.householder import (
+from paretoik.nlp.compiled import kernel_steps as steps
+from paretoik.nlp.compiled.array_loops import norm
+from paretoik.nlp.compiled.householder import (
     back_substitute,
     eliminate,
     rotate,
@@ -23,7 +23,7 @@ from paretoik.nlp.householder import (
     rotate_matrix,
     triangularise,
 )
-from paretoik.nlp.interior_point_kernel import implement
+from paretoik.nlp.compiled.kernel_steps import implement
 
 EQUALITY_TOLERANCE = 1e-12  # of h(x) = 0
 RETRACTIONS = 10  # Newton steps at most

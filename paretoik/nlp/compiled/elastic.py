@@ -66,10 +66,10 @@ def merit_terms(s, t, mu, penalty):
 
 
 @compiled
-def central_multipliers(s, mu, z):
+def central_multipliers(s, mu, penalty, z):
     """Write the multipliers on the central path, s z = μ."""
     for i in range(len(s)):
-        z[i] = mu / s[i]
+        z[i] = min(mu / s[i], (1 - MULTIPLIER_ROUNDING) * penalty)
 
 
 @compiled
@@ -92,12 +92,19 @@ def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
 
 
 @compiled
-def newton_slacks(s, t, z, dz, mu, penalty, ds, dt):
-    """Write Newton's steps of the slacks: s z = μ and t (penalty − z) = μ, linearised."""
+def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
+    """Write Newton's steps of the slacks: s z = μ and t (penalty − z) = μ, linearised.
+
+    The longer slack follows from dc − ds + dt = −r, where that rounds less.
+    """
     for i in range(len(s)):
         w = penalty - z[i]
         ds[i] = mu / z[i] - s[i] - s[i] / z[i] * dz[i]
-        dt[i] = mu / w - t[i] + t[i] / w * dz[i]
+        if s[i] < t[i]:
+            dt[i] = ds[i] - dc[i] - r[i]
+        else:
+            dt[i] = mu / w - t[i] + t[i] / w * dz[i]
+            ds[i] = dc[i] + dt[i] + r[i]
 
 
 @compiled

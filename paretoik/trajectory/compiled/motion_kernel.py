@@ -13,10 +13,10 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
-from paretoik.nlp import interior_point_kernel as steps
-from paretoik.nlp.array_loops import add_scaled, clear, inner_product, norm
-from paretoik.nlp.interior_point_kernel import implement
-from paretoik.trajectory.self_motion_steps import (
+from paretoik.nlp.compiled import kernel_steps as steps
+from paretoik.nlp.compiled.array_loops import add_scaled, clear, inner_product, norm
+from paretoik.nlp.compiled.kernel_steps import implement
+from paretoik.trajectory.compiled.self_motion_steps import (
     add_hessian,
     add_transposed_stencil,
     apply_stencil,

@@ -11,7 +11,7 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
-from paretoik.nlp.householder import eliminate
+from paretoik.nlp.compiled.householder import eliminate
 
 ON_PATH = 1e-12  # of the path equations
 NEWTON = 8  # steps back to the path at most

@@ -1,0 +1,1 @@
+"""What runs compiled: numba code on plain arrays, nothing else."""
