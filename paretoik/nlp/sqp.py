@@ -1,0 +1,321 @@
+"""Sequential quadratic programming for any Program, kinks included.
+
+A step solves a convex subproblem: the exact Hessian of the Lagrangian, made positive semidefinite where it is not, the
+inequalities to first order, elastic at a penalty, within a trust region. The merit function is the objective plus the
+penalty times the largest violation. A step that gains less than the subproblem predicts, because of curvature, is
+corrected to second order. Source: Nocedal & Wright, Numerical Optimization, section 18.5; Fletcher 1982 for kinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+
+from paretoik.arrays import Point
+from paretoik.errors import SolverFailed
+from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
+from paretoik.nlp.conic import Constraints
+from paretoik.nlp.criticality import criticality
+from paretoik.nlp.program import Goal, Linearisation, Program, bounded
+from paretoik.nlp.subproblem import Step, solve_subproblem
+
+
+@dataclass(frozen=True, kw_only=True)
+class SqpOptions:
+    """How a search goes. Lengths of steps along the equalities are those of their largest entry [rad, m].
+
+    The size of the objective is Σ |weights · F| at the start, or the length of its gradient if that is more.
+    """
+
+    iterations: int = 150
+    radius: float = 0.3  # of the first trust region
+    largest_radius: float = 0.4  # too little to reach another branch unseen
+    smallest_radius: float = 1e-10  # where no shorter step is tried
+    tolerance: float = 1e-8  # of violations, as shares of ranges
+    penalty: float = 100.0  # of a violation of a whole range, first, in sizes of the objective
+    largest_penalty: float = 1e7  # where limits that are still violated are given up
+    penalty_factor: float = 10.0
+    acceptance: float = 1e-4  # of the predicted reduction: what a step has to gain
+    agreement: float = 0.75  # of the predicted reduction: a gain that needs no correction, and a larger trust region
+    excess: float = 1.3  # times the predicted reduction: a gain that shows the Hessian to be too stiff
+    corrections: int = 1  # to second order, of one step
+    stiffening: float = 0.0  # of the Hessian's largest eigenvalue, added across inequalities that bind
+    flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue where the Hessian is indefinite
+    smallest_share: float = 1e-6  # of a flattened Hessian
+    reduction_tolerance: float = 1e-15  # of the merit function: a predicted reduction that is rounding
+    criticality_tolerance: float = 5e-7  # in sizes of the objective: first-order gain that rounding hides
+
+
+OPTIONS = SqpOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution:
+    """The point where a search ended, and the multipliers of inequalities and of the goal's finite bounds.
+
+    ``objectives`` are F there, ``stationarity`` the RMS length of the Lagrangian's gradient, ``violation`` the worst of
+    all constraints as a share of its range, ``status`` a key of STATUSES.
+    """
+
+    x: Point
+    status: int
+    iterations: int
+    objectives: Float[np.ndarray, " objectives"]
+    multipliers: Float[np.ndarray, " inequalities"]
+    bound_multipliers: Float[np.ndarray, " bounds"]
+    stationarity: float
+    violation: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Iterate:
+    """A point, F there, and the merit function's parts: the objective value and the largest violation."""
+
+    x: Point
+    objectives: Float[np.ndarray, " objectives"]
+    value: float
+    violation: float
+
+    def merit(self, penalty: float) -> float:
+        """Return the merit function."""
+        return self.value + penalty * self.violation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Model:
+    """The program about an iterate: the constraints of a step, the first ``elastic`` elastic, gradient and Hessian."""
+
+    at: Linearisation
+    constraints: Constraints
+    elastic: int
+    gradient: Float[np.ndarray, " columns"]
+    hessian: sparse.csr_array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Attempt:
+    """A step tried: where it leads, the gain in merit that was predicted and had, its length before any correction."""
+
+    step: Step
+    trial: _Iterate | None
+    predicted: float
+    gain: float
+    length: float
+
+
+def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
+    """Return the local minimum of a goal that a point on, or near, the equalities leads to.
+
+    Raises EvaluationFailed where the program has no finite values or derivatives.
+    """
+    search = _Search(program, x, goal, options)
+    while search.status is None:
+        search.advance()
+    return search.solution()
+
+
+class _Search:
+    """A search: its iterate, trust region, penalty, and the multipliers of the last step."""
+
+    def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
+        finite = np.isfinite(goal.upper)
+        self.program, self.options = program, options
+        self.goal = Goal(weights=goal.weights, rows=goal.rows[finite], upper=goal.upper[finite])
+        self.iterate, self.last = self._evaluate(x), None
+        gradient = goal.weights @ program.linearise(x).gradients
+        value = float(np.abs(goal.weights * self.iterate.objectives).sum())
+        self.size = max(value, float(np.linalg.norm(gradient))) or 1.0
+        self.penalty, self.radius, self.share = options.penalty * self.size, options.radius, 1.0
+        self.iterations, self.stationarity = 0, np.inf
+        self.status: int | None = None
+
+    def advance(self) -> None:
+        """Take one step, or end the search."""
+        options = self.options
+        if self.iterations >= options.iterations:
+            self.status = CAPPED
+            return
+        self.iterations += 1
+        model = self._linearise()
+        attempt = self._accepted_step(model)
+        if attempt is None or attempt.trial is None:
+            self._end(model, settled=attempt is not None)
+            return
+        self.iterate, self.last = attempt.trial, attempt.step
+        if attempt.gain > options.excess * attempt.predicted:
+            self.share = max(self.share / 4, options.smallest_share)
+        elif attempt.gain < options.agreement * attempt.predicted:
+            self.share = min(4 * self.share, 1.0)
+        if attempt.gain >= options.agreement * attempt.predicted and attempt.length > 0.9 * self.radius:
+            self.radius = min(2 * self.radius, options.largest_radius)
+
+    def solution(self) -> Solution:
+        """Return where the search has ended."""
+        assert self.status is not None
+        multipliers, bound_multipliers = self._split(self.last, self.program.linearise(self.iterate.x))
+        return Solution(
+            x=self.iterate.x,
+            status=self.status,
+            iterations=self.iterations,
+            objectives=self.iterate.objectives,
+            multipliers=multipliers,
+            bound_multipliers=bound_multipliers,
+            stationarity=self.stationarity,
+            violation=self.iterate.violation,
+        )
+
+    def _evaluate(self, x: Point) -> _Iterate:
+        objectives, equalities, inequalities = self.program.evaluate(x)
+        slack = np.concatenate([inequalities, self.goal.upper - self.goal.rows @ objectives])
+        return _Iterate(
+            x=x,
+            objectives=objectives,
+            value=float(self.goal.weights @ objectives),
+            violation=max(0.0, float(np.abs(equalities).max(initial=0.0)), -float(slack.min(initial=np.inf))),
+        )
+
+    def _linearise(self) -> _Model:
+        at = self.program.linearise(self.iterate.x)
+        constraints, elastic = bounded(at, self.goal)
+        multipliers, bound_multipliers = self._split(self.last, at)
+        weights = self.goal.weights + self.goal.rows.T @ bound_multipliers
+        hessian = at.hessian(weights, multipliers, () if self.last is None else self.last.cone_multipliers)
+        binding = None if self.last is None else self.last.multipliers
+        return _Model(
+            at=at,
+            constraints=constraints,
+            elastic=elastic,
+            gradient=self.goal.weights @ at.gradients,
+            hessian=self.share * _convexify(hessian, constraints, binding, self.options),
+        )
+
+    def _split(self, step: Step | None, at: Linearisation) -> tuple[np.ndarray, np.ndarray]:
+        """Return the multipliers of the program's inequalities and those of the goal's bounds."""
+        bounds = len(self.goal.upper)
+        if step is None:
+            return np.zeros(len(at.inequalities)), np.zeros(bounds)
+        parts = np.split(step.multipliers, [at.elastic, at.elastic + bounds])
+        return np.concatenate([parts[0], parts[2]]), parts[1]
+
+    def _accepted_step(self, model: _Model) -> _Attempt | None:
+        """Return the first attempt, in ever smaller trust regions, that gains enough; None where none does.
+
+        An attempt without a trial says that no step is predicted to gain anything.
+        """
+        while self.radius > self.options.smallest_radius:
+            step = self._solve(model, model.constraints)
+            if step is None:
+                self.radius /= 4
+                continue
+            attempt = self._attempt(model, step)
+            if attempt.trial is None and attempt.gain == 0.0:
+                return attempt
+            if attempt.trial is not None and attempt.gain >= self.options.acceptance * attempt.predicted:
+                return attempt
+            self.radius = min(self.radius, attempt.length) / 4
+        return None
+
+    def _attempt(self, model: _Model, step: Step) -> _Attempt:
+        """Return what a step, corrected where it gains too little, leads to; nothing is tried where it predicts none."""
+        options, d = self.options, step.step
+        before, curvature = self.iterate.merit(self.penalty), model.hessian @ d
+        linear = float(model.gradient @ d) + 0.5 * float(d @ curvature)
+        predicted = self.penalty * (self.iterate.violation - step.violation) - linear
+        length = float(np.abs(d[: model.at.unknowns]).max(initial=0.0))
+        self.stationarity = float(np.linalg.norm(curvature[: model.at.unknowns])) * model.at.unit
+        rounding = options.reduction_tolerance * (self.size + abs(before))
+        if predicted <= rounding and length < 0.99 * self.radius:
+            return _Attempt(step=step, trial=None, predicted=predicted, gain=0.0, length=length)
+        best = _Attempt(step=step, trial=None, predicted=predicted, gain=-np.inf, length=length)
+        for correction in range(options.corrections + 1):
+            x = model.at.retract(step.step)
+            trial = None if x is None else self._evaluate(x)
+            gain = -np.inf if trial is None else before - trial.merit(self.penalty)
+            if np.isfinite(gain) and (not correction or gain > max(best.gain, 0.0)):
+                best = replace(best, step=step, trial=trial, gain=gain)
+            if (
+                trial is None
+                or x is None
+                or best.gain >= options.agreement * predicted
+                or correction == options.corrections
+            ):
+                break
+            corrected = self._solve(model, self._corrected(model, step, x, trial))
+            if corrected is None:
+                break
+            step = corrected
+        return best
+
+    def _corrected(self, model: _Model, step: Step, x: Point, trial: _Iterate) -> Constraints:
+        """Return the constraints with the curvature along a step that led to x made up for (Eq. 18.23)."""
+        inequalities = model.at.corrected_inequalities(step.step, x)
+        elastic = model.at.elastic
+        bounds = self.goal.upper - self.goal.rows @ trial.objectives
+        values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
+        return replace(model.constraints, values=values - model.constraints.jacobian @ step.step)
+
+    def _solve(self, model: _Model, constraints: Constraints) -> Step | None:
+        try:
+            return solve_subproblem(
+                model.gradient,
+                model.hessian,
+                constraints,
+                elastic=model.elastic,
+                radius=self.radius,
+                penalty=self.penalty,
+            )
+        except SolverFailed:
+            return None
+
+    def _end(self, model: _Model, *, settled: bool) -> None:
+        """End the search, or let violations that are left cost more; ``settled`` where no reduction is predicted."""
+        options = self.options
+        feasible = self.iterate.violation <= options.tolerance
+        if not feasible and self.penalty < options.largest_penalty * self.size:
+            self.penalty *= options.penalty_factor
+            self.radius = max(options.radius, self.radius)
+            return
+        if not feasible:
+            self.status = VIOLATED
+        elif settled or self._is_critical(model):
+            self.status = CONVERGED
+        else:
+            self.status = STUCK
+
+    def _is_critical(self, model: _Model) -> bool:
+        """Return whether no direction gains more than rounding, to first order."""
+        gain = criticality(model.gradient[None], model.constraints, model.at.unit).value
+        return gain <= self.options.criticality_tolerance * self.size
+
+
+def _convexify(
+    hessian: sparse.csr_array, constraints: Constraints, multipliers: np.ndarray | None, options: SqpOptions
+) -> sparse.csr_array:
+    """Return the Hessian, its negative eigenvalues made nearly 0 where it has any: the trust region bounds steps there.
+
+    Reflecting them took two to five times as many steps where curvature comes from kinks.
+    """
+    dense = hessian.toarray()
+    index = np.arange(len(dense))
+    used = np.flatnonzero(np.any(dense != 0, axis=1) | (index < constraints.unknowns))
+    inner = dense[np.ix_(used, used)]
+    least = options.flattening * max(float(np.abs(inner).max(initial=0.0)), 1e-12)
+    if _is_definite(inner, 1e-2 * least):
+        return hessian
+    values, vectors = np.linalg.eigh(inner)
+    convex = (vectors * np.maximum(values, least)) @ vectors.T
+    row, column = np.nonzero(convex)
+    places = (used[row], used[column])
+    return sparse.csr_array(sparse.coo_array((convex[row, column], places), shape=dense.shape))
+
+
+def _is_definite(matrix: np.ndarray, margin: float) -> bool:
+    """Return whether no eigenvalue lies below −margin."""
+    try:
+        np.linalg.cholesky(matrix + margin * np.eye(len(matrix)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
