@@ -1,8 +1,8 @@
 from . import capability as capability
 from .api.epsilon_front import epsilon_front as epsilon_front
+from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
-from .api.solve import load_front as load_front
 from .api.solve import solve as solve
 from .capability.directional import directional_maxima as directional_maxima
 from .closed_loop.objectives import joint_displacement as joint_displacement
@@ -60,6 +60,6 @@ from .task.path import line as line
 from .task.path import poses as poses
 from .task.path import waypoints as waypoints
 from .task.task import Task as Task
-from .trajectory.multistart import Plan as Plan
+from .trajectory.plan import Plan as Plan
 
 __version__: str

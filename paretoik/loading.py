@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.formulations.protocol import timeline
 
 
 def load_problem(reference: str) -> Any:
@@ -122,7 +123,7 @@ def _makes_problem(value: object, module: ModuleType) -> bool:
         returned = inspect.signature(value, eval_str=True).return_annotation
     except Exception:  # an annotation that means nothing outside a type checker
         return False
-    return inspect.isclass(returned) and (hasattr(returned, "evaluate") or hasattr(returned, "reweighed"))
+    return inspect.isclass(returned) and (hasattr(returned, "evaluate") or timeline(returned) == "step")
 
 
 def _made(function: Any, module: ModuleType, reference: str) -> Any:
@@ -150,8 +151,8 @@ def _required(function: Any) -> list[str]:
 
 
 def _is_problem(value: object) -> bool:
-    wanted = ("n_var", "n_obj", "reweighed" if hasattr(value, "reweighed") else "evaluate")
-    return not inspect.isclass(value) and all(hasattr(value, name) for name in wanted)
+    parts = ("n_var", "n_obj", "evaluate") if timeline(value) == "generation" else ("n_var", "n_obj")
+    return not inspect.isclass(value) and all(hasattr(value, name) for name in parts)
 
 
 def _said(error: BaseException, file: str | None) -> str:

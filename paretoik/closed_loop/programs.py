@@ -16,7 +16,7 @@ from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.closed_loop.obstacles import round_scene, scene
 from paretoik.closed_loop.step import HISTORY, reaches, turning_rows
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.derivatives import TracedMotion, local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.path import Path
@@ -104,7 +104,7 @@ def _of(given: StepObjective, step: Step) -> Callable[[TracedMotion], Any]:
 
 
 def _errors(motion: TracedMotion, task: MotionTask, target: TracedArray) -> np.ndarray:
-    wanted, links, begun = list(target.entries), chain(task.arm, list(motion.q.entries)), 0
+    wanted, links, begun = list(target.entries), link_frames(task.arm, list(motion.q.entries)), 0
     found = []
     for each in task.tasks:
         found += each.errors(task.arm, links, wanted[begun : begun + each.numbers])[0]

@@ -26,6 +26,7 @@ from paretoik.formulations.closed_loop_result import (
     told,
     undominated,
 )
+from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
@@ -78,6 +79,8 @@ class ClosedLoop:
     InvalidInput
         Naming what cannot be used.
     """
+
+    timeline: Timeline = "step"
 
     def __init__(
         self,
@@ -297,17 +300,17 @@ class ClosedLoop:
             loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=kept, digests=tuple(digests)
         )
 
-    def choose_anew(self, front: Front, preference: Preference) -> Choice:
+    def select(self, front: Front, preference: Preference) -> Choice:
         """Return the motion that comes of following the loop anew, as in ``front``, with these weights at every step.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
-        other = self.reweighed(front, preference)
+        other = self.reweigh(front, preference)
         if other is not None:
             front = other.run().front({**front.provenance, "settings": {"weights": other.named_weights}})
         return told(front)
 
-    def reweighed(self, front: Front, preference: Preference) -> ClosedLoop | None:
+    def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
         """Return the loop that ``front`` was found by, with other weights; None where they are its own."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: of a closed loop weights are wanted, got {preference!r}")

@@ -27,7 +27,7 @@ from paretoik.task.motion_task import MotionTask, motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-from paretoik.trajectory.multistart import planned
+from paretoik.trajectory.plan import find_optima
 
 FARTHEST = 6  # samples ahead, at most
 WINDOW = 0.5  # share of the duration that is looked at, at most
@@ -92,7 +92,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             raise InvalidInput(f"path: at least 3 samples wanted, got {samples}")
         horizon(self.task, objective, 1, 1.0)  # refuses what cannot be looked ahead with
         rhythms(PredictiveKineticEnergy(prediction_step=float(self.task.times[1])), self.task.times, ())
-        self.optimum = planned(self.task, starts=starts, seed=seed).best.motion if optimum is None else optimum
+        self.optimum = find_optima(self.task, starts=starts, seed=seed).best.motion if optimum is None else optimum
         if not isinstance(self.optimum, Motion):
             raise InvalidInput(f"optimum: a Motion wanted, got {self.optimum!r}")
         if self.optimum.q.shape != (len(self.task.times), arm.dof):

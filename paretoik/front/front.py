@@ -139,11 +139,8 @@ class Front:
         """
         if len(self) == 0:
             raise Infeasible("select: wanted a front of at least one point, got none: nothing feasible was found")
-        anew: Callable[[Front, Preference], Choice] = getattr(self.problem, "choose_anew", Front._choice)
-        return anew(self, preference)
-
-    def _choice(self, preference: Preference) -> Choice:
-        return preference.choose(self)
+        select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
+        return preference.choose(self) if select is None else select(self, preference)
 
     def save(self, folder: Path | str) -> None:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`."""

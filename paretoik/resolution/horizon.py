@@ -21,7 +21,7 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.derivatives import TracedMotion, local
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -98,7 +98,7 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
             raise InvalidInput(f"{what}: looks at more than one sample")
         term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * (1.0 if left else 1.0 + terminal))
         total = as_entry(tape, Expression(tape, total) + term)
-        links, begun = chain(task.arm, list(q.entries)), 0
+        links, begun = link_frames(task.arm, list(q.entries)), 0
         for each in task.tasks:
             found = each.equations(task.arm, links, wanted[begun : begun + each.numbers])
             equations += [as_entry(tape, one) for one in found]

@@ -13,7 +13,7 @@ from paretoik.autodiff.differentiation import dependencies, gradient
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.derivatives import local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -42,7 +42,7 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.travels(task.times) for each in task.tasks], axis=1)
     targets, going = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
-    links = chain(task.arm, list(motion.q.entries))
+    links = link_frames(task.arm, list(motion.q.entries))
     outputs, along, slopes = list[Any](), list[Any](), list[Any]()
     for each in task.tasks:
         error, rows = each.errors(task.arm, links, targets[: each.numbers])

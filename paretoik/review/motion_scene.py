@@ -46,10 +46,10 @@ class MotionScene:
             origin="arm", name=self.title, background=BACKGROUND, eye_controls=_eye(self.motion.links)
         ), joints
 
-    def log(self, recording: rr.RecordingStream, course: rr.TimeColumn) -> None:
-        """Log the motion; its rows also stand where `course` says, so that neither timeline is half empty."""
+    def log(self, recording: rr.RecordingStream, row: rr.TimeColumn) -> None:
+        """Log the motion; its rows also stand at `row` of the search's timeline, so that neither is half empty."""
         times = np.asarray(self.motion.time, dtype=float)
-        columns = [rr.TimeColumn("motion", duration=times), course]
+        columns = [rr.TimeColumn("motion", duration=times), row]
         self._log_surroundings(recording)
         self._send_arm(recording, columns)
         for chart in self._charts():

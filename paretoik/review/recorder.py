@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.front.front import Choice, Front
-from paretoik.review.generation import Course, Generation
+from paretoik.review.generation import Generation, Timeline
 
 
 class Recorder:
@@ -27,7 +27,7 @@ class Recorder:
         names: Sequence[str],
         units: Sequence[str],
         maximised: Sequence[bool],
-        course: Course = "generation",
+        timeline: Timeline = "generation",
     ) -> None:
         self._file = Path(file)
         self._recording: Any = None
@@ -37,7 +37,7 @@ class Recorder:
             from paretoik.review.recording import Recording
             from paretoik.review.search_scene import SearchScene
 
-            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), course=course)
+            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), timeline=timeline)
             self._recording = Recording(self._file, title=title, scene=scene)
 
         self._attempt(start)

@@ -1,4 +1,4 @@
-"""How a search is drawn in a recording: a panel a pair of objectives, and the course of its indicators."""
+"""How a search is drawn in a recording: a panel a pair of objectives, and its indicators over time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from paretoik.arrays import Ids, Objectives, Times, Values
 from paretoik.review.canvas import BACKGROUND, Canvas, Colour, window
 from paretoik.review.chart import Chart
-from paretoik.review.generation import Course, Generation, Population
+from paretoik.review.generation import Generation, Population, Timeline
 
 POPULATION: Colour = (125, 150, 185, 190)
 FRONT: Colour = (255, 178, 62, 255)
@@ -32,14 +32,14 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
 class SearchScene:
     """Names and units of the objectives, and which are maximised: what every generation is drawn with.
 
-    ``course`` says whether they are generations or the steps of a closed loop. These have no hypervolume, and each is
+    ``timeline`` says whether they are generations or the steps of a closed loop. These have no hypervolume, and each is
     drawn as shares of its own front's ranges: from one to the next objectives can change by orders of magnitude.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     maximised: tuple[bool, ...]
-    course: Course = "generation"
+    timeline: Timeline = "generation"
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -54,7 +54,7 @@ class SearchScene:
         shown = shown[np.isfinite(shown).all(axis=1)]
         if len(shown) == 0:
             return []
-        if self.course == "step":
+        if self.timeline == "step":
             shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
         text = 3.2 * min(self.columns, 2)
         windows = [window(shown[:, list(pair)]) for pair in self.pairs]
@@ -65,7 +65,7 @@ class SearchScene:
 
     def suits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
         """Say whether `shown` can be drawn on `canvases` as they are."""
-        if self.course == "step":
+        if self.timeline == "step":
             return bool(canvases)
         return bool(canvases) and all(canvas.suits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
@@ -88,7 +88,7 @@ class SearchScene:
 
     def series_views(self) -> list[rrb.View]:
         """Return the time series: hypervolume, best values, counts."""
-        series = ["best"] if self.course == "generation" else ["chosen", "best"]
+        series = ["best"] if self.timeline == "generation" else ["chosen", "best"]
         return [
             *([rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")] if "chosen" not in series else []),
             *(
@@ -110,7 +110,7 @@ class SearchScene:
         if not told:
             return []
         numbers = np.array([generation.number for generation in told], dtype=float)
-        if self.course == "step":
+        if self.timeline == "step":
             values = np.array([generation.chosen for generation in told])
             return [
                 self._chart(f"chosen_{axis}", f"chosen {self._label(axis)}", numbers, values[:, axis], height=30.0)
@@ -136,7 +136,7 @@ class SearchScene:
         for axis, name in enumerate(self.names):
             style = rr.SeriesLines(names=f"best {self._label(axis)}", colors=CHOSEN[:3], widths=2.0)
             recording.log(["search", "best", name], style, static=True)
-            if self.course == "step":
+            if self.timeline == "step":
                 chosen = rr.SeriesLines(names=f"chosen {self._label(axis)}", colors=FRONT[:3], widths=2.0)
                 recording.log(["search", "chosen", name], chosen, static=True)
 
@@ -149,7 +149,7 @@ class SearchScene:
         self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas], *, named: bool = False
     ) -> None:
         """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
-        own = generation.front if self.course == "step" else None
+        own = generation.front if self.timeline == "step" else None
         self.log_points(recording, "population", generation.population, canvases, own=own)
         self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, own=own)
         if generation.hypervolume is not None:
@@ -210,7 +210,7 @@ class SearchScene:
         return Chart(
             entity=f"charts/{name}",
             title=label,
-            labels=(self.course, label),
+            labels=(self.timeline, label),
             instants=numbers,
             curves=values[None],
             names=[name],
@@ -220,7 +220,7 @@ class SearchScene:
         )
 
     def _axis(self, axis: int) -> str:
-        return f"{self.names[axis]}, share of the step's range" if self.course == "step" else self._label(axis)
+        return f"{self.names[axis]}, share of the step's range" if self.timeline == "step" else self._label(axis)
 
     def _label(self, axis: int) -> str:
         unit = f" [{self.units[axis]}]" if self.units[axis] else ""

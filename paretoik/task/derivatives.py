@@ -20,7 +20,7 @@ from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
-from paretoik.robot.kinematics import chain, located, node_components
+from paretoik.robot.kinematics import frame_components, link_frames, node_components
 from paretoik.task.differences import Differences
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.obstacles import Obstacle, to_surface
@@ -131,7 +131,7 @@ class TracedMotion:
         """As ``Motion.manipulability``."""
         flat = self._by_sample(
             lambda q, *_: [
-                slope for task in self.tasks for row in task.slopes(self.arm, chain(self.arm, q)) for slope in row
+                slope for task in self.tasks for row in task.slopes(self.arm, link_frames(self.arm, q)) for slope in row
             ]
         )
         jacobian = self._parted(flat, self.task.rows, self.arm.dof)
@@ -157,7 +157,7 @@ class TracedMotion:
         return (series * self.task.weights).sum(-1)
 
     def _tool(self, q: list[Component]) -> Any:
-        return located(self.arm, chain(self.arm, q), self.arm.frame("tool"))
+        return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
 
     def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
         """Run a kernel of columns on every sample that is in sight."""

@@ -229,7 +229,7 @@ class Motion:
 
     @cached_property
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
-        rotation, position = kinematics.tool_pose(self.arm, self.q)
+        rotation, position = kinematics.forward_kinematics(self.arm, self.q)
         return _frozen(rotation), _frozen(position)
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.task import Task
 
 TOLERANCE = 1e-12  # m and rad: where Newton stops; its last step squares the error
@@ -91,7 +91,7 @@ def _written(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     if key not in _WRITTEN:
         tape = Tape()
         q: list[Any] = [tape.input() for _ in range(arm.dof)]
-        links = chain(arm, q)
+        links = link_frames(arm, q)
         errors: list[Any] = []
         jacobian: list[Any] = []
         for task in tasks:

@@ -16,8 +16,8 @@ from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.components import (
     Component,
-    Rows,
-    Triple,
+    Matrix,
+    Vector,
     apply_transposed,
     dot,
     minus,
@@ -27,7 +27,7 @@ from paretoik.robot.components import (
     times,
     transpose,
 )
-from paretoik.robot.kinematics import Chain, columns, located
+from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.path import Path
 
@@ -127,25 +127,25 @@ class Task:
                 found.append(rotation_vector(later @ rotations.swapaxes(-1, -2)))
         return np.concatenate(found, axis=1)
 
-    def travelled(self, arm: Arm, links: Chain, travels: Sequence[Component]) -> list[Component]:
+    def travelled(self, arm: Arm, links: LinkFrames, travels: Sequence[Component]) -> list[Component]:
         """Return a row of ``travels`` in the coordinates of ``errors``, as components."""
         found = list(travels[: self.positions])
         if self.turns:
-            rotation, _ = located(arm, links, _frame(arm, self.frame))
+            rotation, _ = frame_components(arm, links, _frame(arm, self.frame))
             x, y, z = travels[self.positions :]
             turn = apply_transposed(rotation, (x, y, z))
             found += [turn[i] for i in self._kept]
         return found
 
     def errors(
-        self, arm: Arm, links: Chain, wanted: Sequence[Component]
+        self, arm: Arm, links: LinkFrames, wanted: Sequence[Component]
     ) -> tuple[list[Component], list[list[Component]]]:
         """Return (error, Jacobian rows) as components, all of them expressions or numbers.
 
         The Jacobian is that of the frame's motion in the same coordinates, so that J δq = error is Newton's step.
         """
         frame = _frame(arm, self.frame)
-        rotation, position = located(arm, links, frame)
+        rotation, position = frame_components(arm, links, frame)
         size = self.positions
         error = [minus(wanted[i], position[i]) for i in range(size)]
         if self.turns:
@@ -153,24 +153,24 @@ class Task:
             error += [turn[i] for i in self._kept]
         return error, self.slopes(arm, links)
 
-    def slopes(self, arm: Arm, links: Chain) -> list[list[Component]]:
+    def slopes(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
         """Return the Jacobian rows of ``errors`` as components."""
         frame = _frame(arm, self.frame)
-        rotation, position = located(arm, links, frame)
-        pairs = columns(arm, links, frame, position)
+        rotation, position = frame_components(arm, links, frame)
+        pairs = jacobian_components(arm, links, frame, position)
         jacobian = [[linear[i] for linear, _ in pairs] for i in range(self.positions)]
         if self.turns:
             spins = [apply_transposed(rotation, angular) for _, angular in pairs]
             jacobian += [[spin[i] for spin in spins] for i in self._kept]
         return jacobian
 
-    def equations(self, arm: Arm, links: Chain, wanted: Sequence[Component]) -> list[Component]:
+    def equations(self, arm: Arm, links: LinkFrames, wanted: Sequence[Component]) -> list[Component]:
         """Return smooth functions that vanish where the errors do; there their slopes are the Jacobian.
 
         Unlike the rotation vector, sines of the turn have derivatives of every order on the path itself, and the same
         first and second ones there. They vanish at half turns too: for motions that are on the path.
         """
-        rotation, position = located(arm, links, _frame(arm, self.frame))
+        rotation, position = frame_components(arm, links, _frame(arm, self.frame))
         size = self.positions
         found = [minus(position[i], wanted[i]) for i in range(size)]
         if self.turns:
@@ -194,11 +194,11 @@ def _frame(arm: Arm, name: str) -> Frame:
     return arm.frame(name)  # it searches and builds; Newton's method asks a thousand times
 
 
-def _matrix(entries: Sequence[Component]) -> Rows:
+def _matrix(entries: Sequence[Component]) -> Matrix:
     return tuple(tuple(entries[3 * i : 3 * i + 3]) for i in range(3))  # type: ignore[return-value]
 
 
-def _sines(axes: str, between: Rows) -> Triple:
+def _sines(axes: str, between: Matrix) -> Vector:
     """Return the axis times the sine of the turn that a rotation makes, or with "xyz+z-axis" its z axis makes."""
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
@@ -206,7 +206,7 @@ def _sines(axes: str, between: Rows) -> Triple:
     return scale((minus(zy, yz), minus(xz, zx), minus(yx, xy)), 0.5)
 
 
-def _turn(axes: str, rotation: Rows, desired: Rows) -> Triple:
+def _turn(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
     """Return the rotation vector in the frame's own axes that the task still wants."""
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
@@ -233,7 +233,7 @@ def _is_half_turn(sine: Component, cosine: Component) -> Component:
     return truth
 
 
-def _half_turn(between: Rows) -> Triple:
+def _half_turn(between: Matrix) -> Vector:
     """Return the rotation vector of a half turn: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
     x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
     # Of the columns the longest, which has the largest entry on the diagonal; the others may vanish.
@@ -242,6 +242,6 @@ def _half_turn(between: Rows) -> Triple:
     return scale(found, np.pi / np.sqrt(dot(found, found)))
 
 
-def _either(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Triple:
+def _either(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Vector:
     x, y, z = (where(condition, one, other) for one, other in zip(first, second, strict=True))
     return x, y, z

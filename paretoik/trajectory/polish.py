@@ -26,7 +26,7 @@ def polish(
     q: Float[np.ndarray, "motions time dof"],
     factors: Float[np.ndarray, "#motions totals"],
     caps: Float[np.ndarray, "#motions totals"] | None = None,
-    rules: Rules | Sequence[Rules] = Rules(),  # noqa: B008  a tuple of numbers
+    rules: Rules | Sequence[Rules] = Rules(),
 ) -> Solutions:
     """Return the local optima of Σ factors · totals, the totals below ``caps``, that starts on the path lead to.
 

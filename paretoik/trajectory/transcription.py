@@ -22,7 +22,7 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import ranges as widths
 from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
@@ -308,7 +308,7 @@ def _path(asked: Functions) -> list[int]:
     if task.cyclic:
         targets[-1] = targets[0]
     wanted: list[Any] = [motion.trace.parameter(column) for column in targets.T]
-    links, begun = chain(task.arm, list(motion.q.entries)), 0
+    links, begun = link_frames(task.arm, list(motion.q.entries)), 0
     path: list[int] = []
     for part in task.tasks:
         path += [

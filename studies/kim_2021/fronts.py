@@ -199,7 +199,7 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
 def _instant(problem: pk.PointToPoint, genes: np.ndarray) -> float:
     """Return the least time of a tool path if every instant had its own best posture and gears [s]."""
     q = problem.ways.finer(FINER) @ problem.profiles(genes)[0]
-    tool = kinematics.tool_pose(problem.arm, q[0])[1][:, : len(START)]
+    tool = kinematics.forward_kinematics(problem.arm, q[0])[1][:, : len(START)]
     steps, middle = np.diff(tool, axis=0), (tool[1:] + tool[:-1]) / 2
     return float(
         sum(

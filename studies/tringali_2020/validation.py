@@ -10,7 +10,7 @@ import paretoik as pk
 from paretoik.resolution.variational import Extremal, shooting, variational
 from paretoik.self_motion.branches import branch_labels
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import Optimum
+from paretoik.trajectory.plan import Optimum
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import Simulation

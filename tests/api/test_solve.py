@@ -10,7 +10,8 @@ from pymoo.core.problem import Problem
 from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
-from paretoik.api.solve import load_front, solve
+from paretoik.api.load_front import load_front
+from paretoik.api.solve import solve
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.front.indicators import non_dominated
 from paretoik.loading import fingerprint
@@ -149,15 +150,19 @@ def test_observe_sees_every_generation_as_the_user_knows_it(problem):
         return motion.q[..., -1, 0]
 
     seen = []
-    front = solve(tracking(pk.kinetic_energy, height), **QUICK, observe=lambda *shown: seen.append(shown))
-    assert [generation.number for generation, _ in seen] == [1, 2, 3, 4, 5, 6]
-    volumes = [generation.hypervolume for generation, _ in seen]
+    front = solve(tracking(pk.kinetic_energy, height), **QUICK, observe=seen.append)
+    assert [(progress.stage, progress.done, progress.total) for progress in seen] == [
+        ("generation", number, 6) for number in range(1, 7)
+    ]
+    assert [progress.generation.number for progress in seen] == [1, 2, 3, 4, 5, 6]
+    volumes = [progress.generation.hypervolume for progress in seen]
     assert volumes == sorted(volumes)
     assert volumes[-1] > 0
-    last, progress = seen[-1]
+    last = seen[-1].generation
+    assert seen[-1].summary == f"front {len(last.front)}, hypervolume {volumes[-1]:.4g}"
     assert set(front.ids) <= set(last.front_ids)
-    np.testing.assert_array_equal(last.front[:, 1], -progress.front[:, 1])
-    assert np.isin(front.objectives[:, 1], last.front[:, 1]).all()
+    shown = dict(zip(last.front_ids.tolist(), last.front.tolist(), strict=True))
+    assert [shown[number] for number in front.ids.tolist()] == front.objectives.tolist()
 
 
 @pytest.mark.parametrize(
@@ -208,8 +213,8 @@ def test_a_front_has_no_more_points_than_asked_for_and_keeps_its_ends(problem, f
 def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
     before = signal.getsignal(signal.SIGTERM)
 
-    def stop(generation, _):
-        if generation.number == 2:
+    def stop(progress):
+        if progress.done == 2:
             os.kill(os.getpid(), signal.SIGTERM)
 
     front = solve(problem, **QUICK, observe=stop)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.solve import load_front
+from paretoik.api.load_front import load_front
 from paretoik.api.summary import choice_text, entries
 from paretoik.cli import main
 from problems import tringali_2020

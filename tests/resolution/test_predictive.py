@@ -25,7 +25,7 @@ from tests.resolution.test_resolve import begun
 pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
 HOME = np.array([0.1, -0.6, 0.2, -2.2, 0.1, 1.7, 0.5])
-FIRST = kinematics.tool_pose(tringali_3r(), START)[1][:2]
+FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
 ALONG = np.array([-0.924, 0.382])
 
 

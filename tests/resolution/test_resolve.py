@@ -36,7 +36,7 @@ def slowness(motion):
 
 def begun(arm, q):
     """Return a path that leaves a posture, of poses for a spatial arm."""
-    rotation, position = kinematics.tool_pose(arm, q)
+    rotation, position = kinematics.forward_kinematics(arm, q)
     if arm.is_planar:
         return line(position[:2], position[:2] + np.array([-0.08, 0.05]), duration=1.0, samples=41)
     first = Pose.from_matrix(rotation, position)

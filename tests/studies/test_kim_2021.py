@@ -12,7 +12,7 @@ import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.time_optimal import fastest_plan
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import forward_kinematics
 from studies.kim_2021 import __main__ as study
 from studies.kim_2021.continuous import continuous, resolved
 from studies.kim_2021.energies import along_profile, posture_rows, postures, table_4
@@ -148,7 +148,7 @@ def test_points_are_spread_evenly():
 def test_postures_follow_the_path_and_no_joint_is_hurried(name, ways):
     known = ways[name].soonest
     arm = pk.arms.kim_3r()
-    tool = tool_pose(arm, known.q)[1][..., :2]
+    tool = forward_kinematics(arm, known.q)[1][..., :2]
     np.testing.assert_allclose(tool, known.points, atol=1e-12)
     assert np.all(np.diff(known.times) > 0)
     assert np.abs(known.turned).max() < np.deg2rad(10)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from paretoik import Arm, Pose, Task, line
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import forward_kinematics
 from paretoik.task.motion import steepest
 from paretoik.task.retraction import ACCEPTED, eliminate, retract, task_errors
 from tests.formulations.problems import panda, random_arm
@@ -122,7 +122,7 @@ def test_a_fold_of_the_manifold_is_not_crossed():
     task = Task(line([2.0, 0.0], [2.5, 0.0], duration=1.0, samples=5)).settled(arm)
     bend = 0.6
     q = np.array([[0.0, bend, bend]])
-    place = tool_pose(arm, q)[1][:, :2]
+    place = forward_kinematics(arm, q)[1][:, :2]
     directions = steepest(task_errors(arm, [task], q, place)[1])
     found = retract(arm, [task], q * [[1, -1, -1]], place, directions)
     mirrored = np.linalg.det(task_errors(arm, [task], found.q, place)[1][:, :, 0] @ directions[0]) < 0
@@ -146,12 +146,12 @@ def test_several_tasks_are_met_at_once():
     rng = np.random.default_rng(3)
     there = rng.uniform(-1, 1, (200, 6))
     tasks = [Task(POINTS_2D, frame="joint4").settled(arm), Task(POINTS_2D).settled(arm)]
-    targets = np.concatenate([tool_pose(arm, there, frame)[1][:, :2] for frame in ("joint4", "tool")], axis=1)
+    targets = np.concatenate([forward_kinematics(arm, there, frame)[1][:, :2] for frame in ("joint4", "tool")], axis=1)
     start = there + rng.uniform(-0.05, 0.05, there.shape)
     found = retract(arm, tasks, start, targets, steepest(task_errors(arm, tasks, start, targets)[1]))
     assert found.on_path.mean() > 0.95
     for frame, columns in (("joint4", slice(0, 2)), ("tool", slice(2, 4))):
-        off = tool_pose(arm, found.q[found.on_path], frame)[1][:, :2] - targets[found.on_path, columns]
+        off = forward_kinematics(arm, found.q[found.on_path], frame)[1][:, :2] - targets[found.on_path, columns]
         assert np.abs(off).max() < 1e-9
 
 

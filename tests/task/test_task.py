@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from paretoik import Arm, Path, Pose, Task, line, poses
 from paretoik.errors import InvalidInput
 from paretoik.robot.arms import marcos_nr
-from paretoik.robot.kinematics import chain, tool_pose
+from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm
@@ -50,7 +50,7 @@ every_kind = pytest.mark.parametrize(("arm", "axes", "path"), KINDS, ids=[f"{a.n
 
 def through(arm, q, path, frame="tool", axes="pose"):
     """Return a path of the given kind whose samples are where the frame is at postures q."""
-    rotations, places = tool_pose(arm, q, frame)
+    rotations, places = forward_kinematics(arm, q, frame)
     poses = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
     quaternions = np.stack([pose.quaternion for pose in poses])
     points = places[:, : path.positions.shape[1]]
@@ -108,14 +108,14 @@ def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
 @every_kind
 def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, path):
     q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
-    rotations, places = tool_pose(arm, q)
+    rotations, places = forward_kinematics(arm, q)
     frames = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
     task = Task(poses(np.arange(6.0), frames), axes=axes).settled(arm)
     travels, targets = task.travels(task.path.times), task.targets(task.path.times)
     assert travels.shape == (6, task.travel)
     assert (travels[-1] == 0).all()
     error, _ = task_errors(arm, [task], q[:-1], targets[1:])
-    going = task.travelled(arm, chain(arm, list(q[:-1].T)), list(travels[:-1].T))
+    going = task.travelled(arm, link_frames(arm, list(q[:-1].T)), list(travels[:-1].T))
     np.testing.assert_allclose(np.broadcast_arrays(*going, np.zeros(5))[:-1], error, atol=1e-10)
 
 
@@ -126,7 +126,7 @@ def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
     task = Task(path, axes=axes).settled(arm)
     targets = targets_at(task, through(arm, elsewhere, path))
     error, _ = task_errors(arm, [task], q, targets)
-    rotation, place = tool_pose(arm, q)
+    rotation, place = forward_kinematics(arm, q)
     size = min(task.rows, 2 if axes in ("xy", "xy+angle") else 3)
     np.testing.assert_allclose(error[:size].T, targets[:, :size] - place[:, :size], atol=1e-14)
     if task.rows > size:
@@ -167,7 +167,7 @@ def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
     rng = np.random.default_rng(seed)
     arm = SPATIAL
     q = rng.uniform(-1, 1, (1, arm.dof))
-    rotation, place = tool_pose(arm, q)
+    rotation, place = forward_kinematics(arm, q)
     task = Task(POSES, axes="pose").settled(arm)
     for axis in range(3):
         turn = Pose.from_rpy((0, 0, 0), tuple(angle * np.eye(3)[axis])).rotation
@@ -178,7 +178,7 @@ def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
 
 def test_a_turn_about_its_own_axis_is_nothing_to_a_task_of_position_and_axis():
     arm, q = SPATIAL, np.random.default_rng(5).uniform(-1, 1, (1, 7))
-    rotation, place = tool_pose(arm, q)
+    rotation, place = forward_kinematics(arm, q)
     task = Task(POSES, axes="xyz+z-axis").settled(arm)
     for angle in np.linspace(-np.pi, np.pi, 9):
         turned = rotation[0] @ Pose.from_rpy((0, 0, 0), (0, 0, angle)).rotation
@@ -191,7 +191,7 @@ def test_half_a_turn_is_as_far_as_it_gets_and_never_taken_for_none(axes):
     arm = PLANAR if axes == "xy+angle" else SPATIAL
     path = FLAT_POSES if axes == "xy+angle" else POSES
     q = np.random.default_rng(6).uniform(-1, 1, (1, arm.dof))
-    rotation, place = tool_pose(arm, q)
+    rotation, place = forward_kinematics(arm, q)
     task = Task(path, axes=axes).settled(arm)
     about = (0, 0, np.pi) if axes == "xy+angle" else (np.pi, 0, 0)
     size = 2 if axes == "xy+angle" else 3

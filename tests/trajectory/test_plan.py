@@ -4,18 +4,10 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.trajectory import multistart
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import level_samples
 from paretoik.trajectory.posture_grid import windows_of
 from paretoik.trajectory.transcription import joint_distance
 from problems import tringali_2020, tringali_2021
-
-
-def test_levels_halve_down_to_the_coarsest():
-    assert level_samples(101) == [26, 51, 101]
-    assert level_samples(401) == [26, 51, 101, 201, 401]
-    assert level_samples(26) == [26]
 
 
 def test_the_printed_arm_has_five_unconstrained_energy_optima():
@@ -29,12 +21,14 @@ def test_the_printed_arm_has_five_unconstrained_energy_optima():
 def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
     free = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
     tried = []
-    found = pk.plan(free, seed=0, observe=lambda samples, starts, _: tried.append((samples, starts)))
+    found = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
     assert tried[0][0] == 26
     assert tried[0][1] > 48
     assert found.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
     tried.clear()
-    pk.plan(tringali_2020.simulation_5(), observe=lambda samples, starts, _: tried.append((samples, starts)))
+    pk.plan(
+        tringali_2020.simulation_5(), observe=lambda level: tried.append((level.done, int(level.summary.split()[0])))
+    )
     assert tried[0] == (26, 48)  # two optima, each from many
 
 
@@ -89,29 +83,6 @@ def test_a_grid_lets_a_joint_rest_that_may_not_move():
     assert np.isfinite(windows_of(task, 0.1)).all()
     assert (windows_of(task, 0.1) > 0).all()
     assert windows_of(task, 0.1)[:, 0].max() < 1e-6
-
-
-def test_hops_find_better_valleys_where_redundancy_is_more_than_one(monkeypatch):
-    arm = pk.Arm.planar(lengths=[0.4, 0.3, 0.3, 0.2], masses=[1.0] * 4)
-    path = pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=51)
-    problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
-    hopped = [pk.plan(problem, seed=seed, starts=6).best.objective for seed in range(6)]
-    monkeypatch.setattr(multistart, "PATIENCE", 0)
-    still = [pk.plan(problem, seed=seed, starts=6).best.objective for seed in range(6)]
-    assert all(one <= other * (1 + 1e-6) for one, other in zip(hopped, still, strict=True))
-    assert any(one < 0.99 * other for one, other in zip(hopped, still, strict=True))
-
-
-def test_a_motion_that_leaves_the_path_between_coarse_samples_is_left_out():
-    problem = tringali_2020.simulation_1()
-    coarse, finer = problem.task.subsampled(26), problem.task
-    good = pk.plan(problem).best.motion.q[::4]
-    whirling = good.copy()
-    whirling[1::2, 0] += 2 * np.pi  # the same postures, but a whole turn between each and the next
-    kept = multistart._finer(coarse, np.stack([whirling, good]), finer)
-    assert kept.shape == (1, 101, 3)
-    with pytest.raises(Infeasible, match="no motion found on 26 samples follows the path between them"):
-        multistart._finer(coarse, whirling[None], finer)
 
 
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
