@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.nlp import sqp
 from paretoik.nlp.compiled.interior_point import CONVERGED, STUCK, Rules, minimise
+from paretoik.nlp.program import Goal
 from paretoik.nlp.solutions import Solutions
-from paretoik.trajectory.sequential import sequential
+from paretoik.nlp.sqp import SqpOptions
 from paretoik.trajectory.transcription import MotionProgram
 
 
@@ -99,17 +101,21 @@ os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come alo
 def _general(
     program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
 ) -> Solutions:
-    found = [
-        sequential(
-            program, motion, factors, caps, radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance
+    rows = np.eye(len(program.totals))
+    solutions = [
+        sqp.minimise(
+            program,
+            motion,
+            Goal(weights=weight, rows=rows, upper=upper),
+            SqpOptions(radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance),
         )
-        for motion, factors, caps, rule in zip(q, weights, below, rules, strict=True)
+        for motion, weight, upper, rule in zip(q, weights, below, rules, strict=True)
     ]
     return Solutions(
-        x=np.array([one.q for one in found]).reshape(q.shape),
-        status=np.array([one.status for one in found], dtype=int),
-        iterations=np.array([one.iterations for one in found], dtype=int),
-        objectives=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
-        stationarity=np.array([one.stationarity for one in found], dtype=float),
-        violation=np.array([one.violation for one in found], dtype=float),
+        x=np.array([one.x for one in solutions]).reshape(q.shape),
+        status=np.array([one.status for one in solutions], dtype=int),
+        iterations=np.array([one.iterations for one in solutions], dtype=int),
+        objectives=np.array([one.objectives for one in solutions]).reshape(len(q), len(program.totals)),
+        stationarity=np.array([one.stationarity for one in solutions], dtype=float),
+        violation=np.array([one.violation for one in solutions], dtype=float),
     )

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -30,6 +30,9 @@ from paretoik.task.retraction import retract, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
+
+if TYPE_CHECKING:
+    from paretoik.trajectory.linearisation import MotionLinearisation
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 PROBES = 64  # places at which slopes are looked at for kinks
@@ -91,6 +94,11 @@ class MotionProgram:
         return not (self.slacks or self.peaks or self.wholes)
 
     @property
+    def elastic(self) -> int:
+        """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
+        return len(self.sides) - self.kinks
+
+    @property
     def upper(self) -> Float[np.ndarray, " totals"]:
         """What the totals may not exceed."""
         return np.array([total.upper for total in self.totals])
@@ -99,6 +107,14 @@ class MotionProgram:
     def objective_names(self) -> tuple[str, ...]:
         """Names of the totals, the task's objectives first."""
         return tuple(total.name for total in self.totals)
+
+    @property
+    def inequality_names(self) -> tuple[str, ...]:
+        """Names of the limits, each a function of a sample; see ``limited``."""
+        kinds = [f"{order} of {joint}" for order in ORDERS for joint in self.task.arm.joint_names]
+        simple = kinds[: len(self.stencil.weights) * self.task.arm.dof]
+        names = [*simple, *[""] * (len(self.variables) - len(simple)), *self.rows]
+        return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
     def rounding(self) -> float:
@@ -112,6 +128,21 @@ class MotionProgram:
             q = q.copy()
             q[:, 0] = self.task.start
         return q
+
+    def evaluate(
+        self, x: Float[np.ndarray, "time dof"]
+    ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
+        """Return F, h, which is empty, motions being on the path, and c, the limits divided by their ranges."""
+        from paretoik.trajectory.evaluation import evaluate  # here: it builds on this file
+
+        values = evaluate(self, x)
+        return values.objectives, np.zeros(0), values.inequalities
+
+    def linearise(self, x: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
+        """Return the program to first order at a motion on the path."""
+        from paretoik.trajectory.linearisation import linearise  # here: it builds on this file
+
+        return linearise(self, x)
 
     def distance(
         self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
