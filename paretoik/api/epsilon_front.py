@@ -52,16 +52,16 @@ def epsilon_front(
     check_size("points", points, 2)
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    shown = count_observer(observe, "point")
-    said = {"settings": {"points": points, "starts": starts, "seed": seed}, "status": "epsilon"}
+    show = count_observer(observe, "point")
+    provenance = {"settings": {"points": points, "starts": starts, "seed": seed}, "status": "epsilon"}
     if isinstance(problem, SmoothProblem):
         if len(problem.names) < 2:
             raise InvalidInput("epsilon_front: two objectives or more wanted, got one: solve finds its optimum")
-        begun = problem.unknowns(problem.candidates(starts, np.random.default_rng(seed)))
-        z, ranges = smooth_epsilon.epsilon_points(problem.sketch(), begun, points=points, observe=shown)
-        return smooth_certified(problem, z, np.arange(len(z)), ranges, said)
+        initial = problem.unknowns(problem.candidates(starts, np.random.default_rng(seed)))
+        z, ranges = smooth_epsilon.epsilon_points(problem.sketch(), initial, points=points, observe=show)
+        return smooth_certified(problem, z, np.arange(len(z)), ranges, provenance)
     task = task_of("epsilon_front", problem)
     if len(task.objectives) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
-    found = epsilon_points(task, points=points, starts=starts, seed=seed, observe=shown)
-    return certified(problem, task, found.q, np.arange(len(found.q)), found.ranges, said)
+    front = epsilon_points(task, points=points, starts=starts, seed=seed, observe=show)
+    return certified(problem, task, front.q, np.arange(len(front.q)), front.ranges, provenance)

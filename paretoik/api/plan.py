@@ -66,7 +66,7 @@ def plan(
         names = ", ".join(o.name for o in task.objectives)
         raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
     shown = _level_observer(observe, len(task.times))
-    return find_optima(task, starts=starts, seed=seed, initial=_given(task, initial), observe=shown)
+    return find_optima(task, starts=starts, seed=seed, initial=_initial_motions(task, initial), observe=shown)
 
 
 def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int, int], object] | None:
@@ -88,7 +88,7 @@ def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int,
     return show
 
 
-def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
+def _initial_motions(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
     if initial is None:
         return None
     q = initial.q if initial.q.ndim == 3 else initial.q[None]
@@ -97,7 +97,7 @@ def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
             f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {initial.arm.name} with "
             f"{q.shape[1]}"
         )
-    off = float(task.motion(q).tracking_error.max())
-    if off > 1e-6:
-        raise InvalidInput(f"initial: motions on the path wanted, got one that is {off:.3g} m or rad off")
+    deviation = float(task.motion(q).tracking_error.max())
+    if deviation > 1e-6:
+        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
     return np.array(q)
