@@ -34,6 +34,7 @@ class Goal:
     upper: Float[np.ndarray, " bounds"]
 
 
+@runtime_checkable
 class Linearisation(Protocol):
     """A program to first order at a point, in columns: a step along the equalities, then auxiliary variables.
 
