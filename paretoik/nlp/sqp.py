@@ -38,6 +38,7 @@ class SqpOptions:
     penalty: float = 100.0  # of a violation of a whole range, first, in sizes of the objective
     largest_penalty: float = 1e7  # where limits that are still violated are given up
     penalty_factor: float = 10.0
+    recovery: float = 1e-2  # violation from which on a step that does not lower it by a tenth raises the penalty
     acceptance: float = 1e-4  # of the predicted reduction: what a step has to gain
     agreement: float = 0.75  # of the predicted reduction: a gain that needs no correction, and a larger trust region
     excess: float = 1.3  # times the predicted reduction: a gain that shows the Hessian to be too stiff
@@ -131,7 +132,8 @@ class _Search:
         gradient = goal.weights @ self.at.gradients
         value = float(np.abs(goal.weights * self.iterate.objectives).sum())
         self.size = max(value, float(np.linalg.norm(gradient))) or 1.0
-        self.penalty, self.radius, self.share = options.penalty * self.size, options.radius, 1.0
+        self.penalty, self.largest_penalty = options.penalty * self.size, options.largest_penalty * self.size
+        self.radius, self.share = options.radius, 1.0
         self.iterations, self.stationarity = 0, np.inf
         self.status: int | None = None
 
@@ -147,7 +149,9 @@ class _Search:
         if attempt is None or attempt.trial is None:
             self._end(model, settled=attempt is not None and attempt.settled)
             return
-        self.iterate, self.last = attempt.trial, attempt.step
+        before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
+        if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < self.largest_penalty:
+            self.penalty *= options.penalty_factor
         self.at = self.program.linearise(self.iterate.x)
         if attempt.gain > options.excess * attempt.predicted:
             self.share = max(self.share / 4, options.smallest_share)
@@ -267,7 +271,7 @@ class _Search:
         """End the search, or let violations that are left cost more; ``settled`` where no reduction is predicted."""
         options = self.options
         feasible = self.iterate.violation <= options.tolerance
-        if not feasible and self.penalty < options.largest_penalty * self.size:
+        if not feasible and self.penalty < self.largest_penalty:
             self.penalty *= options.penalty_factor
             self.radius = max(options.radius, self.radius)
             return

@@ -42,7 +42,7 @@ def polish(
     below = np.minimum(below, program.upper)
     solver = _compiled if program.is_smooth else _general
     found = solver(program, q, weights, below, each)
-    if program.task.stops:
+    if program.task.ends_at_rest:
         # How the last sample follows is known up to the path's own last step: below that no step makes it better.
         near = (found.status == STUCK) & (found.stationarity <= program.rounding) & (found.violation <= 1e-8)
         found.status[near] = CONVERGED
