@@ -20,12 +20,13 @@ from .errors import SolverFailed as SolverFailed
 from .formulations.closed_loop import ClosedLoop as ClosedLoop
 from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
 from .formulations.point_to_point import PointToPoint as PointToPoint
-from .formulations.predictive_tracking import PredictiveTracking as PredictiveTracking
-from .formulations.projection_gains import ProjectionGains as ProjectionGains
+from .formulations.time_optimal import TimeOptimalControl as TimeOptimalControl
 from .formulations.tracking import Tracking as Tracking
+from .formulations.tuning import Tuning as Tuning
 from .front.front import Choice as Choice
 from .front.front import Front as Front
 from .front.preferences import Weights as Weights
+from .resolution import measures as measures
 from .resolution import methods as methods
 from .resolution.resolve import resolve as resolve
 from .robot import arms as arms

@@ -167,9 +167,12 @@ class _GenerationObserver:
 
 def _refinement_observer(session: RunSession) -> Callable[[int, int], bool]:
     """Return an observer of refined points that also says when a signal came."""
+    start = session.seconds
 
     def observe(done: int, total: int) -> bool:
-        session.show(RunProgress(stage="refinement", done=done, total=total, seconds=session.seconds))
+        session.show(RunProgress(stage="refinement", done=done, total=total, seconds=session.seconds - start))
+        if done == total or session.signal is not None:
+            session.show_stage("certification")
         return session.signal is not None
 
     return observe

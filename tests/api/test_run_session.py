@@ -90,7 +90,8 @@ def test_observer_and_recorder_see_the_same_generations(tmp_path):
         shown = RunProgress(stage="generation", done=1, total=2, seconds=run.seconds, generation=generation)
         run.show(shown)
         run.show(replace(shown, stage="refinement", generation=None))
-    assert [progress.stage for progress in seen] == ["generation", "refinement"]
+        run.finish(front(run.provenance))
+    assert [progress.stage for progress in seen] == ["generation", "refinement", "saving"]
     assert (tmp_path / RECORDING).stat().st_size > 0
 
 

@@ -17,6 +17,7 @@ def progress(done: int, **parts) -> RunProgress:
         (progress(1, stage="refinement"), None, "refinement 1/10, at most 4:30 left"),
         (progress(5), 40.0, "generation 5/10, at most 0:10 left"),
         (progress(5), 20.0, "generation 5/10, at most 0:00 left"),
+        (progress(0, total=0, stage="saving"), None, "saving"),
         (progress(0), None, "generation 0/10, at most 5:00 left"),
     ],
 )
