@@ -22,7 +22,7 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
-from paretoik.nlp.program import Linearisation
+from paretoik.nlp.program import Linearisation, Solver
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import limit_ranges as widths
 from paretoik.task.motion_task import MotionTask
@@ -56,7 +56,8 @@ class MotionProgram:
     ``slope`` also their ``slopes`` by variables; ``curvature`` the ``second`` derivatives of the Lagrangian by u and v;
     ``track`` path equations and their Jacobian. ``limited`` (limits, 2) are the variable, or the row beyond those, and
     the sample that each limit bounds at ``bounds``, from below where its side is 1, and whose violations are shares of
-    ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``.
+    ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``. ``solver``
+    is the one that refines it.
     """
 
     task: MotionTask
@@ -84,6 +85,7 @@ class MotionProgram:
     ranges: Float[np.ndarray, " limits"]
     kinks: int
     wholes: tuple[Whole, ...]
+    solver: Solver = "auto"
 
     @property
     def is_smooth(self) -> bool:
@@ -149,8 +151,8 @@ class MotionProgram:
 
     @property
     def kernel(self) -> Compiled | None:
-        """The program as compiled code takes it, None with kinks; each has registers of its own: one for a thread."""
-        if not self.is_smooth:
+        """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
+        if not self.is_smooth or self.solver == "sqp":
             return None
         return Compiled(
             value=self.value.arrays,
@@ -193,8 +195,10 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
     return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
-def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
-    """Return the nonlinear program of a task, its objectives divided by ``divisors``.
+def motion_program(
+    task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None, solver: Solver = "auto"
+) -> MotionProgram:
+    """Return the nonlinear program of a task, its objectives divided by ``divisors``, which ``solver`` refines.
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
@@ -239,6 +243,7 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
         ranges=ranges,
         kinks=ties * samples,
         wholes=tuple(asked.wholes),
+        solver=solver,
     )
 
 
