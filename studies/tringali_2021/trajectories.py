@@ -168,7 +168,8 @@ def schedule_rows(number: int, masses: str, *, starts: int, generations: int, sa
             paper=paper_schedule,
             note=f"beside the paper's schedule; {100 * (front.objectives[0, 0] / lowest - 1):+.1f} % and "
             f"{100 * (paper_schedule / lowest - 1):+.1f} % from the global optimum; "
-            f"h = {np.atleast_1d(best.horizon)[0]}, ΔT = {step:.2g} s, every {again:.2g} s, terminal {np.atleast_1d(best.terminal)[0]:.2g}; "
+            f"h = {np.atleast_1d(best.horizon)[0]}, ΔT = {step:.2g} s, every {again:.2g} s, "
+            f"terminal {np.atleast_1d(best.terminal)[0]:.2g}; "
             f"{front.objectives[0, 1]:.0f} samples looked at an update; {len(front)} points",
         )
     ]
