@@ -67,7 +67,7 @@ class Capsule:
 
 @dataclass(frozen=True, init=False, eq=False)
 class Box:
-    """A box about ``center``, a point or, if it is turned, a pose; ``half_sizes`` [m] along its own axes.
+    """A box about ``center``, a point or, if it is rotated, a pose; ``half_sizes`` [m] along its own axes.
 
     Three half sizes make a box in space. Two make a rectangle in its own xy-plane, in space an infinite beam along its
     own z; its center is then a 2-D point or a pose (``Pose.planar``). Raises InvalidInput for other sizes and centers.

@@ -150,8 +150,8 @@ class TracedMotion:
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
         distance: Any = distance_components  # typed for arrays; it takes expressions as well
         distances = [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
-        least: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
-        return least
+        smallest: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
+        return smallest
 
     def integral(self, series: Any) -> Any:
         """As ``Motion.integral``."""
