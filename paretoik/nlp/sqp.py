@@ -121,19 +121,18 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
 
 
 class _Search:
-    """A search: its iterate, trust region, penalty, and the multipliers of the last step."""
+    """A search, its goal divided by its size: iterate, trust region, penalty, and the multipliers of the last step."""
 
     def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
         finite = np.isfinite(goal.upper)
         self.program, self.options = program, options
-        self.goal = Goal(weights=goal.weights, rows=goal.rows[finite], upper=goal.upper[finite])
-        self.iterate, self.at = self._evaluate(x), program.linearise(x)
+        self.at = program.linearise(x)
+        value = float(np.abs(goal.weights * self.at.objectives).sum())
+        self.size = max(value, float(np.linalg.norm(goal.weights @ self.at.gradients))) or 1.0
+        self.goal = Goal(weights=goal.weights / self.size, rows=goal.rows[finite], upper=goal.upper[finite])
+        self.iterate = self._evaluate(x)
         self.last: Step | None = None
-        gradient = goal.weights @ self.at.gradients
-        value = float(np.abs(goal.weights * self.iterate.objectives).sum())
-        self.size = max(value, float(np.linalg.norm(gradient))) or 1.0
-        self.penalty, self.largest_penalty = options.penalty * self.size, options.largest_penalty * self.size
-        self.radius, self.share = options.radius, 1.0
+        self.penalty, self.radius, self.share = options.penalty, options.radius, 1.0
         self.iterations, self.stationarity = 0, np.inf
         self.status: int | None = None
 
@@ -150,7 +149,7 @@ class _Search:
             self._end(model, settled=attempt is not None and attempt.settled)
             return
         before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
-        if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < self.largest_penalty:
+        if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
         self.at = self.program.linearise(self.iterate.x)
         if attempt.gain > options.excess * attempt.predicted:
@@ -169,9 +168,9 @@ class _Search:
             status=self.status,
             iterations=self.iterations,
             objectives=self.iterate.objectives,
-            multipliers=multipliers,
-            bound_multipliers=bound_multipliers,
-            stationarity=self.stationarity,
+            multipliers=self.size * multipliers,
+            bound_multipliers=self.size * bound_multipliers,
+            stationarity=self.size * self.stationarity,
             violation=self.iterate.violation,
         )
 
@@ -227,7 +226,7 @@ class _Search:
         predicted = self.penalty * (self.iterate.violation - step.violation) - linear
         length = float(np.abs(d[: self.at.unknowns]).max(initial=0.0))
         self.stationarity = float(np.linalg.norm(curvature[: self.at.unknowns])) * self.at.unit
-        rounding = options.reduction_tolerance * (self.size + abs(before))
+        rounding = options.reduction_tolerance * (1 + abs(before))
         attempt = _Attempt(step=step, trial=None, predicted=predicted, gain=-np.inf, length=length)
         if predicted <= rounding and length < 0.99 * self.radius:
             return replace(attempt, settled=True)
@@ -271,7 +270,7 @@ class _Search:
         """End the search, or let violations that are left cost more; ``settled`` where no reduction is predicted."""
         options = self.options
         feasible = self.iterate.violation <= options.tolerance
-        if not feasible and self.penalty < self.largest_penalty:
+        if not feasible and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
             self.radius = max(options.radius, self.radius)
             return
@@ -285,7 +284,7 @@ class _Search:
     def _is_critical(self, model: _Model) -> bool:
         """Return whether no direction gains more than rounding, to first order."""
         gain = criticality(model.gradient[None], model.constraints, self.at.unit).value
-        return gain <= self.options.criticality_tolerance * self.size
+        return gain <= self.options.criticality_tolerance
 
 
 def _convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:

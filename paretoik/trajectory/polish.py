@@ -70,9 +70,7 @@ def check_solver(task: MotionTask, solver: Solver) -> None:
     alone = [(each.name, replace(task, objectives=(each,), constraints=())) for each in task.objectives]
     alone += [(each.name, replace(task, objectives=(), constraints=(each,))) for each in task.constraints]
     kinked = ", ".join(name for name, part in alone if not motion_program(part).is_smooth)
-    raise InvalidInput(
-        f"solver: 'interior-point' wants functions that are smooth, {kinked or 'a limit'} has kinks: 'sqp'"
-    )
+    raise InvalidInput(f"solver: 'interior-point' wants smooth functions, {kinked or 'a limit'} has kinks: take 'sqp'")
 
 
 def within_limits(

@@ -56,8 +56,8 @@ class MotionProgram:
     ``slope`` also their ``slopes`` by variables; ``curvature`` the ``second`` derivatives of the Lagrangian by u and v;
     ``track`` path equations and their Jacobian. ``limited`` (limits, 2) are the variable, or the row beyond those, and
     the sample that each limit bounds at ``bounds``, from below where its side is 1, and whose violations are shares of
-    ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``. ``solver``
-    is the one that refines it.
+    ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``.
+    ``solver`` is the one that refines it.
     """
 
     task: MotionTask
