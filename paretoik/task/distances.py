@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import ArrayLike, finite_array
+from paretoik.inputs import ArrayLike, finite_array
 from paretoik.task.obstacles import Box, Capsule, Obstacle
 
 if TYPE_CHECKING:

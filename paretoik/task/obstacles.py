@@ -10,7 +10,8 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import ArrayLike, Pose, finite_array
+from paretoik.inputs import ArrayLike, finite_array, positive_number
+from paretoik.robot.pose import Pose
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -22,7 +23,9 @@ class Circle:
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
         _freeze(
-            self, center=finite_array("circle center", center, shape=(2,)), radius=_positive("circle radius", radius)
+            self,
+            center=finite_array("circle center", center, shape=(2,)),
+            radius=positive_number("circle radius", radius, "m"),
         )
 
 
@@ -35,7 +38,9 @@ class Sphere:
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
         _freeze(
-            self, center=finite_array("sphere center", center, shape=(3,)), radius=_positive("sphere radius", radius)
+            self,
+            center=finite_array("sphere center", center, shape=(3,)),
+            radius=positive_number("sphere radius", radius, "m"),
         )
 
 
@@ -50,7 +55,7 @@ class Capsule:
     def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
         first = finite_array("capsule start", start, shape=(3,))
         last = finite_array("capsule end", end, shape=(3,))
-        _freeze(self, start=first, end=last, radius=_positive("capsule radius", radius))
+        _freeze(self, start=first, end=last, radius=positive_number("capsule radius", radius, "m"))
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -77,13 +82,6 @@ class Box:
 
 
 Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
-
-
-def _positive(name: str, value: float) -> float:
-    number = float(finite_array(name, value, shape=()))
-    if number <= 0:
-        raise InvalidInput(f"{name}: must be positive, got {number:g} m")
-    return number
 
 
 def _freeze(obstacle: object, **fields: object) -> None:
