@@ -12,10 +12,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
+from paretoik.inputs import ArrayLike
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.pose import ArrayLike, Pose
+from paretoik.robot.pose import Pose
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")

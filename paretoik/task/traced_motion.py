@@ -22,8 +22,9 @@ from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, link_frames, node_components
 from paretoik.task.differences import Differences
+from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Obstacle, distance_components
+from paretoik.task.obstacles import Obstacle
 from paretoik.task.task import Task
 
 
