@@ -15,6 +15,7 @@ from paretoik.pareto.refine import Sketch, least, quadratic
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 FIRST_WEIGHT = 1e-3  # of the others there, until it is found
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
+RESOLUTION = 1e-10  # of unknowns of the order of 1: what a solver's last barrier tells apart
 APART = 0.05  # of the ranges: optima of one objective that are nearer than this to an end are no points of their own
 NEAREST = 2  # points, and optima of one objective, that every ε starts from
 BRIEF = 60  # quadratic programs, where interior points lead nowhere
@@ -39,7 +40,8 @@ def epsilon_points(
     pool = _alone(sketch, starts)
     payoff = np.array([group[0] for group in pool]) @ sketch.costs.T
     ideal, nadir = payoff.min(axis=0), payoff.max(axis=0)
-    wide = nadir - ideal > 1e-9 * np.maximum(np.abs(ideal), np.abs(nadir))
+    resolution = RESOLUTION * np.linalg.norm(sketch.costs, axis=1)
+    wide = nadir - ideal > np.maximum(1e-9 * np.maximum(np.abs(ideal), np.abs(nadir)), resolution)
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
     shares = sketch.costs / ranges[:, None]
     ends = np.array([_finished(shares, sketch, k, group[0]) for k, group in enumerate(pool)])

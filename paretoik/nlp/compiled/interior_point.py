@@ -159,7 +159,7 @@ def minimise(kernel, x, weights, rows, upper, options):
                 status = NO_PROGRESS
                 break
         else:
-            restorations += 1
+            restorations, delta = restorations + 1, 0.0
             if entries == 0:
                 reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
                 central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
