@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.capability.actuation import TOGGLE
+from paretoik.capability.actuation import LEAST_ROD_ANGLE
 from paretoik.errors import Infeasible
 from studies.kim_2021.polygons import EQUAL
 from studies.kim_2021.setting import DIRECTIONS, POSITIONS, beside_paper, paper
@@ -33,7 +33,7 @@ class Assumed:
     mass: float = 0.5
     base_angle: float = -120.0
     bend: Literal[-1, 1] = 1
-    least_angle: float = float(np.rad2deg(TOGGLE))
+    least_angle: float = float(np.rad2deg(LEAST_ROD_ANGLE))
     shape: Literal["diamond", "strip"] = "diamond"
     joint_ranges: bool = False
 

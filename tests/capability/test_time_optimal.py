@@ -10,7 +10,8 @@ import pytest
 
 from paretoik.capability import time_optimal
 from paretoik.capability.geodesic import fastest_path, path_time
-from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
+from paretoik.capability.planner import fastest_plan
+from paretoik.capability.time_optimal import time_optimal_control
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 

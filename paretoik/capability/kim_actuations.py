@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.capability.actuation import DistributedActuation, JointActuation, MotorCurve
+from paretoik.capability.actuation import DistributedActuation, JointActuation
+from paretoik.capability.motor_curves import MotorCurve
 
 
 def kim_joint_motors() -> JointActuation:
