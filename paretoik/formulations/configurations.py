@@ -41,7 +41,7 @@ class Configuration:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configurations:
-    """Configurations of an arm whose tool rests at a position, the task ``still``, and directions (directions, task)."""
+    """Configurations of an arm with its tool at rest, the task ``still``, and ``directions`` (directions, task)."""
 
     arm: Arm
     actuation: Actuation
