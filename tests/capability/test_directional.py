@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import paretoik as pk
 from paretoik.capability.directional_program import DirectionalProgram
 from paretoik.capability.posture_ascent import maximise_from
-from paretoik.capability.posture_samples import sample_postures_at
+from paretoik.capability.posture_samples import sample_holdable_postures, sample_postures_at
 from paretoik.capability.posture_values import values_at
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.nlp.dense_sqp import minimised
@@ -50,7 +50,7 @@ def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(
     held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:8]
     for direction, value in zip(polygon.directions, polygon.values, strict=True):
         program = asked.program(PLACE, direction[None], value)
-        ends = [minimised(program, cost, asked.begun(q)) for q in held]
+        ends = [minimised(program, cost, asked.initial_point(q)) for q in held]
         found = [end.z[asked.begins["values"]][0] for end in ends if end.violation <= 1e-9]
         assert max(found) == pytest.approx(1.0, abs=1e-7)
 
@@ -60,8 +60,8 @@ def test_climbing_as_other_arms_do_finds_the_same(drive):
     polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6)
     for quantity in ("velocity", "force"):
         polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6, quantity=quantity)
-        rng = np.random.default_rng(3)
-        q = maximise_from(ARM, DRIVES[drive], PLACE, polygon.directions, quantity, 400, rng)
+        starts = sample_holdable_postures(ARM, DRIVES[drive], PLACE, 400, np.random.default_rng(3))
+        q = maximise_from(ARM, DRIVES[drive], PLACE, polygon.directions, quantity, starts)
         values = np.diagonal(values_at(ARM, DRIVES[drive], polygon.directions, quantity, q))
         assert values == pytest.approx(polygon.values, rel=1e-8)
 

@@ -23,7 +23,7 @@ from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.profiles import Mechanism, evenly, minimum_timing, refined
 from studies.kim_2021.racing import polygon_race, step_race
-from studies.kim_2021.sensitivity import Assumed, gains, nearest_rows, sensitivity_rows
+from studies.kim_2021.sensitivity import Assumed, floor_rows, gains, nearest_rows, sensitivity_rows
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, trajectory
@@ -98,6 +98,11 @@ def test_what_cannot_hold_the_arm_is_a_row_with_its_reason():
     assert "joint2: a torque" in rows["all nine: mass 0.8"].note
     assert np.isnan(rows["p6: base angle 60"].ours)
     assert rows["p6: as is"].ours == pytest.approx(100 * gains(Assumed(), ("p6",)).mean())
+
+
+def test_the_floor_of_rod_angles_costs_more_the_less_it_is_compared_with():
+    costs = [row.ours for row in floor_rows()]
+    assert 0.0 < costs[0] < costs[1] < costs[2]
 
 
 def test_combinations_near_the_papers_are_counted():
