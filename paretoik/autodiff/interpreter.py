@@ -7,7 +7,7 @@ import numpy as np
 from paretoik.autodiff.evaluator import Fused
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.sine_cosine import cosines, sines, sines_and_cosines
-from paretoik.compilation import compiled
+from paretoik.compilation import c_function, carray, compiled
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
 MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, SINE_COSINE = (int(op) for op in Fused)
@@ -16,6 +16,12 @@ ABSOLUTE, SIGN, MAXIMUM, MINIMUM = int(Op.ABSOLUTE), int(Op.SIGN), int(Op.MAXIMU
 LESS, LESS_EQUAL, WHERE, MASKED_MULTIPLY = (int(op) for op in (Op.LESS, Op.LESS_EQUAL, Op.WHERE, Op.MASKED_MULTIPLY))
 EXPONENTIAL, LOGARITHM, TANH, POWER = int(Op.EXPONENTIAL), int(Op.LOGARITHM), int(Op.TANH), int(Op.POWER)
 ARC_TANGENT, ARC_SINE, ARC_COSINE = int(Op.ARC_TANGENT), int(Op.ARC_SINE), int(Op.ARC_COSINE)
+
+
+@compiled
+def run_block(code, registers, n):
+    """Execute all instructions on the first ``n`` points of the registers."""
+    _run_block(code.ctypes, code.shape[0], registers.ctypes, registers.shape[0], registers.shape[1], n)
 
 
 @compiled
@@ -46,8 +52,45 @@ def run_first(arrays, inputs, outputs, points):
 
 
 @compiled
-def run_block(code, registers, n):
-    """Execute all instructions on the first ``n`` points of the registers."""
+def _rare_operation(op, to, a, b, c, n):
+    for k in range(n):
+        x, y = a[k], b[k]
+        if op == ABSOLUTE:
+            to[k] = abs(x)
+        elif op == SIGN:
+            to[k] = np.sign(x)
+        elif op == MAXIMUM:
+            to[k] = x if x >= y or x != x else y  # NaN wins, as in NumPy
+        elif op == MINIMUM:
+            to[k] = x if x <= y or x != x else y
+        elif op == LESS:
+            to[k] = 1.0 if x < y else 0.0
+        elif op == LESS_EQUAL:
+            to[k] = 1.0 if x <= y else 0.0
+        elif op == WHERE:
+            to[k] = y if x != 0.0 else c[k]
+        elif op == MASKED_MULTIPLY:
+            to[k] = x * y if x != 0.0 else 0.0
+        elif op == EXPONENTIAL:
+            to[k] = np.exp(x)
+        elif op == LOGARITHM:
+            to[k] = np.log(x)
+        elif op == TANH:
+            to[k] = np.tanh(x)
+        elif op == POWER:
+            to[k] = x**y
+        elif op == ARC_TANGENT:
+            to[k] = np.arctan2(x, y)
+        elif op == ARC_SINE:
+            to[k] = np.arcsin(x)
+        elif op == ARC_COSINE:
+            to[k] = np.arccos(x)
+
+
+@c_function("void(CPointer(int32), intp, CPointer(float64), intp, intp, intp)", what="the evaluator of expressions")
+def _run_block(code_pointer, instructions, registers_pointer, count, width, n):
+    """Execute instructions (instructions, 5) on the first ``n`` points of registers (count, width)."""
+    code, registers = carray(code_pointer, (instructions, 5)), carray(registers_pointer, (count, width))
     for i in range(code.shape[0]):
         op, to, a, b, c = code[i, 0], code[i, 1], code[i, 2], code[i, 3], code[i, 4]
         if op == MULTIPLY:
@@ -85,39 +128,3 @@ def run_block(code, registers, n):
                 registers[to, k] = np.sqrt(registers[a, k])
         else:
             _rare_operation(op, registers[to], registers[a], registers[b], registers[c], n)
-
-
-@compiled
-def _rare_operation(op, to, a, b, c, n):
-    for k in range(n):
-        x, y = a[k], b[k]
-        if op == ABSOLUTE:
-            to[k] = abs(x)
-        elif op == SIGN:
-            to[k] = np.sign(x)
-        elif op == MAXIMUM:
-            to[k] = x if x >= y or x != x else y  # NaN wins, as in NumPy
-        elif op == MINIMUM:
-            to[k] = x if x <= y or x != x else y
-        elif op == LESS:
-            to[k] = 1.0 if x < y else 0.0
-        elif op == LESS_EQUAL:
-            to[k] = 1.0 if x <= y else 0.0
-        elif op == WHERE:
-            to[k] = y if x != 0.0 else c[k]
-        elif op == MASKED_MULTIPLY:
-            to[k] = x * y if x != 0.0 else 0.0
-        elif op == EXPONENTIAL:
-            to[k] = np.exp(x)
-        elif op == LOGARITHM:
-            to[k] = np.log(x)
-        elif op == TANH:
-            to[k] = np.tanh(x)
-        elif op == POWER:
-            to[k] = x**y
-        elif op == ARC_TANGENT:
-            to[k] = np.arctan2(x, y)
-        elif op == ARC_SINE:
-            to[k] = np.arcsin(x)
-        elif op == ARC_COSINE:
-            to[k] = np.arccos(x)
