@@ -37,6 +37,9 @@ carray = numba.carray  # an array at a pointer
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy"}  # as in NumPy, division by 0 gives inf or nan
 WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
+# Functions that take functions are written into their callers: with a function as argument, nothing could be cached.
+inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
+
 
 def compiled(function: Any = None, *, what: str = "", seconds: float | None = None) -> Any:
     """Return a function that is compiled at its first call for each combination of argument types.
@@ -198,7 +201,7 @@ def _fingerprint(function: Any) -> str:
     reachable, pending = {function}, [function]
     while pending:
         for value in _globals(pending.pop()):
-            if isinstance(value, _Entry) and value.py_func not in reachable:
+            if isinstance(value, CPUDispatcher) and value.py_func not in reachable:
                 reachable.add(value.py_func)
                 pending.append(value.py_func)
     return hashlib.sha256("".join(sorted(_digest(each) for each in reachable)).encode()).hexdigest()

@@ -9,6 +9,7 @@ import numpy as np
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
+from paretoik.formulations.protocol import require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.compiled.interior_point import Rules
@@ -18,7 +19,7 @@ from paretoik.pareto.gap_filling import front_rows, widest_gap
 from paretoik.pareto.refine import SmoothProblem, least
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
-from paretoik.self_motion.branches import labels
+from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.certificates import certify
 from paretoik.trajectory.epsilon import YIELD, polished_points
@@ -52,6 +53,8 @@ def refine(front: Front, problem: Any = None, *, observe: Observed | None = None
     problem = front.problem if problem is None else problem
     if isinstance(problem, SmoothProblem):
         return _smooth_refined(front, problem, observe)
+    if problem is not None:
+        require_program("refine", problem)
     if problem is None or front.motions is None:
         raise InvalidInput("refine: a front with its motions and its problem wanted; refine(front, problem) names it")
     task = task_of("refine", problem)
@@ -200,7 +203,7 @@ class Improver:
             rows.append(int(i))
             mains.append(main)
             levels.append((F[i] + F[nearest[i]]) / 2)
-        names = np.array(labels(self._task.motion(q)))
+        names = np.array(branch_labels(self._task.motion(q)))
         for name in np.unique(names):
             mine = np.flatnonzero(names == name)
             rows.append(int(mine[np.argmin(shares[mine].sum(axis=1))]))
@@ -257,6 +260,7 @@ class SmoothImprover:
 
 def task_of(verb: str, problem: Any) -> MotionTask:
     """Return what a ``Tracking`` asks for; raise InvalidInput, naming the verb, for other problems."""
+    require_program(verb, problem)
     task = getattr(problem, "task", None)
     if not isinstance(task, MotionTask):
         raise InvalidInput(f"{verb}: a Tracking problem wanted, got {type(problem).__name__}")

@@ -19,12 +19,6 @@ ARC_TANGENT, ARC_SINE, ARC_COSINE = int(Op.ARC_TANGENT), int(Op.ARC_SINE), int(O
 
 
 @compiled
-def run_block(code, registers, n):
-    """Execute all instructions on the first ``n`` points of the registers."""
-    _run_block(code.ctypes, code.shape[0], registers.ctypes, registers.shape[0], registers.shape[1], n)
-
-
-@compiled
 def run(arrays, inputs, outputs):
     """Evaluate at all points: from ``inputs`` (inputs, points) to ``outputs`` (outputs, points)."""
     run_first(arrays, inputs, outputs, inputs.shape[1])
@@ -36,7 +30,7 @@ def run_first(arrays, inputs, outputs, points):
     code, constants, input_rows, output_registers, registers = arrays
     width, loaded = registers.shape[1], input_rows.shape[0]
     for j in range(constants.shape[0]):
-        for k in range(width):
+        for k in range(min(points, width)):
             registers[loaded + j, k] = constants[j]
     for start in range(0, points, width):
         n = min(width, points - start)
@@ -52,23 +46,43 @@ def run_first(arrays, inputs, outputs, points):
 
 
 @compiled
-def _rare_operation(op, to, a, b, c, n):
+def run_block(code, registers, n):
+    """Execute all instructions on the first ``n`` points of the registers."""
+    _run_block(code.ctypes, code.shape[0], registers.ctypes, registers.shape[0], registers.shape[1], n)
+
+
+@compiled
+def _piecewise_operation(op, to, a, b, c, registers, n):
+    """Execute a choice, maximum, minimum or comparison; a loop without branches each, for vector instructions."""
+    if op == WHERE:
+        for k in range(n):
+            registers[to, k] = registers[b, k] if registers[a, k] != 0.0 else registers[c, k]
+    elif op == MAXIMUM:
+        for k in range(n):
+            x, y = registers[a, k], registers[b, k]
+            registers[to, k] = x if (x >= y) | (x != x) else y  # NaN wins, as in NumPy
+    elif op == MINIMUM:
+        for k in range(n):
+            x, y = registers[a, k], registers[b, k]
+            registers[to, k] = x if (x <= y) | (x != x) else y
+    elif op == LESS:
+        for k in range(n):
+            registers[to, k] = 1.0 if registers[a, k] < registers[b, k] else 0.0
+    elif op == LESS_EQUAL:
+        for k in range(n):
+            registers[to, k] = 1.0 if registers[a, k] <= registers[b, k] else 0.0
+    else:
+        _rare_operation(op, registers[to], registers[a], registers[b], n)
+
+
+@compiled
+def _rare_operation(op, to, a, b, n):
     for k in range(n):
         x, y = a[k], b[k]
         if op == ABSOLUTE:
             to[k] = abs(x)
         elif op == SIGN:
             to[k] = np.sign(x)
-        elif op == MAXIMUM:
-            to[k] = x if x >= y or x != x else y  # NaN wins, as in NumPy
-        elif op == MINIMUM:
-            to[k] = x if x <= y or x != x else y
-        elif op == LESS:
-            to[k] = 1.0 if x < y else 0.0
-        elif op == LESS_EQUAL:
-            to[k] = 1.0 if x <= y else 0.0
-        elif op == WHERE:
-            to[k] = y if x != 0.0 else c[k]
         elif op == MASKED_MULTIPLY:
             to[k] = x * y if x != 0.0 else 0.0
         elif op == EXPONENTIAL:
@@ -127,4 +141,4 @@ def _run_block(code_pointer, instructions, registers_pointer, count, width, n):
             for k in range(n):
                 registers[to, k] = np.sqrt(registers[a, k])
         else:
-            _rare_operation(op, registers[to], registers[a], registers[b], registers[c], n)
+            _piecewise_operation(op, to, a, b, c, registers, n)

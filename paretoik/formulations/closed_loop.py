@@ -26,12 +26,13 @@ from paretoik.formulations.closed_loop_result import (
     told,
     undominated,
 )
+from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, joint_drift
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -78,6 +79,8 @@ class ClosedLoop:
     InvalidInput
         Naming what cannot be used.
     """
+
+    timeline: Timeline = "step"
 
     def __init__(
         self,
@@ -196,7 +199,7 @@ class ClosedLoop:
         """Return what makes the loop itself, but for weights and the settings of its search."""
         task = self.task
         parts: list[object] = [task.targets, task.times, task.arm.joint_names, self.names, self.signs, self.longest]
-        parts += [task.obstacles, task.link_radius, task.least_clearance]
+        parts += [task.obstacles, task.link_radius, task.min_clearance]
         return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     @cached_property
@@ -297,17 +300,17 @@ class ClosedLoop:
             loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=kept, digests=tuple(digests)
         )
 
-    def choose_anew(self, front: Front, preference: Preference) -> Choice:
+    def select(self, front: Front, preference: Preference) -> Choice:
         """Return the motion that comes of following the loop anew, as in ``front``, with these weights at every step.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
-        other = self.reweighed(front, preference)
+        other = self.reweigh(front, preference)
         if other is not None:
             front = other.run().front({**front.provenance, "settings": {"weights": other.named_weights}})
         return told(front)
 
-    def reweighed(self, front: Front, preference: Preference) -> ClosedLoop | None:
+    def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
         """Return the loop that ``front`` was found by, with other weights; None where they are its own."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: of a closed loop weights are wanted, got {preference!r}")

@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="8 starts of the global method, no bound, 1 round of timing, one rhythm searched",
+        help="8 starts of the global method, no bound, 1 round of timing, one schedule searched",
     )
     parser.add_argument("--json", type=Path, help="file to write the rows to")
     parser.add_argument("--out", type=Path, default=Path("runs/tringali_2021"), help="folder for the pictures")

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 import paretoik as pk
-from paretoik.resolution.horizon import Found, Horizon, horizon
-from paretoik.resolution.predictive import PredictiveTraces, predicted
-from paretoik.resolution.resolve import TOLERANCE
+from paretoik.resolution.follow import TRACKING_TOLERANCE
+from paretoik.resolution.horizon import HorizonProgram, HorizonSolution, horizon_program
+from paretoik.resolution.predictive import PredictiveTraces, follow_predictively
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021
 from problems.tringali_2021 import START
@@ -26,22 +26,22 @@ SAME = 1e-6  # relative: energies of the same motion
 class Slsqp:
     """The same program handed to SciPy's SLSQP, with derivatives by differences or with ours."""
 
-    program: Horizon
+    program: HorizonProgram
     exact: bool
 
-    def solved(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> Found:
+    def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
         """Return what SLSQP finds from positions ahead."""
-        rest = np.zeros(self.program.ahead * self.program.rows + self.program.dof)
+        rest = np.zeros(self.program.horizon * self.program.rows + self.program.dof)
         known = np.concatenate([posture, velocity, targets.ravel(), rest])
-        size, count, own = q.size, self.program.ahead * self.program.rows, self.program
+        size, count, own = q.size, self.program.horizon * self.program.rows, self.program
 
         def at(z: np.ndarray) -> np.ndarray:
-            return np.asarray(own.first(np.concatenate([z, known])[:, None])[:, 0])
+            return np.asarray(own.derivatives(np.concatenate([z, known])[:, None])[:, 0])
 
         def jacobian(z: np.ndarray) -> np.ndarray:
-            blocks = at(z)[1 + size + count :].reshape(own.ahead, own.rows, own.dof)
-            whole = np.zeros((own.ahead, own.rows, own.ahead, own.dof))
-            whole[np.arange(own.ahead), :, np.arange(own.ahead)] = blocks
+            blocks = at(z)[1 + size + count :].reshape(own.horizon, own.rows, own.dof)
+            whole = np.zeros((own.horizon, own.rows, own.horizon, own.dof))
+            whole[np.arange(own.horizon), :, np.arange(own.horizon)] = blocks
             return whole.reshape(count, size)
 
         scale = max(float(at(q.ravel())[0]), 1e-12)
@@ -57,16 +57,16 @@ class Slsqp:
             },
             options={"ftol": 1e-12, "maxiter": 200},
         )
-        return Found(
+        return HorizonSolution(
             q=found.x.reshape(q.shape), value=found.fun * scale, converged=bool(found.success), iterations=found.nit
         )
 
 
-def updated(solver: str) -> Callable[..., Horizon | Slsqp]:
+def make_solver(solver: str) -> Callable[..., HorizonProgram | Slsqp]:
     """Return what writes the program of a look ahead for a solver."""
     if solver == "ours":
-        return horizon
-    return lambda *given: Slsqp(program=horizon(*given), exact="exact" in solver)
+        return horizon_program
+    return lambda *given: Slsqp(program=horizon_program(*given), exact="exact" in solver)
 
 
 def real_time_rows(*, rounds: int) -> list[Row]:
@@ -76,12 +76,14 @@ def real_time_rows(*, rounds: int) -> list[Row]:
     energies: dict[str, list[float]] = {solver: [] for solver in solvers}
     tasks: list[MotionTask] = [tringali_2021.problem(number, arm_of("fitted")).task for number in NUMBERS]
     for task in tasks[:1]:
-        predicted(task, pk.methods.PredictiveKineticEnergy(), np.array(START), tolerance=TOLERANCE)  # compiled once
+        follow_predictively(
+            task, pk.methods.PredictiveKineticEnergy(), np.array(START), tolerance=TRACKING_TOLERANCE
+        )  # compiled once
     for turn in range(rounds):
         for task in tasks:
             for solver in solvers:
                 given = task, pk.methods.PredictiveKineticEnergy(), np.array(START)
-                motion = predicted(*given, tolerance=TOLERANCE, program=updated(solver))
+                motion = follow_predictively(*given, tolerance=TRACKING_TOLERANCE, make_solver=make_solver(solver))
                 assert isinstance(motion.traces, PredictiveTraces)
                 seconds[solver].append(motion.traces.seconds)
                 if turn == 0:

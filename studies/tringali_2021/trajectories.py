@@ -145,26 +145,28 @@ def spectral_radius(motion: pk.Motion) -> np.ndarray:
 
 
 def searched(number: int, masses: str, *, starts: int, generations: int, samples: int = 201) -> list[Row]:
-    """Return what a search for the rhythm finds beside the paper's rhythm, and how near the global optimum."""
+    """Return what a search for the schedule of predictions finds, the paper's beside it, and the global optimum."""
     arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
-    problem = pk.PredictiveTracking(arm, path, start=START, starts=starts)
+    optimum = pk.plan(tringali_2021.problem(number, arm, samples), starts=starts).best.motion
+    problem = tringali_2021.schedule_along(number, optimum=optimum, arm=arm, samples=samples)
     front = pk.solve(problem, population=40, generations=generations, seed=0)
-    least = float(pk.kinetic_energy(problem.optimum))
+    least = float(pk.kinetic_energy(optimum))
     own = float(
         pk.kinetic_energy(pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy(), start=START, unreachable="track"))
     )
     assert front.genes is not None
     best = problem.method(front.genes[:1])
+    assert isinstance(best, pk.methods.PredictiveKineticEnergy)
     step, again = (np.atleast_1d(np.asarray(each))[0] for each in (best.prediction_step, best.update_interval))
     return [
         Row(
-            table=f"the rhythm searched for, {samples} samples, {masses} masses",
+            table=f"the schedule searched for, {samples} samples, {masses} masses",
             row=f"trajectory {number}",
             column="least kinetic energy",
             unit="J s",
             ours=float(front.objectives[0, 0]),
             paper=own,
-            note=f"beside the paper's rhythm; {100 * (front.objectives[0, 0] / least - 1):+.1f} % and "
+            note=f"beside the paper's schedule; {100 * (front.objectives[0, 0] / least - 1):+.1f} % and "
             f"{100 * (own / least - 1):+.1f} % from the global optimum; h = {np.atleast_1d(best.horizon)[0]}, "
             f"ΔT = {step:.2g} s, every {again:.2g} s, terminal {np.atleast_1d(best.terminal)[0]:.2g}; "
             f"{front.objectives[0, 1]:.0f} samples looked at an update; {len(front)} points",

@@ -17,7 +17,7 @@ import paretoik as pk
 from problems import wan_2018
 from studies.reporting import Row, holm
 
-FAMILIES = ("weighted", "plain")
+FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
 LEVEL = 0.05
 CORNER = 1.1  # of the ranges: the reference point of the hypervolume
@@ -26,15 +26,7 @@ LOW, HIGH = 0.01, 0.02  # quantiles that the ranges leave out at either end: wha
 
 def searched(family: str, seed: int, *, population: int, generations: int, several: int) -> np.ndarray:
     """Return the front (points, 4), minimised, that a search of a family's numbers gives."""
-    criteria = [pk.velocity_limit_nearness]
-    criteria += [] if family == "weighted" else [pk.joint_limit_nearness]
-    problem = pk.ProjectionGains(
-        pk.arms.wan_7r(),
-        wan_2018.experiment(),
-        family="weighted" if family == "weighted" else "plain",
-        criteria=criteria,
-        several=several,
-    )
+    problem = FAMILIES[family](several)
     front = pk.solve(problem, population=population, generations=generations, seed=seed)
     signs = np.where(problem.maximised, -1.0, 1.0)
     return np.asarray(front.objectives * signs)

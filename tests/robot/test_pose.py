@@ -1,0 +1,179 @@
+"""Poses: a group that acts on points, and a logarithm that is accurate at both of its ends."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.pose import (
+    Pose,
+    matrix_to_quaternion,
+    quaternion_product,
+    quaternion_to_matrix,
+    rotation_vector,
+    vector_to_quaternion,
+)
+
+coordinates = st.floats(-10, 10)
+points = st.tuples(coordinates, coordinates, coordinates)
+angles = st.floats(-np.pi, np.pi)
+spins = st.tuples(angles, angles, angles)
+frames = st.lists(st.tuples(points, spins), min_size=3, max_size=3)
+
+
+def random_quaternions(count):
+    quaternions = np.random.default_rng(7).normal(size=(count, 4))
+    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+
+
+def three(frames):
+    return [Pose.from_rpy(*frame) for frame in frames]
+
+
+def same(left, right):
+    np.testing.assert_allclose(left.matrix, right.matrix, atol=1e-12)
+
+
+@given(frames)
+def test_composition_is_associative(frames):
+    a, b, c = three(frames)
+    np.testing.assert_allclose(((a @ b) @ c).matrix, (a @ (b @ c)).matrix, atol=1e-12)
+
+
+@given(points, spins)
+def test_a_pose_after_its_inverse_is_the_identity(place, spin):
+    pose = Pose.from_rpy(place, spin)
+    same(pose @ pose.inverse(), Pose([0.0, 0.0, 0.0]))
+    same(pose.inverse() @ pose, Pose([0.0, 0.0, 0.0]))
+
+
+@given(frames)
+def test_composition_is_the_product_of_matrices(frames):
+    a, b, _ = three(frames)
+    np.testing.assert_allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-12)
+
+
+@given(frames, st.lists(points, min_size=1, max_size=4))
+def test_applying_a_composition_applies_the_inner_pose_first(frames, inside):
+    a, b, _ = three(frames)
+    np.testing.assert_allclose((a @ b).apply(inside), a.apply(b.apply(inside)), atol=1e-12)
+
+
+@given(points, spins)
+def test_a_pose_comes_back_from_its_matrix(place, spin):
+    pose = Pose.from_rpy(place, spin)
+    same(Pose.from_matrix(pose.matrix), pose)
+    same(Pose.from_matrix(pose.rotation, pose.position), pose)
+
+
+def test_apply_keeps_the_shape_of_a_batch_and_of_a_single_point():
+    pose = Pose.planar(1.0, 2.0, np.pi / 2)
+    assert pose.apply(np.zeros((4, 5, 3))).shape == (4, 5, 3)
+    np.testing.assert_allclose(pose.apply([1.0, 0.0, 5.0]), [1.0, 3.0, 5.0], atol=1e-15)
+
+
+@given(spins)
+def test_rpy_turns_about_fixed_axes_in_the_order_x_y_z(spin):
+    expected = Rotation.from_euler("xyz", spin).as_matrix()
+    np.testing.assert_allclose(Pose.from_rpy([0.0, 0.0, 0.0], spin).rotation, expected, atol=1e-14)
+
+
+def test_xyzw_is_the_order_of_scipy():
+    turn = Rotation.from_rotvec([0.1, -0.2, 0.3])
+    np.testing.assert_allclose(Pose.from_xyzw([0, 0, 0], turn.as_quat()).rotation, turn.as_matrix(), atol=1e-15)
+
+
+def test_quaternions_and_matrices_agree_with_scipy_in_any_batch_shape():
+    quaternions = random_quaternions(600).reshape(20, 30, 4)
+    expected = Rotation.from_quat(np.roll(quaternions.reshape(-1, 4), -1, axis=1))
+    matrices = quaternion_to_matrix(quaternions)
+    np.testing.assert_allclose(matrices.reshape(-1, 3, 3), expected.as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(rotation_vector(matrices).reshape(-1, 3), expected.as_rotvec(), atol=1e-13)
+    assert matrix_to_quaternion(matrices[0, 0]).shape == (4,)
+    assert rotation_vector(matrices[0, 0]).shape == (3,)
+    assert rotation_vector(matrices[:, :0]).shape == (20, 0, 3)
+
+
+def test_a_rotation_gives_the_same_bits_alone_and_in_a_batch():
+    matrices = quaternion_to_matrix(random_quaternions(50))
+    alone = np.stack([rotation_vector(matrix) for matrix in matrices])
+    assert (alone == rotation_vector(matrices)).all()
+
+
+def test_a_product_of_quaternions_is_the_product_of_their_matrices():
+    left, right = random_quaternions(40).reshape(2, 20, 4)
+    product = quaternion_to_matrix(quaternion_product(left, right))
+    np.testing.assert_allclose(product, quaternion_to_matrix(left) @ quaternion_to_matrix(right), atol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-12, 1e-8, 1e-4, 1.0, 2.0, 3.0, np.pi - 1e-4, np.pi - 1e-8])
+def test_the_logarithm_undoes_the_exponential_near_zero_and_near_a_half_turn(angle):
+    axes = random_quaternions(200)[:, 1:]
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    vectors = angle * axes
+    found = rotation_vector(quaternion_to_matrix(vector_to_quaternion(vectors)))
+    np.testing.assert_allclose(found, vectors, rtol=1e-9, atol=4e-15 * angle)
+
+
+@pytest.mark.parametrize("axis", [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0, -0.8], [1 / 3, 2 / 3, -2 / 3]])
+def test_a_half_turn_has_length_pi_about_its_axis_whichever_way(axis):
+    matrix = 2 * np.outer(axis, axis) - np.eye(3)
+    found = rotation_vector(matrix)
+    assert np.linalg.norm(found) == pytest.approx(np.pi, abs=1e-15)
+    np.testing.assert_allclose(abs(found @ axis), np.pi, atol=1e-14)
+
+
+@given(spins)
+def test_the_exponential_gives_unit_quaternions_of_the_same_turn(vector):
+    turn = vector_to_quaternion(np.array(vector))
+    assert np.linalg.norm(turn) == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_allclose(quaternion_to_matrix(turn), Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
+
+
+def test_a_quaternion_nearly_of_length_one_is_normalised():
+    quaternion = Pose([0.0, 0.0, 0.0], (1 + 9e-7, 0.0, 0.0, 0.0)).quaternion
+    assert quaternion.tolist() == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_a_pose_cannot_be_changed_nor_shares_memory_with_what_it_was_made_from():
+    position = np.zeros(3)
+    pose = Pose(position)
+    position[0] = 5.0
+    assert pose.position[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        pose.position[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Pose([0, 0, 0], (1.1, 0, 0, 0)),
+            "quaternion: must have length 1 within 1e-06, got [1.1, 0.0, 0.0, 0.0]",
+        ),
+        (lambda: Pose([0, 0, 0], (0, 0, 0, 0)), "quaternion: must have length 1 within 1e-06"),
+        (lambda: Pose([0, 0, 0], (1, 0, 0)), "quaternion: must have shape (4,), got shape (3,)"),
+        (lambda: Pose([0, 0, 0], (1, 0, 0, np.nan)), "quaternion: must be finite, got nan at index 3"),
+        (lambda: Pose([0, np.nan, 0]), "position: must be finite, got nan at index 1"),
+        (lambda: Pose([0, 0]), "position: must have shape (3,), got shape (2,)"),
+        (lambda: Pose(["a", "b", "c"]), "position: must hold real numbers"),
+        (lambda: Pose([[0], [1, 2], 3]), "position: must be an array of numbers"),
+        (lambda: Pose([1j, 0, 0]), "position: must hold real numbers, got complex128"),
+        (lambda: Pose.from_matrix(np.diag([1.0, 1.0, -1.0])), "matrix: must be a rotation, got determinant -1"),
+        (lambda: Pose.from_matrix(np.eye(3) * 1.01), "matrix: must be a rotation"),
+        (lambda: Pose.from_matrix(np.eye(2)), "matrix: must be (3, 3), or (4, 4) without a position, got shape (2, 2)"),
+        (lambda: Pose.from_matrix(np.eye(4), [0, 0, 0]), "(4, 4) without a position"),
+        (lambda: Pose.from_matrix(np.ones((4, 4))), "the last row must be 0 0 0 1"),
+        (lambda: Pose.planar(0.0, 0.0, np.inf), "angle: must be finite, got inf"),
+        (lambda: Pose([0, 0, 0]).apply([1.0, 2.0]), "points: the last axis must have 3 coordinates, got shape (2,)"),
+    ],
+)
+def test_what_is_no_pose_is_refused_with_name_wish_and_fact(make, message):
+    with pytest.raises(InvalidInput, match=re.escape(message)):
+        make()
