@@ -17,6 +17,9 @@ from numba.core.codegen import JITCodeLibrary
 class InnerLibrary(JITCodeLibrary):
     """LLVM code of a function that other compiled functions call."""
 
+    _shared_module: Any
+    _linking_libraries: list[Any]
+
     def __init__(self, codegen: Any, name: str) -> None:
         super().__init__(codegen, name)
         self.environments: list[tuple[str, Any]] = []
@@ -65,6 +68,8 @@ class InnerLibrary(JITCodeLibrary):
 
 class EntryLibrary(JITCodeLibrary):
     """Machine code of a function and of all that it calls."""
+
+    _linking_libraries: list[Any]
 
     def finalize(self) -> None:
         """Link, optimise and emit everything at once."""
@@ -124,7 +129,7 @@ def compilation_unit(codegen: Any, entry: str = "") -> Iterator[None]:
     def create(codegen: Any, name: str) -> Any:
         return EntryLibrary(codegen, name) if name == entry else InnerLibrary(codegen, name)
 
-    create._unserialize = JITCodeLibrary._unserialize  # type: ignore[attr-defined]  # from the cache
+    create._unserialize = JITCodeLibrary._unserialize  # what the cache loads
     codegen._library_class = create
     try:
         yield
