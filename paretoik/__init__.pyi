@@ -1,4 +1,5 @@
 from . import capability as capability
+from . import errors as errors
 from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
@@ -12,9 +13,6 @@ from .closed_loop.objectives import step_objective as step_objective
 from .errors import EvaluationFailed as EvaluationFailed
 from .errors import Infeasible as Infeasible
 from .errors import InvalidInput as InvalidInput
-from .errors import InvalidRobot as InvalidRobot
-from .errors import InvalidRun as InvalidRun
-from .errors import OutOfReach as OutOfReach
 from .errors import ParetoikError as ParetoikError
 from .errors import SolverFailed as SolverFailed
 from .formulations.closed_loop import ClosedLoop as ClosedLoop

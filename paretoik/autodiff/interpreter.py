@@ -101,7 +101,10 @@ def _rare_operation(op, to, a, b, n):
             to[k] = np.arccos(x)
 
 
-@c_function("void(CPointer(int32), intp, CPointer(float64), intp, intp, intp)", what="the evaluator of expressions")
+SIGNATURE = "void(CPointer(int32), intp, CPointer(float64), intp, intp, intp)"
+
+
+@c_function(SIGNATURE, what="the evaluator of expressions", seconds=2)
 def _run_block(code_pointer, instructions, registers_pointer, count, width, n):
     """Execute instructions (instructions, 5) on the first ``n`` points of registers (count, width)."""
     code, registers = carray(code_pointer, (instructions, 5)), carray(registers_pointer, (count, width))

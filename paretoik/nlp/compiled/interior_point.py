@@ -83,7 +83,7 @@ class Rules(NamedTuple):
     radius: float = 0.3
 
 
-@compiled
+@compiled(what="the planner", seconds=15)
 def minimise(p, q, factors, caps, rules):
     """Minimise Σ factors · sums over motions from q (time, dof), which is on the path, sums kept below caps.
 
