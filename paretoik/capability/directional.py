@@ -18,9 +18,9 @@ from paretoik.capability.joint_capability import JointSpeeds, joint_speeds, torq
 from paretoik.capability.posture_values import gravity_torques
 from paretoik.capability.zonotopes import facet_joint_speeds, greatest_forces, highest_speeds
 from paretoik.errors import InvalidInput, check_size
+from paretoik.inputs import finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

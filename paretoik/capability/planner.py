@@ -20,8 +20,8 @@ from jaxtyping import Float
 from paretoik.capability.geodesic import check_ends, fastest_path, known_roots, pieces_of
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed, check_size
+from paretoik.inputs import ArrayLike
 from paretoik.nlp.interval_program import IntervalSolver, Pieces
-from paretoik.robot.pose import ArrayLike
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
 

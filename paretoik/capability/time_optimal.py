@@ -15,7 +15,7 @@ from paretoik.capability.geodesic import check_ends, check_inside, known_roots, 
 from paretoik.capability.planner import Formulation, Plan, Planner
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.robot.pose import ArrayLike, finite_array
+from paretoik.inputs import ArrayLike, finite_array
 
 PATIENCE = 10.0  # times the straight line's time, after which a reference that is still on its way goes nowhere
 LIMIT_TOLERANCE = 1e-9  # of the velocity limit: rounding, not counted as a cut

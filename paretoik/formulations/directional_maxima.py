@@ -25,9 +25,9 @@ from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.violations import explain_worst
+from paretoik.inputs import finite_array
 from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 

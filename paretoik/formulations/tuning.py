@@ -19,11 +19,11 @@ from pymoo.core.problem import Problem
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.identity import identity_parts
+from paretoik.inputs import ArrayLike, finite_array
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
 from paretoik.resolution.parameters import Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import ArrayLike, finite_array
 from paretoik.self_motion.postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task

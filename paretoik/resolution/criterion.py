@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_array
 from paretoik.resolution.parameters import Number, Parameter
-from paretoik.robot.pose import finite_array
 from paretoik.task.objectives import Objective
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_array
 from paretoik.resolution.parameters import Parameter, Scale
-from paretoik.robot.pose import finite_array
 
 if TYPE_CHECKING:
     from paretoik.resolution.traces import ResolvedMotion

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Shaped
 
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import finite_array
+from paretoik.inputs import finite_array
 
 Number: TypeAlias = float | np.ndarray
 Scale = Literal["linear", "log", "integer"]

@@ -8,11 +8,11 @@ from typing import Literal, get_args
 import numpy as np
 
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
+from paretoik.inputs import finite_array
 from paretoik.resolution.follow import TRACKING_TOLERANCE, follow
 from paretoik.resolution.methods import Criterion, Method, VelocityMethod
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import reach_error, sample_postures
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask

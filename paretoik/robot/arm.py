@@ -12,10 +12,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
+from paretoik.inputs import ArrayLike
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.pose import ArrayLike, Pose
+from paretoik.robot.pose import Pose
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
@@ -62,9 +63,10 @@ class Arm:
             raise InvalidInput(f"arm {self.name}: wants at least one moving joint, has none")
         if len(set(self.joint_names)) != self.dof:
             raise InvalidInput(f"arm {self.name}: joint names must differ, got {', '.join(self.joint_names)}")
-        for kind in self.joint_types:
-            if kind not in JOINT_TYPES:
-                raise InvalidInput(f"arm {self.name}: joint type must be one of {', '.join(JOINT_TYPES)}, got {kind!r}")
+        for joint_type in self.joint_types:
+            if joint_type not in JOINT_TYPES:
+                wish = f"joint type must be one of {', '.join(JOINT_TYPES)}"
+                raise InvalidInput(f"arm {self.name}: {wish}, got {joint_type!r}")
         for name, (low, high) in zip(self.joint_names, np.reshape(self.position_limits, (-1, 2)), strict=False):
             if not low <= high:
                 raise InvalidInput(
@@ -81,7 +83,7 @@ class Arm:
     @property
     def periodic(self) -> np.ndarray:
         """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,)."""
-        return np.array([kind != "prismatic" for kind in self.joint_types])
+        return np.array([joint_type != "prismatic" for joint_type in self.joint_types])
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"
@@ -113,8 +115,8 @@ class Arm:
         length = number_array("lengths", lengths, None, positive=True)
         count = len(length)
         mass, center, inertia = (
-            np.zeros(count) if values is None else number_array(what, values, count, positive=False)
-            for what, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
+            np.zeros(count) if values is None else number_array(field_name, values, count)
+            for field_name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
         )
         if masses is not None and (np.any(mass < 0) or np.any(inertia < 0)):
             raise InvalidInput("planar arm: masses and inertias must not be negative")
@@ -236,7 +238,7 @@ class Arm:
         return replace(self, bodies=(*self.bodies[:-1], last))
 
     def mounted(self, *, base: Pose | None = None, gravity: object = None) -> Arm:
-        """Return the arm standing at ``base`` in the world, under ``gravity`` (3,) [m/s²] given in world axes."""
+        """Return the arm mounted at ``base`` in the world, under ``gravity`` (3,) [m/s²] given in world axes."""
         vector = self.gravity if gravity is None else np.asarray(gravity, dtype=float)
         if vector.shape != (3,) or not np.all(np.isfinite(vector)):
             raise InvalidInput(f"gravity wants three finite numbers, got {gravity!r}")
@@ -245,7 +247,7 @@ class Arm:
     def fixed(self, positions: Mapping[str, float] | None = None, /, **joints: float) -> Arm:
         """Return the arm with joints frozen at values [rad or m], by name: ``arm.fixed(joint2=0.3)``.
 
-        Raises InvalidInput for an unknown joint, a value that is not finite, or when no joint would be left.
+        Raises InvalidInput for an unknown joint, a value that is not finite, or for the last moving joint.
         """
         from paretoik.robot.fixed_joints import fix_joint  # here, because it builds on this class
 

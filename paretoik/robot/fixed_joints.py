@@ -56,7 +56,7 @@ def joint_motion(joint_type: JointType, value: float) -> Pose:
 
 
 def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:
-    """Return a frame as it stands after a joint is fixed at the pose ``fixed`` on the link before."""
+    """Return a frame of the arm after a joint is fixed at the pose ``fixed`` on the link before."""
     if frame.link < joint:
         return frame
     return Frame(link=frame.link - 1, pose=fixed @ frame.pose if frame.link == joint else frame.pose)

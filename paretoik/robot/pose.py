@@ -7,18 +7,13 @@ coordinates in the frame into coordinates outside it: a pose takes a point to ``
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Matrix3, Quaternion, Vector3
 from paretoik.errors import InvalidInput
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike as ArrayLike
-else:
-    ArrayLike = object  # arguments are checked by value here, and refused with our own errors
+from paretoik.inputs import ArrayLike, finite_array
 
 UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
@@ -118,24 +113,6 @@ class Pose:
             raise InvalidInput(f"points: the last axis must have 3 coordinates, got shape {inside.shape}")
         outside: np.ndarray = inside @ self.rotation.T + self.position
         return outside
-
-
-def finite_array(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Copy ``value`` into a new float array, or refuse by ``name`` what is not real, finite and of ``shape``."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
-    if array.dtype.kind not in "iuf":
-        raise InvalidInput(f"{name}: must hold real numbers, got {array.dtype}")
-    if shape is not None and array.shape != shape:
-        raise InvalidInput(f"{name}: must have shape {shape}, got shape {array.shape}")
-    finite = np.isfinite(array)
-    if not finite.all():
-        first = tuple(int(i) for i in np.argwhere(~finite)[0])
-        where = f" at index {first[0] if len(first) == 1 else first}" if first else ""
-        raise InvalidInput(f"{name}: must be finite, got {array[first]}{where}")
-    return array.astype(float)
 
 
 def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
