@@ -94,7 +94,7 @@ class Barrier(NamedTuple):
     helpful_penalty: float
 
 
-@compiled
+@compiled(what="the interior-point method", seconds=15)
 def minimise(kernel, x, weights, rows, upper, options):
     """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none.
 
