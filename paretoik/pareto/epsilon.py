@@ -15,7 +15,7 @@ from paretoik.pareto.refine import Sketch, least, quadratic
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 FIRST_WEIGHT = 1e-3  # of the others there, until it is found
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
-RESOLUTION = 1e-10  # of unknowns of the order of 1: what a solver's last barrier tells apart
+RESOLUTION = 1e-7  # of unknowns of the order of 1: what the last barrier, over FIRST_WEIGHT, leaves of an end
 APART = 0.05  # of the ranges: optima of one objective that are nearer than this to an end are no points of their own
 NEAREST = 2  # points, and optima of one objective, that every ε starts from
 BRIEF = 60  # quadratic programs, where interior points lead nowhere
