@@ -185,7 +185,7 @@ class PredictiveKineticEnergy(Method):
     """The null space of the task is used to minimise the kinetic energy over a few samples ahead.
 
     ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
-    ``horizon`` h is the number of samples ahead, ``prediction_step`` ΔT [s] the time between them, by default 0.2 of the
+    ``horizon`` h is the number of samples ahead, ``prediction_step`` ΔT [s] the time between, by default 0.2 of the
     path's duration over h, and ``update_interval`` [s] that between predictions, by default half of it. The last sample
     counts ``terminal`` times more: what comes after the horizon costs as well. ``feedback`` [1/s] of the tracking error
     is 0 by default: open loop, as in the paper. These may be arrays (*batch,).
