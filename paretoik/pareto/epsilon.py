@@ -15,7 +15,7 @@ from paretoik.pareto.refine import Sketch, least, quadratic
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
 FIRST_WEIGHT = 1e-3  # of the others there, until it is found
 WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
-RESOLUTION = 1e-7  # of unknowns of the order of 1: what the last barrier, over FIRST_WEIGHT, leaves of an end
+RESOLUTION = 1e-7  # of unknowns of the order of 1: what the last barrier, over FIRST_WEIGHT, leaves open of an end
 APART = 0.05  # of the ranges: optima of one objective that are nearer than this to an end are no points of their own
 NEAREST = 2  # points, and optima of one objective, that every ε starts from
 BRIEF = 60  # quadratic programs, where interior points lead nowhere
@@ -44,6 +44,9 @@ def epsilon_points(
     wide = nadir - ideal > np.maximum(1e-9 * np.maximum(np.abs(ideal), np.abs(nadir)), resolution)
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
     shares = sketch.costs / ranges[:, None]
+    if not wide.any():  # one point is the best in every objective
+        first = np.array([group[0] for group in pool])
+        return first[[int((first @ shares.sum(axis=0)).argmin())]], ranges
     ends = np.array([_finished(shares, sketch, k, group[0]) for k, group in enumerate(pool)])
     other = np.concatenate(pool)
     apart = np.abs((other @ shares.T)[:, None] - ends @ shares.T).max(axis=2).min(axis=1)
