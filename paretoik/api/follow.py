@@ -15,8 +15,9 @@ from paretoik.errors import ParetoikError
 from paretoik.execution.interrupts import interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.files import replace_file
+from paretoik.closed_loop.loop import StepRecord
 from paretoik.formulations.closed_loop import ClosedLoop
-from paretoik.formulations.closed_loop_result import ClosedLoopRun, Taken, told
+from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.review.generation import Generation
@@ -66,7 +67,7 @@ def follow(
             if folder is not None:
                 watch.recorder = _recorder(folder, loop, reference)
                 stack.callback(watch.recorder.close)
-            run = loop.run(observe=watch, ended=lambda: bool(interruption) or watch.late)
+            run = loop.run(observe=watch, should_stop=lambda: bool(interruption) or watch.late)
         except ParetoikError as error:
             if folder is not None:
                 write_run(folder, {**provenance, "status": type(error).__name__, "reason": str(error)})
@@ -106,25 +107,25 @@ class _Watch:
         """Whether the time limit is reached."""
         return self.time_limit is not None and self.seconds >= self.time_limit
 
-    def __call__(self, taken: Taken) -> None:
-        F = taken.front.F * self.loop.signs
+    def __call__(self, record: StepRecord) -> None:
+        F = record.front.F * self.loop.signs
         generation = Generation(
-            number=taken.sample,
+            number=record.sample,
             population=F[:0],
             front=F,
             front_ids=np.arange(len(F)),
-            chosen=F[taken.index],
+            chosen=F[record.index],
         )
         if self.recorder is not None:
             self.recorder.record(generation)
         if self.observe is not None:
             progress = Progress(
-                generation=taken.sample,
-                evaluations=taken.sample * self.loop.population * (self.loop.generations + 1),
+                generation=record.sample,
+                evaluations=record.sample * self.loop.population * (self.loop.generations + 1),
                 seconds=self.seconds,
                 failed=Failures(),
-                population=taken.front.F,
-                front=taken.front.F,
+                population=record.front.F,
+                front=record.front.F,
                 ids=generation.front_ids,
             )
             self.observe(generation, progress)
@@ -147,7 +148,7 @@ def _keep(run: ClosedLoopRun, front: Front, folder: Path, watch: _Watch) -> None
     front.save(folder)
     _steps_table(run, folder / STEPS)
     assert watch.recorder is not None
-    watch.recorder.finish(None, told(front))
+    watch.recorder.finish(None, explain_choice(front))
     loop_picture(run.motion, run.values, _natural(run), front, folder / PICTURE)
 
 

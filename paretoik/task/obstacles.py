@@ -143,13 +143,16 @@ def signed_distance(
     return distances.reshape(starts.shape[:-1])
 
 
-def to_surface(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
-    """Return what ``signed_distance`` does, of components: plain NumPy, so that derivatives can be taken of it."""
+def to_surface(obstacle: Obstacle, start: Components, end: Components, *, depth: bool = True) -> Numbers:
+    """Return what ``signed_distance`` does, of components: plain NumPy, so that derivatives can be taken of it.
+
+    Without ``depth``, a third fewer operations, a segment that enters a box is at distance 0.
+    """
     if isinstance(obstacle, Box):
         place = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
         first, last = ([_dot(axis, _minus(points, place)) for axis in axes] for points in (start, end))
-        return _segment_to_box(first, last, obstacle.half_sizes)
+        return _segment_to_box(first, last, obstacle.half_sizes, depth)
     if isinstance(obstacle, Capsule):
         axis = _components(obstacle.start[None]), _components(obstacle.end[None])
         return _between_segments(start, end, *axis) - obstacle.radius
@@ -182,8 +185,8 @@ def _between_segments(start: Components, end: Components, other_start: Component
     return least
 
 
-def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> Numbers:
-    """Signed distance of a segment to the box of half sizes ``halves`` about the origin.
+def _segment_to_box(start: Components, end: Components, halves: np.ndarray, depth: bool) -> Numbers:
+    """Signed distance of a segment to the box of half sizes ``halves`` about the origin; 0 inside without ``depth``.
 
     Outside, the squared distance is convex along the segment and quadratic between the places where the segment crosses
     a plane of the box. Its slope grows, linearly between those places: its zero lies between the last place with a
@@ -206,6 +209,8 @@ def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> N
             high, high_slope = np.where(rises, share, high), np.where(rises, slope, high_slope)
     nearest: np.ndarray = low + (high - low) * _share(-low_slope, high_slope - low_slope)
     distances = _length(excess(nearest))
+    if not depth:
+        return distances
     touching = distances < 1e-9 * halves.max()
     if not isinstance(touching, np.ndarray):  # derivatives are taken: no looking at numbers
         return np.where(touching, np.minimum(_depth(start, step, halves), distances), distances)
