@@ -1,8 +1,8 @@
 from . import capability as capability
 from .api.epsilon_front import epsilon_front as epsilon_front
+from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
-from .api.solve import load_front as load_front
 from .api.solve import solve as solve
 from .capability.directional import directional_maxima as directional_maxima
 from .closed_loop.objectives import joint_displacement as joint_displacement
@@ -28,13 +28,11 @@ from .front.front import Front as Front
 from .front.preferences import Weights as Weights
 from .resolution import methods as methods
 from .resolution.resolve import resolve as resolve
-from .resolution.traces import ResolvedMotion as ResolvedMotion
 from .robot import arms as arms
 from .robot.arm import Arm as Arm
 from .robot.pose import Pose as Pose
 from .robot.urdf import check_robot as check_robot
 from .search.ask_tell import Search as Search
-from .search.maximin import MaxiMin as MaxiMin
 from .search.nsga2 import MaxiMinNSGA2 as MaxiMinNSGA2
 from .task import obstacles as obstacles
 from .task.limits import Limits as Limits
@@ -55,11 +53,11 @@ from .task.objectives import peak_velocity as peak_velocity
 from .task.objectives import torque_norm as torque_norm
 from .task.objectives import velocity_limit_nearness as velocity_limit_nearness
 from .task.path import Path as Path
-from .task.path import circle as circle
-from .task.path import line as line
-from .task.path import poses as poses
-from .task.path import waypoints as waypoints
+from .task.path_shapes import circle as circle
+from .task.path_shapes import line as line
+from .task.path_shapes import poses as poses
+from .task.path_shapes import waypoints as waypoints
 from .task.task import Task as Task
-from .trajectory.multistart import Plan as Plan
+from .trajectory.plan import Plan as Plan
 
 __version__: str

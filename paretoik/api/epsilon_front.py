@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import certified, smooth_certified, task_of
 from paretoik.errors import InvalidInput, check_size
 from paretoik.front.front import Front
@@ -21,7 +21,7 @@ def epsilon_front(
     points: int = 20,
     starts: int = 48,
     seed: int = 0,
-    observe: Callable[[int, int], object] | None = None,
+    observe: Observer | None = None,
 ) -> Front:
     """Return a front of certified points: one objective minimised, the others kept below ε.
 
@@ -35,7 +35,7 @@ def epsilon_front(
         As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
         from so many starts.
     observe
-        Called with the points found so far and those wanted.
+        Called with a ``RunProgress`` after every point: ``done`` of ``points``.
 
     Every point has its certificate in ``front.certificates``; "optimal" is meant locally. Source: Tringali & Cocuzza
     2020, section 4.3.
@@ -52,15 +52,16 @@ def epsilon_front(
     check_size("points", points, 2)
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    said = {"settings": {"points": points, "starts": starts, "seed": seed}, "status": "epsilon"}
+    show = count_observer(observe, "point")
+    provenance = {"settings": {"points": points, "starts": starts, "seed": seed}, "status": "epsilon"}
     if isinstance(problem, SmoothProblem):
         if len(problem.names) < 2:
             raise InvalidInput("epsilon_front: two objectives or more wanted, got one: solve finds its optimum")
-        begun = problem.unknowns(problem.candidates(starts, np.random.default_rng(seed)))
-        z, ranges = smooth_epsilon.epsilon_points(problem.sketch(), begun, points=points, observe=observe)
-        return smooth_certified(problem, z, np.arange(len(z)), ranges, said)
+        initial = problem.unknowns(problem.candidates(starts, np.random.default_rng(seed)))
+        z, ranges = smooth_epsilon.epsilon_points(problem.sketch(), initial, points=points, observe=show)
+        return smooth_certified(problem, z, np.arange(len(z)), ranges, provenance)
     task = task_of("epsilon_front", problem)
     if len(task.objectives) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
-    found = epsilon_points(task, points=points, starts=starts, seed=seed, observe=observe)
-    return certified(problem, task, found.q, np.arange(len(found.q)), found.ranges, said)
+    front = epsilon_points(task, points=points, starts=starts, seed=seed, observe=show)
+    return certified(problem, task, front.q, np.arange(len(front.q)), front.ranges, provenance)

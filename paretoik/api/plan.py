@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.refine import task_of
 from paretoik.errors import InvalidInput, check_size
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import Plan, planned
+from paretoik.trajectory.plan import Plan, find_optima
 
 
 def plan(
@@ -20,7 +22,7 @@ def plan(
     starts: int = 48,
     seed: int = 0,
     initial: Motion | None = None,
-    observe: Callable[[int, int, int], object] | None = None,
+    observe: Observer | None = None,
 ) -> Plan:
     """Return all distinct locally optimal motions of a ``Tracking`` with one objective that its starts lead to.
 
@@ -36,7 +38,7 @@ def plan(
     initial
         Motions of the problem, on its path, to start from as well.
     observe
-        Called after every level of samples, coarse to fine, with its samples, starts and distinct optima.
+        Called with a ``RunProgress`` after every level of samples, coarse to fine: ``done`` of all samples.
 
     ``plan.best.motion`` and ``plan.best.objective`` are the best, ``plan.optima`` all of them, best first. "Optimum" is
     meant locally. Source: Tringali & Cocuzza 2020, section 3.1.
@@ -63,10 +65,30 @@ def plan(
     if len(task.objectives) != 1:
         names = ", ".join(o.name for o in task.objectives)
         raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
-    return planned(task, starts=starts, seed=seed, given=_given(task, initial), observe=observe)
+    shown = _level_observer(observe, len(task.times))
+    return find_optima(task, starts=starts, seed=seed, initial=_initial_motions(task, initial), observe=shown)
 
 
-def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
+def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int, int], object] | None:
+    if observe is None:
+        return None
+    started = time.monotonic()
+
+    def show(samples: int, starts: int, optima: int) -> None:
+        observe(
+            RunProgress(
+                stage="sample",
+                done=samples,
+                total=total,
+                seconds=time.monotonic() - started,
+                summary=f"{starts} starts, {optima} distinct optima",
+            )
+        )
+
+    return show
+
+
+def _initial_motions(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
     if initial is None:
         return None
     q = initial.q if initial.q.ndim == 3 else initial.q[None]
@@ -75,7 +97,7 @@ def _given(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
             f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {initial.arm.name} with "
             f"{q.shape[1]}"
         )
-    off = float(task.motion(q).tracking_error.max())
-    if off > 1e-6:
-        raise InvalidInput(f"initial: motions on the path wanted, got one that is {off:.3g} m or rad off")
+    deviation = float(task.motion(q).tracking_error.max())
+    if deviation > 1e-6:
+        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
     return np.array(q)

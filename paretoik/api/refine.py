@@ -18,7 +18,7 @@ from paretoik.pareto.gap_filling import front_rows, widest_gap
 from paretoik.pareto.refine import SmoothProblem, least
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
-from paretoik.self_motion.branches import labels
+from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.certificates import certify
 from paretoik.trajectory.epsilon import YIELD, polished_points
@@ -200,7 +200,7 @@ class Improver:
             rows.append(int(i))
             mains.append(main)
             levels.append((F[i] + F[nearest[i]]) / 2)
-        names = np.array(labels(self._task.motion(q)))
+        names = np.array(branch_labels(self._task.motion(q)))
         for name in np.unique(names):
             mine = np.flatnonzero(names == name)
             rows.append(int(mine[np.argmin(shares[mine].sum(axis=1))]))

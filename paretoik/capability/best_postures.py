@@ -9,19 +9,19 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Joints
-from paretoik.capability import motors, planar_maxima
 from paretoik.capability.actuation import Actuation, DistributedActuation, holding, joint_speeds, overloaded
 from paretoik.capability.capability import Capability, Quantity
+from paretoik.capability.compiled import actuators, planar_maxima
 from paretoik.capability.zonotopes import fastest, strongest
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, ParetoikError, SolverFailed
 from paretoik.nlp.dense_sqp import minimised
 from paretoik.nlp.filter_interior_point import approached
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.curves import wrapped
-from paretoik.self_motion.starts import postures, unreachable
+from paretoik.self_motion.postures import reach_error, sample_postures, wrap_difference
 from paretoik.task.curves import Line
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.path import Path
 
@@ -113,8 +113,8 @@ def _swept(
 ) -> np.ndarray:
     """Return the best postures of a planar arm with three joints."""
     values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
-    what = motors.SPEED if quantity == "velocity" else motors.HOLD
-    if not planar_maxima.maxima((table, actuation.table, position, what), directions, values, q):
+    what = actuators.SPEED if quantity == "velocity" else actuators.HOLD
+    if not planar_maxima.write_maxima((table, actuation.table, position, what), directions, values, q):
         raise _out_of_reach(table, position)
     if (values < 0).any():
         raise _refused(arm, actuation, several_postures(arm, position, min(samples, FEW), rng), position)
@@ -267,7 +267,7 @@ def _apart(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
     for one in q[1:]:
         if len(found) == KEPT:
             break
-        if np.abs(wrapped(np.array(found) - one, arm.periodic)).max(axis=1).min() > APART:
+        if np.abs(wrap_difference(np.array(found) - one, arm.periodic)).max(axis=1).min() > APART:
             found.append(one)
     return found
 
@@ -280,9 +280,9 @@ def several_postures(
     Raises OutOfReach.
     """
     task = held_still(arm, position)
-    found = postures(task, samples, rng)
+    found = sample_postures(task, samples, rng)
     if not len(found):
-        raise _renamed(unreachable(task, rng, 0), position)
+        raise _renamed(reach_error(task, rng, 0), position)
     lower, upper = arm.position_limits.T
     for j in np.flatnonzero(arm.periodic):
         column = found[:, j]

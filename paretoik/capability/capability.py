@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation, MotorCurve, holding, joint_speeds
-from paretoik.capability.motors import gears
+from paretoik.capability.compiled.actuators import gears
 from paretoik.nlp.traced import Smooth, smooth
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
@@ -127,10 +127,10 @@ def _written(asked: Capability) -> Smooth:
             for name, place in asked.begins.items()
         }
         q = list(at["q"])
-        links = kinematics.chain(arm, q)
+        links = kinematics.link_frames(arm, q)
         frame = arm.frame("tool")
-        place = kinematics.located(arm, links, frame)[1]
-        columns = [pair[0][:task] for pair in kinematics.columns(arm, links, frame, place)]
+        place = kinematics.frame_components(arm, links, frame)[1]
+        columns = [pair[0][:task] for pair in kinematics.jacobian_components(arm, links, frame, place)]
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
         ratios, room = geared(arm, asked.actuation, q, list(at["front"]))

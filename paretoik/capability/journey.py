@@ -127,7 +127,7 @@ class Journey:
 @lru_cache(maxsize=32)
 def _end(arm: Arm, task: int) -> Smooth:
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
-        place = kinematics.located(arm, kinematics.chain(arm, z), arm.frame("tool"))[1]
+        place = kinematics.frame_components(arm, kinematics.link_frames(arm, z), arm.frame("tool"))[1]
         return [place[a] - known[a] for a in range(task)], []
 
     return smooth(arm.dof, task, rows)

@@ -56,7 +56,7 @@ class ControlStep:
 
 def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
     """Return which rows of the task errors are rotations [rad]."""
-    return np.concatenate([np.arange(each.rows) >= each.positions for each in task.tasks])
+    return np.concatenate([np.arange(each.rows) >= each.position_rows for each in task.tasks])
 
 
 def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
@@ -77,7 +77,7 @@ def excess_clearance(task: MotionTask, q: Float[np.ndarray, " dof"]) -> float:
     """Return by how much [m] a configuration exceeds the required clearance from the obstacles; inf without any."""
     if not task.obstacles:
         return np.inf
-    return float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.least_clearance
+    return float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.min_clearance
 
 
 def describe_nearest_obstacle(task: MotionTask, q: Float[np.ndarray, " dof"]) -> str:

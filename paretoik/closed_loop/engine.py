@@ -50,7 +50,8 @@ def search(seed, step, generations, options, start, objectives, constraints, w, 
         single_rank = survive(w, count, single_rank)
     alive = 0
     for k in range(w.order.shape[0]):
-        alive += np.int64(w.F[0, k] < np.inf)
+        if w.F[0, k] < np.inf:
+            alive += 1
     return alive
 
 
@@ -183,7 +184,7 @@ def _select_of_two(F, count, children, single_rank, fitness, s):
 
 @compiled
 def _select_of_many(F, count, fitness, s):
-    """Select of three and more objectives, failed points where the others are too few; fitness is by order of choice."""
+    """Select of three and more objectives, failed points where others are too few; fitness is by order of choice."""
     rank_points(F, s.rank, s.spare)
     found = select_by_distance(
         F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives

@@ -70,7 +70,7 @@ def exact_steps(
         target=np.zeros(2),
         clearance=trace_distances(task, [task.obstacles]).arrays,
         bounding=trace_distances(task, [[ball[k] for ball in balls] for k in (0, 1)]).arrays,
-        required=task.least_clearance + task.link_radius,
+        required=task.min_clearance + task.link_radius,
         reach=reach_by_joint(task),
         reference=np.zeros(n),
         margin=np.zeros(1),

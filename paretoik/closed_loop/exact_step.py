@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.closed_loop.planar_step import ERROR, RADIUS, SUM, evaluate_grid, linearise, merit, step_error
-from paretoik.closed_loop.step_minimisers import golden_section, nelder_mead, newton
+from paretoik.closed_loop.step_minimisers import minimise_along, nelder_mead, newton
 from paretoik.compilation import compiled
 
 
@@ -90,7 +90,7 @@ def _minimise(quantity, ranges, options, s, q, errors, merits, radii, angles):
         angle = angles[column]
         merits[row, column] = np.inf
         if columns == 2:
-            value, place = golden_section(low, high, angle, quantity, ranges, options, s, q)
+            value, place = minimise_along(low, high, angle, quantity, ranges, options, s, q)
         else:
             size = 0.5 * (high - low)
             value, place, angle = nelder_mead(radii[row], angle, size, quantity, ranges, options, s, q, simplex)

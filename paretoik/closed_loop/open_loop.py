@@ -14,8 +14,8 @@ from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.control_step import rotation_rows
 from paretoik.closed_loop.programs import traced_errors
 from paretoik.errors import Infeasible
-from paretoik.task.derivatives import traced_sample
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.traced_motion import trace_sample
 
 
 class OpenLoopOptions(NamedTuple):
@@ -48,9 +48,7 @@ class PostureWorkspace(NamedTuple):
     state: np.ndarray
 
 
-def search_start(
-    task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS
-) -> Float[np.ndarray, " dof"]:
+def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
     """Return joint positions (dof,) whose tool is near the first sample of the path, by OLGA.
 
     Raises Infeasible where none is clear of the obstacles.
@@ -58,7 +56,12 @@ def search_start(
     bounds, evaluator = posture_bounds(task, options), trace_posture(task)
     workspace = _allocate(task.arm.dof, options.population)
     violation = _engine()(
-        seed, options, np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1]), evaluator.arrays, workspace
+        seed,
+        options,
+        np.ascontiguousarray(bounds[:, 0]),
+        np.ascontiguousarray(bounds[:, 1]),
+        evaluator.arrays,
+        workspace,
     )
     if violation > 0:
         count = options.population * options.generations
@@ -80,12 +83,12 @@ def trace_posture(task: MotionTask) -> Evaluator:
     The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the angle [rad] where a task asks for
     one.
     """
-    motion = traced_sample(task)
+    motion = trace_sample(task)
     tape, rotations = motion.trace.tape, rotation_rows(task)
     errors = traced_errors(motion, task, task.targets[0].tolist())
     distance, angle = (TracedArray(motion.trace, errors[rows], shared=True) for rows in (~rotations, rotations))
     error = np.sqrt((distance**2).sum(-1)) + np.sqrt((angle**2).sum(-1))  # Eq. 18
-    missing = np.maximum(task.least_clearance - motion.clearance, 0.0) if task.obstacles else 0.0
+    missing = np.maximum(task.min_clearance - motion.clearance, 0.0) if task.obstacles else 0.0
     outputs = [each.entries.item() if isinstance(each, TracedArray) else each for each in (missing, error)]
     return compile_evaluator(tape, [as_entry(tape, output) for output in outputs])
 

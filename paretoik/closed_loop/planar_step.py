@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.compilation import compiled
+from paretoik.compilation import compiled, inlined
 
 ERROR, RADIUS, SUM = range(3)  # the quantity that is minimised
 
@@ -71,7 +71,7 @@ def linearise(previous, home, target, s):
     s.margin[0] = 0.0
 
 
-@compiled
+@inlined
 def configure(rho, theta, base, null_space, center, q):
     """Write the joint positions after a step."""
     if null_space.shape[1] == 1:  # one direction or the other
@@ -86,7 +86,7 @@ def configure(rho, theta, base, null_space, center, q):
             q[k] += null_space[k, j] * y
 
 
-@compiled
+@inlined
 def tool_error(q, lengths, target):
     """Return the distance of the tip from the target [m] (Eq. 18)."""
     x, y, angle = 0.0, 0.0, 0.0
@@ -97,33 +97,33 @@ def tool_error(q, lengths, target):
     return np.hypot(x - target[0], y - target[1])
 
 
-@compiled
+@inlined
 def step_error(rho, theta, s, q):
     """Write the joint positions after a step; return the error of the tool there, inf where the arm is not clear."""
     configure(rho, theta, s.base, s.null_space, s.center, q)
-    return tool_error(q, s.lengths, s.target) if _is_clear(q, s) else np.inf
-
-
-@compiled
-def _is_clear(q, s):
-    """Return whether the arm is clear of obstacles, evaluated only where the reference does not tell."""
     travel = 0.0
     for k in range(q.shape[0]):
         travel += s.reach[k] * abs(q[k] - s.reference[k])
-    if travel < abs(s.margin[0]):
-        return s.margin[0] > 0.0
+    margin = s.margin[0]
+    if not travel < abs(margin):  # the reference does not tell
+        margin = _evaluate_margin(q, s)
+    return tool_error(q, s.lengths, s.target) if margin > 0.0 else np.inf
+
+
+@compiled
+def _evaluate_margin(q, s):
+    """Return by how much the arm is clear of obstacles at least, not positive where it is not; q is the reference."""
     for k in range(q.shape[0]):
         s.reference[k] = s.batch[k, 0] = q[k]
     run_first(s.bounding, s.batch, s.distances, 1)
-    s.margin[0] = s.distances[0, 0] - s.required
-    if s.margin[0] > 0.0:
-        return True
-    s.margin[0] = s.distances[1, 0] - s.required
-    if s.margin[0] <= 0.0:
-        return False
-    run_first(s.clearance, s.batch, s.distances, 1)
-    s.margin[0] = max(s.distances[0, 0] - s.required, 0.0)
-    return s.margin[0] > 0.0
+    margin = s.distances[0, 0] - s.required
+    if not margin > 0.0:
+        margin = s.distances[1, 0] - s.required  # of a ball inside an obstacle
+        if margin > 0.0:
+            run_first(s.clearance, s.batch, s.distances, 1)
+            margin = max(s.distances[0, 0] - s.required, 0.0)
+    s.margin[0] = margin
+    return margin
 
 
 @compiled

@@ -16,11 +16,11 @@ from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.control_step import HISTORY, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import chain
-from paretoik.task.derivatives import TracedMotion, local, traced_sample
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere, to_surface
+from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere, distance_components
 from paretoik.task.path import Path
+from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 
 ORDERS = 4  # positions, velocities, accelerations, jerks
 
@@ -57,7 +57,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
     Raises InvalidInput, naming the objective and what it did, where an objective cannot be traced.
     """
-    motion, dof = traced_sample(_short_task(task, dt)), task.arm.dof
+    motion, dof = trace_sample(_short_task(task, dt)), task.arm.dof
     trace = motion.trace
     home, target = trace.inputs(dof), trace.inputs(task.targets.shape[1])
     error, rotations = traced_errors(motion, task, list(target.entries)), rotation_rows(task)
@@ -70,7 +70,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
     )
     outputs = []
     for objective in objectives:
-        value = local(motion, f"objective {objective.name}", _on(objective, step))
+        value = trace_sample_function(motion, f"objective {objective.name}", _on(objective, step))
         if value is None:
             raise InvalidInput(f"objective {objective.name}: looks at more than the end of the step")
         outputs.append(as_entry(trace.tape, objective.sign * Expression(trace.tape, as_entry(trace.tape, value))))
@@ -90,11 +90,11 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
 def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> np.ndarray:
     """Return the task errors (rows,) of a traced sample as expressions; ``target`` is as in ``MotionTask.targets``."""
-    links, first = chain(task.arm, list(motion.q.entries)), 0
+    links, first = link_frames(task.arm, list(motion.q.entries)), 0
     errors = []
     for each in task.tasks:
-        errors += each.errors(task.arm, links, target[first : first + each.numbers])[0]
-        first += each.numbers
+        errors += each.errors(task.arm, links, target[first : first + each.target_size])[0]
+        first += each.target_size
     table = np.empty(len(errors), dtype=object)
     table[:] = errors
     return table
@@ -105,13 +105,13 @@ def trace_distances(task: MotionTask, groups: Sequence[Sequence[Obstacle]]) -> E
 
     It is that of ``task/obstacles`` as far as it is positive; where the arm meets an obstacle, at most 0; inf for none.
     """
-    motion = traced_sample(task)
+    motion = trace_sample(task)
     nodes = [motion.links[..., axis] for axis in range(3)]
     starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
-    surface: Any = to_surface  # of arrays; it takes expressions as well
+    distance: Any = distance_components  # of arrays; it takes expressions as well
     outputs = []
     for group in groups:
-        distances = [surface(obstacle, starts, ends, depth=False).min(-1) for obstacle in group]
+        distances = [distance(obstacle, starts, ends, depth=False).min(-1) for obstacle in group]
         least = reduce(np.minimum, distances).entries.item() if distances else np.inf
         outputs.append(as_entry(motion.trace.tape, least))
     return compile_evaluator(motion.trace.tape, outputs)

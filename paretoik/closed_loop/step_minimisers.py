@@ -5,33 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.closed_loop.planar_step import merit, step_error
-from paretoik.compilation import compiled
+from paretoik.compilation import compiled, inlined
+from paretoik.nlp.compiled.scalar_search import golden_section
 
-GOLDEN_RATIO = 0.6180339887498949
 
-
-@compiled
-def _merit_at(rho, theta, quantity, ranges, s, q):
+@inlined
+def _merit_at(rho, arguments):
+    theta, quantity, ranges, s, q = arguments
     return merit(rho, step_error(rho, theta, s, q), quantity, ranges)
 
 
 @compiled
-def golden_section(low, high, theta, quantity, ranges, options, s, q):
-    """Return (merit, ρ) of the least between two radii."""
-    middle = 0.5 * (low + high)
-    a, b = high - GOLDEN_RATIO * (high - low), low + GOLDEN_RATIO * (high - low)
-    at_a = _merit_at(a, theta, quantity, ranges, s, q)
-    at_b = _merit_at(b, theta, quantity, ranges, s, q)
-    for _ in range(options.golden_iterations):
-        if at_a < at_b or (at_a == at_b and b > middle):  # where both are blocked towards what may be free
-            high, b, at_b = b, a, at_a
-            a = high - GOLDEN_RATIO * (high - low)
-            at_a = _merit_at(a, theta, quantity, ranges, s, q)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + GOLDEN_RATIO * (high - low)
-            at_b = _merit_at(b, theta, quantity, ranges, s, q)
-    return (at_a, a) if at_a <= at_b else (at_b, b)
+def minimise_along(low, high, theta, quantity, ranges, options, s, q):
+    """Return (merit, ρ) of the least between two radii, by golden sections; from blocked ones towards the middle."""
+    arguments, middle = (theta, quantity, ranges, s, q), 0.5 * (low + high)
+    return golden_section(_merit_at, arguments, low, high, options.golden_iterations, middle)
 
 
 @compiled
@@ -54,9 +42,10 @@ def nelder_mead(rho, theta, size, quantity, ranges, options, s, q, simplex):
     return simplex[best, 2], np.hypot(u, v), np.arctan2(v, u)
 
 
-@compiled
+@inlined
 def _merit_of_plane(u, v, quantity, ranges, s, q):
-    return _merit_at(np.hypot(u, v), np.arctan2(v, u), quantity, ranges, s, q)
+    rho = np.hypot(u, v)
+    return merit(rho, step_error(rho, np.arctan2(v, u), s, q), quantity, ranges)
 
 
 @compiled

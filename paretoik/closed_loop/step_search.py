@@ -103,13 +103,11 @@ class StepSearch:
         particular = right[: len(error)].T @ ((left.T @ error) / sizes)
         null_space = np.ascontiguousarray(right[len(error) :].T)
         rates = [np.diff(step.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
-        start = StepStart(
-            np.array(step.previous), particular, null_space, np.array([*rates, np.zeros(self.dof)]), dt
-        )
+        start = StepStart(np.array(step.previous), particular, null_space, np.array([*rates, np.zeros(self.dof)]), dt)
         constraints = StepConstraints(
             self._clearance,
             self._bounding,
-            task.least_clearance + task.link_radius,
+            task.min_clearance + task.link_radius,
             self.programs.reach,
             np.array(step.lower),
             np.array(step.upper),

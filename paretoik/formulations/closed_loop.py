@@ -19,17 +19,17 @@ from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.closed_loop_arguments import check_limits, check_start, normalise_weights
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, collect_run, explain_choice, mean_position_error
+from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, joint_drift
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-
 
 SPACING_TOLERANCE = 1e-9  # of the mean time between samples: they count as evenly spaced
 
@@ -70,6 +70,8 @@ class ClosedLoop:
     InvalidInput
         Naming what cannot be used.
     """
+
+    timeline: Timeline = "step"
 
     def __init__(
         self,
@@ -188,7 +190,7 @@ class ClosedLoop:
         """Return what defines the loop, except weights and the settings of its search."""
         task = self.task
         parts: list[object] = [task.targets, task.times, task.arm.joint_names, self.names, self.signs, self.longest]
-        parts += [task.obstacles, task.link_radius, task.least_clearance]
+        parts += [task.obstacles, task.link_radius, task.min_clearance]
         return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     @cached_property
@@ -256,17 +258,17 @@ class ClosedLoop:
         """
         return collect_run(self, fronts=fronts, observe=observe, should_stop=should_stop)
 
-    def choose_anew(self, front: Front, preference: Preference) -> Choice:
+    def select(self, front: Front, preference: Preference) -> Choice:
         """Return the motion that follows from these weights at every step, with the settings recorded in ``front``.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
-        other = self.reweighed(front, preference)
+        other = self.reweigh(front, preference)
         if other is not None:
             front = other.run().front({**front.provenance, "settings": {"weights": other.named_weights}})
         return explain_choice(front)
 
-    def reweighed(self, front: Front, preference: Preference) -> ClosedLoop | None:
+    def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
         """Return the loop that ``front`` came of, with other weights; None where they are the same."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: of a closed loop weights are wanted, got {preference!r}")

@@ -14,7 +14,7 @@ from paretoik.capability.zonotopes import fastest as highest
 from paretoik.capability.zonotopes import turning
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.curves import chained, wrapped
+from paretoik.self_motion.postures import order_by_neighbour, wrap_difference
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
@@ -52,9 +52,9 @@ class Stances:
         """Return postures that are not too near each other, each beside its neighbours."""
         kept = list[np.ndarray]()
         for one in found:
-            if not kept or np.abs(wrapped(np.array(kept) - one, self.arm.periodic)).max(axis=1).min() > APART:
+            if not kept or np.abs(wrap_difference(np.array(kept) - one, self.arm.periodic)).max(axis=1).min() > APART:
                 kept.append(one)
-        return chained(np.array(kept), self.arm.periodic)
+        return order_by_neighbour(np.array(kept), self.arm.periodic)
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""

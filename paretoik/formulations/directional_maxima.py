@@ -31,8 +31,8 @@ from paretoik.formulations.violations import explained
 from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.self_motion.curves import wrapped
-from paretoik.task.retraction import ACCEPTED, retract
+from paretoik.self_motion.postures import wrap_difference
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 BESIDE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
 MIXED = 1.0  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
@@ -131,7 +131,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             low, high = self.actuation.front_bounds.T
             front = low + part["front"] * (high - low)
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
-        return self.stances.moving(led.q, front, part["pace"], mixed, led.error > ACCEPTED)
+        return self.stances.moving(led.q, front, part["pace"], mixed, led.error > ON_PATH_TOLERANCE)
 
     def sketch(self) -> Sketch:
         """Return the smooth program of posture, sliders and speeds."""
@@ -171,7 +171,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return the genes of unknowns, or the nearest within their bounds."""
         parts = [self._asked.parts(one, self.size) for one in z]
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
-        apart = wrapped(q[:, None] - self.bases, self.arm.periodic)
+        apart = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(apart, axis=2).argmin(axis=1)
         beside = np.einsum("pjr,pj->pr", self.frames[1][which], apart[np.arange(len(q)), which])
         genes, front = [((which + 0.5) / len(self.bases))[:, None], beside], np.zeros_like(q)

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from paretoik.arrays import Genes
-from paretoik.self_motion.starts import Charts, charts
+from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask
 
 RADII = np.array([0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6])  # rad or m, tried from the base outwards
@@ -42,7 +42,7 @@ class Encoding:
     @property
     def redundancy(self) -> int:
         """Number of directions of redundancy."""
-        return self.charts.normal.shape[-1]
+        return self.charts.null_space.shape[-1]
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
         """Return the number of each individual's base motion."""
@@ -75,7 +75,7 @@ class Encoding:
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
     """Return genes around base motions, after measuring how far each chart reaches."""
-    around = charts(task, base)
+    around = build_charts(task, base)
     return Encoding(charts=around, radius=_reach(task, around), spline=_spline(task, coefficients))
 
 
@@ -85,10 +85,10 @@ def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
     if task.cyclic:
         basis = _periodic(t, coefficients + given)
         return _vanishing_at_start(basis) if given else basis
-    inner = np.linspace(0, 1, coefficients + given + task.stops - DEGREE + 1)
+    inner = np.linspace(0, 1, coefficients + given + task.ends_at_rest - DEGREE + 1)
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
     basis = BSpline.design_matrix(t, knots, DEGREE).toarray()
-    if task.stops:
+    if task.ends_at_rest:
         basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
     return _vanishing_at_start(basis) if given else basis
 
@@ -112,7 +112,7 @@ def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
 
 def _reach(task: MotionTask, around: Charts) -> np.ndarray:
     """Return how far each chart reaches: the largest radius that stays on the path all round, smoothed in time."""
-    bases, times, _, redundancy = around.normal.shape
+    bases, times, _, redundancy = around.null_space.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
     if redundancy > 1:  # the corners of the box of genes lie farther out than its axes
         corners = np.random.default_rng(0).choice([-1.0, 1.0], size=(2 * redundancy, redundancy))

@@ -13,10 +13,11 @@ from paretoik.capability.best_postures import held_postures, loads, within_rods
 from paretoik.capability.timing import timed
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.starts import candidates, swept
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.self_motion.starts import rollout_starts, travelling_starts
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
-from paretoik.task.path import line, waypoints
+from paretoik.task.path_shapes import line, waypoints
 from paretoik.task.retraction import task_errors
 
 ROLL_OUTS = 256
@@ -156,7 +157,7 @@ def _led(
     for path in lines:
         task = motion_task(arm, path, objectives=[joint_travel])
         try:
-            return task, np.concatenate([candidates(task, ROLL_OUTS, rng), swept(task, ROLL_OUTS, rng)])
+            return task, np.concatenate([rollout_starts(task, ROLL_OUTS, rng), travelling_starts(task, ROLL_OUTS, rng)])
         except (OutOfReach, Infeasible) as fault:
             faults.append(fault)
     raise _said(f"start to target: no way was found, straight or bowed; straight, the {faults[0]}", faults[0])

@@ -21,13 +21,14 @@ from paretoik.resolution.predictive import PredictiveTraces, rhythms
 from paretoik.resolution.resolve import resolve
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.curves import wrapped
+from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-from paretoik.trajectory.multistart import planned
+from paretoik.trajectory.plan import find_optima
 
 FARTHEST = 6  # samples ahead, at most
 WINDOW = 0.5  # share of the duration that is looked at, at most
@@ -92,7 +93,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             raise InvalidInput(f"path: at least 3 samples wanted, got {samples}")
         horizon(self.task, objective, 1, 1.0)  # refuses what cannot be looked ahead with
         rhythms(PredictiveKineticEnergy(prediction_step=float(self.task.times[1])), self.task.times, ())
-        self.optimum = planned(self.task, starts=starts, seed=seed).best.motion if optimum is None else optimum
+        self.optimum = find_optima(self.task, starts=starts, seed=seed).best.motion if optimum is None else optimum
         if not isinstance(self.optimum, Motion):
             raise InvalidInput(f"optimum: a Motion wanted, got {self.optimum!r}")
         if self.optimum.q.shape != (len(self.task.times), arm.dof):
@@ -157,7 +158,7 @@ class PredictiveTracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         assert isinstance(traces, PredictiveTraces)
         known = traces.updates >= 0
         looked = np.where(known, traces.iterations + 1, 0).sum(axis=1) / known.sum(axis=1) * X[:, 0].astype(int)
-        apart = wrapped(motion.q - self.optimum.q, self.task.arm.periodic)
+        apart = wrap_difference(motion.q - self.optimum.q, self.task.arm.periodic)
         distance = np.sqrt(np.mean(np.sum(apart**2, axis=-1), axis=-1))
         out["F"] = np.stack([self.objective.sign * self.objective(motion), looked, distance], axis=1)
         out["G"] = (np.abs(traces.errors).max(axis=(-2, -1)) / LOST - 1.0)[:, None]

@@ -25,9 +25,9 @@ from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.self_motion.curves import chained, wrapped
-from paretoik.self_motion.starts import postures, unreachable
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.self_motion.postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, joint_limit_nearness, joint_travel
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -220,10 +220,10 @@ class ProjectionGains(Problem):  # type: ignore[misc]  # pymoo is not typed
 def _ordered(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
     """Return postures on the first sample within the limits, each after its nearest neighbour."""
     rng = np.random.default_rng(seed)
-    found = postures(task, POSTURES, rng)
+    found = sample_postures(task, POSTURES, rng)
     if not len(found):
-        raise unreachable(task, rng, 0)
-    found = wrapped(found, task.arm.periodic)
+        raise reach_error(task, rng, 0)
+    found = wrap_difference(found, task.arm.periodic)
     lower, upper = task.arm.position_limits.T
     inside = ((found >= lower) & (found <= upper)).all(axis=1)
-    return chained(found[inside] if inside.any() else found, task.arm.periodic)
+    return order_by_neighbour(found[inside] if inside.any() else found, task.arm.periodic)

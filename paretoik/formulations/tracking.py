@@ -19,12 +19,13 @@ from paretoik.formulations.encoding import Encoding, encoding
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
-from paretoik.self_motion.branches import labels
-from paretoik.self_motion.starts import candidates
+from paretoik.self_motion.branches import branch_labels
+from paretoik.self_motion.starts import rollout_starts
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -107,7 +108,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
                 f"coefficients: at most {len(self.task.times) - 2} wanted on a path of {len(self.task.times)} samples, "
                 f"got {coefficients}"
             )
-        self._seeds = candidates(self.task, ROLL_OUTS, np.random.default_rng(seed))
+        self._seeds = rollout_starts(self.task, ROLL_OUTS, np.random.default_rng(seed))
         self._ranked = self._by_merit(self._seeds)
         chosen = self._chosen(self._seeds[self._ranked], bases)
         self.encoding = encoding(self.task, self._seeds[self._ranked][chosen], coefficients)
@@ -217,7 +218,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         reasons = []
         for i, arrived in enumerate(on_path):
             if arrived.all():
-                reasons.append(self.task.binding(motions[i]))
+                reasons.append(self.task.describe_violation(motions[i]))
             else:
                 sample = int(np.argmin(arrived))
                 reasons.append(
@@ -252,7 +253,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def _chosen(self, ranked: Float[np.ndarray, "found time dof"], most: int) -> Int[np.ndarray, " bases"]:
         """Return which roll-outs become bases: the best of every branch, then the farthest of the better halves."""
-        branch = np.array(labels(self.task.motion(ranked)))
+        branch = np.array(branch_labels(self.task.motion(ranked)))
         members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
         taken = [int(rows[0]) for rows in members][:most]
         pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])

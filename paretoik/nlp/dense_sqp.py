@@ -17,7 +17,7 @@ from scipy import sparse
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
-from paretoik.nlp.subproblem import Step, step
+from paretoik.nlp.subproblem import Step, solve_subproblem
 from paretoik.nlp.traced import Rows
 
 PRICE, DEAREST = 10.0, 1e6  # of a violation, beside a cost of length one
@@ -121,7 +121,7 @@ def minimised(
         bent = _bent(program, at, caps, cost, limits)
         found, radius = _stepped(program, at, caps, cost, bent, price, radius)
         if found is not None:
-            limits = found.model.limits
+            limits = found.model.multipliers
             if found.gained >= GOOD * found.promised and found.moved > 0.9 * radius:
                 radius = min(2.0 * radius, 4.0 * longest)
             at = local(program, found.z, caps)
@@ -231,8 +231,8 @@ def _asked(
     gradient: np.ndarray, bent: np.ndarray, constraints: Constraints, radius: float, price: float
 ) -> Step | None:
     try:
-        return step(
-            gradient, sparse.csr_array(bent), constraints, yielding=len(constraints.values), radius=radius, price=price
+        return solve_subproblem(
+            gradient, sparse.csr_array(bent), constraints, elastic=len(constraints.values), radius=radius, penalty=price
         )
     except SolverFailed:
         return None

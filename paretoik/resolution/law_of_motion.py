@@ -16,7 +16,7 @@ from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import chain
+from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 
 KNOTS = 2000  # of the splines that paths are differentiated by
@@ -105,11 +105,11 @@ def _written(task: MotionTask, arm: Arm) -> Evaluator:
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     parts: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
     q, dq, *course = parts
-    links, equations, begun = chain(arm, q), list[int](), 0
+    links, equations, begun = link_frames(arm, q), list[int](), 0
     for one in task.tasks:
-        wanted = course[0][begun : begun + one.numbers]
+        wanted = course[0][begun : begun + one.target_size]
         equations += [as_entry(tape, value) for value in one.equations(arm, links, wanted)]
-        begun += one.numbers
+        begun += one.target_size
     joints, rates = ([value.index for value in values] for values in (q, dq))
     targets, moved, bent = ([value.index for value in values] for values in course)
     jacobian = [slope for equation in equations for slope in gradient(tape, equation, joints)]

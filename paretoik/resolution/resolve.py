@@ -27,10 +27,11 @@ from paretoik.resolution.traces import ResolvedMotion, resolved
 from paretoik.resolution.variational import variational
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
-from paretoik.self_motion.starts import postures
-from paretoik.self_motion.starts import unreachable as out_of_reach
+from paretoik.self_motion.postures import reach_error as out_of_reach
+from paretoik.self_motion.postures import sample_postures
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -141,7 +142,7 @@ def _starts(task: MotionTask, given: object, seed: int) -> np.ndarray:
     """Return the postures (*batch, dof) that motions start in."""
     if given is None:
         rng = np.random.default_rng(seed)
-        found = postures(task, TRIED, rng)
+        found = sample_postures(task, TRIED, rng)
         if not len(found):
             raise out_of_reach(task, rng, 0)
         slopes = np.moveaxis(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
+from paretoik.formulations.protocol import Timeline as Timeline
 
-Course: TypeAlias = Literal["generation", "step"]  # what a recording goes by
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
 

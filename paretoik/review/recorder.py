@@ -1,4 +1,4 @@
-"""The recorder that a run is handed: it looks on, and never stops the run."""
+"""The recorder of a run, whose failure never stops the run."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.front.front import Choice, Front
-from paretoik.review.generation import Course, Generation
+from paretoik.review.generation import Generation, Timeline
 
 
 class Recorder:
     """Writes ``file`` while a run goes on, a generation at a time, and once more at its end.
 
-    What is finished survives a killed process. A recording is a view of the run and not its archive: whatever goes
-    wrong with it, Rerun missing included, is warned of once and ends the recording, never the run.
+    Finished generations survive a killed process. A recording is a view of the run and not its archive: an error of
+    it, Rerun missing included, gives one warning and ends the recording, never the run.
     """
 
     def __init__(
@@ -27,7 +27,7 @@ class Recorder:
         names: Sequence[str],
         units: Sequence[str],
         maximised: Sequence[bool],
-        course: Course = "generation",
+        timeline: Timeline = "generation",
     ) -> None:
         self._file = Path(file)
         self._recording: Any = None
@@ -37,7 +37,7 @@ class Recorder:
             from paretoik.review.recording import Recording
             from paretoik.review.search_scene import SearchScene
 
-            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), course=course)
+            scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), timeline=timeline)
             self._recording = Recording(self._file, title=title, scene=scene)
 
         self._attempt(start)
@@ -54,7 +54,7 @@ class Recorder:
         self._attempt(lambda: self._recording.finish(front, choice))
 
     def close(self) -> None:
-        """Close the file; what was recorded stays."""
+        """Close the file."""
         self._attempt(lambda: self._recording.close())
 
     def _attempt(self, step: Callable[[], None]) -> None:

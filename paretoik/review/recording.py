@@ -20,10 +20,10 @@ from paretoik.review.search_scene import SearchScene, replay_window
 
 
 class Recording:
-    """An open recording of a search, which raises what goes wrong.
+    """An open recording of a search; errors of Rerun are raised.
 
-    While the search runs, each generation is drawn on axes of its own. Only at its end is it known what is worth
-    seeing, so `finish` writes the file again.
+    While the search runs, each generation is drawn on its own axes. The common axes of all are known only at its end,
+    so `finish` writes the file again.
     """
 
     def __init__(self, file: Path, *, title: str, scene: SearchScene) -> None:
@@ -32,13 +32,13 @@ class Recording:
         self._scene = scene
         self._generations: list[Generation] = []
         self._canvases: list[Canvas] = []
-        self._stream = self._opened(file)
+        self._stream = self._open(file)
 
     def record(self, generation: Generation) -> None:
         """Append a generation and flush, so that it survives a killed process."""
-        self._stream.set_time(self._scene.course, sequence=generation.number)
+        self._stream.set_time(self._scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
-        if not self._scene.suits(self._canvases, shown):
+        if not self._scene.fits(self._canvases, shown):
             without_panels = not self._canvases
             self._canvases = self._scene.canvases(shown)
             self._scene.log_axes(self._stream, self._canvases, static=False)
@@ -55,7 +55,7 @@ class Recording:
         """
         self._stream.disconnect()
         part = self._file.with_name(f".{self._file.name}.part")
-        self._stream = self._opened(part)
+        self._stream = self._open(part)
         try:
             self._write_all(front, choice)
             self._stream.flush()
@@ -68,7 +68,7 @@ class Recording:
         """Close the file."""
         self._stream.disconnect()
 
-    def _opened(self, file: Path) -> rr.RecordingStream:
+    def _open(self, file: Path) -> rr.RecordingStream:
         # The viewer keeps one layout an application, and each run needs its own.
         application = f"{self._title} in {self._file.resolve().parent.name}"
         stream = rr.RecordingStream(re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-"))
@@ -91,7 +91,7 @@ class Recording:
         scene.log_axes(stream, canvases, static=True)
         for chart in charts:
             chart.log(stream)
-            chart.send_cursor(stream, [rr.TimeColumn(scene.course, sequence=chart.instants.astype(int))])
+            chart.send_cursor(stream, [rr.TimeColumn(scene.timeline, sequence=chart.instants.astype(int))])
         if front is None:
             self._write_steps(canvases, charts, motion)
         else:
@@ -101,7 +101,7 @@ class Recording:
         """Write every step at its number and at the time at which it ends."""
         stream, scene = self._stream, self._scene
         for generation in self._generations:
-            stream.set_time(scene.course, sequence=generation.number)
+            stream.set_time(scene.timeline, sequence=generation.number)
             if motion is not None:
                 stream.set_time("motion", duration=float(motion.motion.time[generation.number]))
             scene.log_generation(stream, generation, canvases)
@@ -109,7 +109,7 @@ class Recording:
             for chart in charts:
                 at = motion.motion.time[chart.instants.astype(int)]
                 chart.send_cursor(stream, [rr.TimeColumn("motion", duration=at)])
-            motion.log(stream, rr.TimeColumn(scene.course, sequence=np.arange(len(motion.motion.time))))
+            motion.log(stream, rr.TimeColumn(scene.timeline, sequence=np.arange(len(motion.motion.time))))
 
     def _write_end(
         self,
@@ -144,10 +144,10 @@ class Recording:
         self, canvases: Sequence[Canvas], charts: Sequence[Chart] = (), motion: MotionScene | None = None
     ) -> rrb.Blueprint:
         panels = self._scene.views(canvases)
-        courses = [chart.view() for chart in charts]
-        if not panels and courses:
-            panels, courses = courses[:1], courses[1:]
-        indicators = rrb.Tabs(*courses, *self._scene.series_views()[len(courses) :])
+        chart_views = [chart.view() for chart in charts]
+        if not panels and chart_views:
+            panels, chart_views = chart_views[:1], chart_views[1:]
+        indicators = rrb.Tabs(*chart_views, *self._scene.series_views()[len(chart_views) :])
         above = rrb.Grid(*panels, grid_columns=self._scene.columns)
         search = rrb.Vertical(above, indicators, row_shares=[2.6, 1]) if panels else indicators
         layout: rrb.Container = search
@@ -158,6 +158,6 @@ class Recording:
             layout,
             rrb.BlueprintPanel(state="hidden"),
             rrb.SelectionPanel(state="hidden"),
-            rrb.TimePanel(timeline=self._scene.course, state="collapsed"),
+            rrb.TimePanel(timeline=self._scene.timeline, state="collapsed"),
             auto_views=False,
         )

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
-from paretoik.robot.body import Body, merged, moved
+from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.pose import ArrayLike, Pose
 
 JointType = Literal["revolute", "continuous", "prismatic"]
@@ -179,7 +179,7 @@ class Arm:
             placements, tool = [bends[i] @ shifts[i] for i in range(count)], Pose(np.zeros(3))
         else:
             placements = [(bends[i - 1] if i else Pose(np.zeros(3))) @ shifts[i] for i in range(count)]
-            tool, bodies = bends[-1], tuple(moved(body, bends[i]) for i, body in enumerate(bodies))
+            tool, bodies = bends[-1], tuple(transform_body(body, bends[i]) for i, body in enumerate(bodies))
         names = tuple(joint_names) if joint_names is not None else tuple(f"joint{i + 1}" for i in range(count))
         if len(names) != count:
             raise InvalidInput(f"joint_names wants {count} names, got {len(names)}")
@@ -234,8 +234,8 @@ class Arm:
 
         ``mass`` [kg], ``center`` (3,) [m], barycentric ``inertia`` (3, 3) [kg m²], None for a point mass.
         """
-        payload = Body.checked("payload", mass, center, inertia)
-        last = merged(self.bodies[-1], moved(payload, self.tool))
+        payload = Body.from_values("payload", mass, center, inertia)
+        last = combine_bodies(self.bodies[-1], transform_body(payload, self.tool))
         return replace(self, bodies=(*self.bodies[:-1], last))
 
     def mounted(self, *, base: Pose | None = None, gravity: object = None) -> Arm:
@@ -270,7 +270,7 @@ class Arm:
         else:
             tool = held @ tool
         if i > 0:
-            bodies[i - 1] = merged(bodies[i - 1], moved(bodies[i], held))
+            bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], held))
         del placements[i], bodies[i]
         keep = np.arange(self.dof) != i
         return replace(
@@ -362,7 +362,7 @@ def _bodies(masses: object, centers: object, inertias: object, count: int) -> tu
         raise InvalidInput(
             f"centers and inertias want shapes {(count, 3)} and {(count, 3, 3)}, got {center.shape} and {inertia.shape}"
         )
-    return tuple(Body.checked(f"link {i + 1}", mass[i], center[i], inertia[i]) for i in range(count))
+    return tuple(Body.from_values(f"link {i + 1}", mass[i], center[i], inertia[i]) for i in range(count))
 
 
 def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:

@@ -11,7 +11,7 @@ from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
 
-DUST = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
+INERTIA_TOLERANCE = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,26 +23,26 @@ class Body:
     inertia: Matrix3
 
     @classmethod
-    def checked(cls, what: str, mass: float, center: object, inertia: object) -> Body:
-        """Return a body after checking it; ``inertia`` None is that of a point mass.
+    def from_values(cls, name: str, mass: float, center: object, inertia: object) -> Body:
+        """Return a body of checked values; ``inertia`` None is that of a point mass. Messages begin with ``name``.
 
         Raises InvalidInput where the mass is negative, a number not finite, or the inertia not that of a real body (not
         symmetric, not positive, or against the triangle inequality).
         """
-        place = np.asarray(center, dtype=float)
+        position = np.asarray(center, dtype=float)
         tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float)
         if not np.isfinite(mass) or mass < 0:
-            raise InvalidInput(f"{what}: mass must be a finite number, not negative, got {mass}")
-        if place.shape != (3,) or not np.all(np.isfinite(place)):
-            raise InvalidInput(f"{what}: centre of gravity wants three finite numbers, got {center!r}")
+            raise InvalidInput(f"{name}: mass must be a finite number, not negative, got {mass}")
+        if position.shape != (3,) or not np.all(np.isfinite(position)):
+            raise InvalidInput(f"{name}: centre of gravity wants three finite numbers, got {center!r}")
         if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
-            raise InvalidInput(f"{what}: inertia wants 3 × 3 finite numbers, got {inertia!r}")
+            raise InvalidInput(f"{name}: inertia wants 3 × 3 finite numbers, got {inertia!r}")
         if fault := inertia_fault(tensor):
-            raise InvalidInput(f"{what}: {fault}")
-        return cls(mass=float(mass), center=place.copy(), inertia=tensor.copy())
+            raise InvalidInput(f"{name}: {fault}")
+        return cls(mass=float(mass), center=position.copy(), inertia=tensor.copy())
 
     @property
-    def moment(self) -> Vector3:
+    def first_moment(self) -> Vector3:
         """First moment of mass, mass · center [kg m]."""
         return self.mass * self.center
 
@@ -54,17 +54,20 @@ class Body:
         return about
 
     @property
-    def moments(self) -> Float[np.ndarray, "4 4"]:
-        """∫ (r, 1)(r, 1)ᵀ dm about the origin: second moments [kg m²], first moments [kg m] and mass [kg]."""
+    def pseudo_inertia(self) -> Float[np.ndarray, "4 4"]:
+        """∫ (r, 1)(r, 1)ᵀ dm about the origin: second moments [kg m²], first moments [kg m] and mass [kg].
+
+        Source: Wensing, Kim & Slotine 2018.
+        """
         inertia = self.inertia_about_origin
         second = np.trace(inertia) / 2 * np.eye(3) - inertia
-        return np.block([[second, self.moment[:, None]], [self.moment[None, :], np.array([[self.mass]])]])
+        return np.block([[second, self.first_moment[:, None]], [self.first_moment[None, :], np.array([[self.mass]])]])
 
 
 def inertia_fault(inertia: Matrix3) -> str | None:
     """Return what keeps a tensor from being a real body's inertia, or None."""
     size = float(np.abs(inertia).max())
-    if size < DUST:
+    if size < INERTIA_TOLERANCE:
         return None
     if np.abs(inertia - inertia.T).max() > 1e-9 * size:
         return "inertia must be symmetric"
@@ -79,17 +82,17 @@ def inertia_fault(inertia: Matrix3) -> str | None:
     return None
 
 
-def moved(body: Body, pose: Pose) -> Body:
-    """Return the body given in a frame at ``pose``, expressed in the frame that ``pose`` is given in."""
+def transform_body(body: Body, pose: Pose) -> Body:
+    """Return the body, given in a frame at ``pose``, in the frame that ``pose`` is given in."""
     rotation = pose.rotation
     return Body(mass=body.mass, center=pose.apply(body.center), inertia=rotation @ body.inertia @ rotation.T)
 
 
-def merged(first: Body, second: Body) -> Body:
+def combine_bodies(first: Body, second: Body) -> Body:
     """Return the two bodies as one."""
     mass = first.mass + second.mass
     if mass == 0.0:
         return Body(mass=0.0, center=first.center, inertia=first.inertia + second.inertia)
-    center = (first.moment + second.moment) / mass
+    center = (first.first_moment + second.first_moment) / mass
     about = Body(mass=mass, center=center, inertia=np.zeros((3, 3))).inertia_about_origin
     return Body(mass=mass, center=center, inertia=first.inertia_about_origin + second.inertia_about_origin - about)

@@ -1,10 +1,10 @@
 """Vector algebra on components: the form in which the robot kernels compute.
 
 A component is an array over samples, a plain number where it is the same for all of them, or an expression where
-derivatives are wanted. Numbers that are zero or
-one cost nothing: products and sums with them are folded away. That is how one set of three-dimensional kernels runs a
-planar arm at planar cost, and a Panda, whose frames are turned by right angles, without multiplying by its zeros.
-Nothing here takes an absolute value, a maximum or a branch on an array, so everything runs on complex input too.
+derivatives are wanted. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0
+and 1 are folded away: one set of three-dimensional kernels runs a planar arm at planar cost, and a Panda, whose frames
+are turned by right angles, without multiplying by zeros. Nothing here takes an absolute value, a maximum or a branch on
+an array, so that everything runs on complex input too.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     Component: TypeAlias = "float | np.ndarray"  # as far as types go, an expression passes for an array
 else:
     Component = float | np.ndarray | Expression
-Triple: TypeAlias = tuple[Component, Component, Component]
-Rows: TypeAlias = tuple[Triple, Triple, Triple]
+Vector: TypeAlias = tuple[Component, Component, Component]
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
-ZERO: Triple = (0.0, 0.0, 0.0)
+ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 def times(a: Component, b: Component) -> Component:
@@ -57,27 +57,27 @@ def minus(a: Component, b: Component) -> Component:
     return a - b
 
 
-def add(a: Triple, b: Triple) -> Triple:
+def add(a: Vector, b: Vector) -> Vector:
     """Return a + b."""
     return plus(a[0], b[0]), plus(a[1], b[1]), plus(a[2], b[2])
 
 
-def subtract(a: Triple, b: Triple) -> Triple:
+def subtract(a: Vector, b: Vector) -> Vector:
     """Return a − b."""
     return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2])
 
 
-def scale(a: Triple, factor: Component) -> Triple:
+def scale(a: Vector, factor: Component) -> Vector:
     """Return a · factor."""
     return times(a[0], factor), times(a[1], factor), times(a[2], factor)
 
 
-def dot(a: Triple, b: Triple) -> Component:
+def dot(a: Vector, b: Vector) -> Component:
     """Return the inner product (without conjugation)."""
     return plus(plus(times(a[0], b[0]), times(a[1], b[1])), times(a[2], b[2]))
 
 
-def cross(a: Triple, b: Triple) -> Triple:
+def cross(a: Vector, b: Vector) -> Vector:
     """Return a × b."""
     return (
         minus(times(a[1], b[2]), times(a[2], b[1])),
@@ -86,29 +86,29 @@ def cross(a: Triple, b: Triple) -> Triple:
     )
 
 
-def apply(rows: Rows, a: Triple) -> Triple:
-    """Return the matrix, given by its rows, times a."""
-    return dot(rows[0], a), dot(rows[1], a), dot(rows[2], a)
+def apply(matrix: Matrix, a: Vector) -> Vector:
+    """Return matrix · a."""
+    return dot(matrix[0], a), dot(matrix[1], a), dot(matrix[2], a)
 
 
-def apply_transposed(rows: Rows, a: Triple) -> Triple:
-    """Return the transposed matrix times a."""
-    return apply(transpose(rows), a)
+def apply_transposed(matrix: Matrix, a: Vector) -> Vector:
+    """Return matrixᵀ · a."""
+    return apply(transpose(matrix), a)
 
 
-def transpose(rows: Rows) -> Rows:
-    """Return the columns of a matrix given by its rows."""
-    return tuple(zip(*rows, strict=True))  # type: ignore[return-value]
+def transpose(matrix: Matrix) -> Matrix:
+    """Return matrixᵀ, whose rows are the columns of the matrix."""
+    return tuple(zip(*matrix, strict=True))  # type: ignore[return-value]
 
 
-def multiply(a: Rows, b: Rows) -> Rows:
+def multiply(a: Matrix, b: Matrix) -> Matrix:
     """Return the matrix product."""
     columns = transpose(b)
     return tuple(tuple(dot(row, column) for column in columns) for row in a)  # type: ignore[return-value]
 
 
-def turn(a: Triple, cosine: Component, sine: Component) -> Triple:
-    """Return a turned about z by the angle whose cosine and sine are given."""
+def rotate_about_z(a: Vector, cosine: Component, sine: Component) -> Vector:
+    """Return a rotated about z by the angle whose cosine and sine are given."""
     return (
         minus(times(cosine, a[0]), times(sine, a[1])),
         plus(times(sine, a[0]), times(cosine, a[1])),
@@ -116,8 +116,8 @@ def turn(a: Triple, cosine: Component, sine: Component) -> Triple:
     )
 
 
-def turn_back(a: Triple, cosine: Component, sine: Component) -> Triple:
-    """Return a turned about z by the opposite angle."""
+def rotate_back_about_z(a: Vector, cosine: Component, sine: Component) -> Vector:
+    """Return a rotated about z by the opposite angle."""
     return (
         plus(times(cosine, a[0]), times(sine, a[1])),
         minus(times(cosine, a[1]), times(sine, a[0])),
@@ -125,11 +125,11 @@ def turn_back(a: Triple, cosine: Component, sine: Component) -> Triple:
     )
 
 
-def triple(vector: np.ndarray) -> Triple:
+def to_vector(vector: np.ndarray) -> Vector:
     """Return a constant vector (3,) as components."""
     return tuple(float(value) for value in vector)  # type: ignore[return-value]
 
 
-def rows(matrix: np.ndarray) -> Rows:
+def to_matrix(matrix: np.ndarray) -> Matrix:
     """Return a constant matrix (3, 3) as rows of components."""
-    return tuple(triple(row) for row in matrix)  # type: ignore[return-value]
+    return tuple(to_vector(row) for row in matrix)  # type: ignore[return-value]

@@ -1,7 +1,7 @@
-"""Inverse dynamics, inertia matrix, energies and power, for whole batches at once.
+"""Inverse dynamics, inertia matrix, kinetic energy and power, for whole batches at once.
 
-One recursion (Newton–Euler, in link frames) serves them all. Source: Featherstone, Rigid Body Dynamics Algorithms,
-chapter 5; Luh, Walker & Paul 1980.
+One recursion (Newton–Euler, in link frames) gives torques and inertia. Source: Featherstone, Rigid Body Dynamics
+Algorithms, chapter 5; Luh, Walker & Paul 1980.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ import numpy as np
 
 from paretoik.arrays import InertiaMatrices, Joints, Values
 from paretoik.robot.arm import Arm
-from paretoik.robot.chain import Constants, Link, constants, in_blocks, sines
+from paretoik.robot.arm_constants import ArmConstants, LinkConstants, arm_constants, joint_cosines_and_sines
+from paretoik.robot.blocks import evaluate_in_blocks
 from paretoik.robot.components import (
     ZERO,
     Component,
-    Rows,
-    Triple,
+    Matrix,
+    Vector,
     add,
     apply,
     apply_transposed,
@@ -26,13 +27,11 @@ from paretoik.robot.components import (
     dot,
     minus,
     plus,
+    rotate_about_z,
+    rotate_back_about_z,
     scale,
     times,
-    triple,
-    turn,
-    turn_back,
 )
-from paretoik.robot.kinematics import chain
 
 
 def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
@@ -40,16 +39,16 @@ def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
 
     Raises InvalidInput where the arrays don't fit the arm.
     """
-    return in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
+    return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
 
 def torque_components(
     arm: Arm, q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]
 ) -> list[Component]:
     """Return the joint torques as components."""
-    known = constants(arm)
-    pull = scale(known.gravity, -1.0)
-    return _newton_euler(known, q, _turns(known, q, pull), dq, ddq, pull)
+    constants = arm_constants(arm)
+    acceleration = scale(constants.gravity, -1.0)  # gravity acts like a base that accelerates upwards
+    return _newton_euler(constants, q, _cosines_and_sines(constants, q, acceleration), dq, ddq, acceleration)
 
 
 def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
@@ -60,14 +59,14 @@ def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
     dof = arm.dof
 
     def kernel(q: Sequence[Component]) -> list[Component]:
-        known = constants(arm)
-        turns, still = _turns(known, q, ZERO), [0.0] * dof
+        constants = arm_constants(arm)
+        cosines_and_sines, zeros = _cosines_and_sines(constants, q, ZERO), [0.0] * dof
         units = [[1.0 if i == j else 0.0 for i in range(dof)] for j in range(dof)]
-        found = [_newton_euler(known, q, turns, still, unit, ZERO) for unit in units]
+        columns = [_newton_euler(constants, q, cosines_and_sines, zeros, unit, ZERO) for unit in units]
         # The column of joint j is exact from row j on; the rest is its mirror image, so that M is symmetric to the bit.
-        return [found[min(i, j)][max(i, j)] for i in range(dof) for j in range(dof)]
+        return [columns[min(i, j)][max(i, j)] for i in range(dof) for j in range(dof)]
 
-    return in_blocks(kernel, arm, (dof, dof), q)
+    return evaluate_in_blocks(kernel, arm, (dof, dof), q)
 
 
 def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
@@ -75,42 +74,30 @@ def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
 
     Raises InvalidInput where the arrays don't fit the arm.
     """
-    return in_blocks(partial(energy_components, arm), arm, (1,), q, dq)[..., 0]
+    return evaluate_in_blocks(partial(energy_components, arm), arm, (1,), q, dq)[..., 0]
 
 
 def energy_components(arm: Arm, q: Sequence[Component], dq: Sequence[Component]) -> list[Component]:
     """Return the kinetic energy, alone in a list, as a component."""
-    known = constants(arm)
-    spin, speed = ZERO, ZERO
-    twice: Component = 0.0
-    for link, x, (cosine, sine), rate in zip(known.links, q, _turns(known, q, ZERO), dq, strict=True):
-        offset = _offset(link, x)
-        speed = turn_back(apply_transposed(link.rotation, add(speed, cross(spin, offset))), cosine, sine)
-        spin = turn_back(apply_transposed(link.rotation, spin), cosine, sine)
+    constants = arm_constants(arm)
+    angular_velocity, velocity = ZERO, ZERO
+    doubled: Component = 0.0
+    cosines_and_sines = _cosines_and_sines(constants, q, ZERO)
+    for link, x, (cosine, sine), rate in zip(constants.links, q, cosines_and_sines, dq, strict=True):
+        origin = _origin(link, x)
+        velocity = add(velocity, cross(angular_velocity, origin))
+        velocity = rotate_back_about_z(apply_transposed(link.rotation, velocity), cosine, sine)
+        angular_velocity = rotate_back_about_z(apply_transposed(link.rotation, angular_velocity), cosine, sine)
         if link.prismatic:
-            speed = (speed[0], speed[1], plus(speed[2], rate))
+            velocity = (velocity[0], velocity[1], plus(velocity[2], rate))
         else:
-            spin = (spin[0], spin[1], plus(spin[2], rate))
-        turning = plus(dot(spin, apply(link.inertia, spin)), times(2.0, dot(speed, cross(spin, link.moment))))
-        twice = plus(twice, plus(times(link.mass, dot(speed, speed)), turning))
-    return [times(0.5, twice)]
-
-
-def potential_energy(arm: Arm, q: Joints) -> Values:
-    """Return −Σ mᵢ g·cᵢ (*batch,) [J], zero at the world's origin.
-
-    Raises InvalidInput where q doesn't fit the arm.
-    """
-    gravity = triple(arm.gravity)
-
-    def kernel(q: Sequence[Component]) -> list[Component]:
-        known, links = constants(arm), chain(arm, q)
-        weighed = add(scale(known.base_translation, known.base_mass), apply(known.base_rotation, known.base_moment))
-        for link, rotation, origin in zip(known.links, links.rotations, links.origins, strict=True):
-            weighed = add(weighed, add(scale(origin, link.mass), apply(rotation, link.moment)))
-        return [times(-1.0, dot(gravity, weighed))]
-
-    return in_blocks(kernel, arm, (1,), q)[..., 0]
+            angular_velocity = (angular_velocity[0], angular_velocity[1], plus(angular_velocity[2], rate))
+        rotational = plus(
+            dot(angular_velocity, apply(link.inertia, angular_velocity)),
+            times(2.0, dot(velocity, cross(angular_velocity, link.first_moment))),
+        )
+        doubled = plus(doubled, plus(times(link.mass, dot(velocity, velocity)), rotational))
+    return [times(0.5, doubled)]
 
 
 def power(torque: Joints, dq: Joints) -> Joints:
@@ -119,80 +106,100 @@ def power(torque: Joints, dq: Joints) -> Joints:
     return watts
 
 
-def _turns(known: Constants, q: Sequence[Component], pull: Triple) -> list[tuple[Component, Component]]:
-    """Return ``sines``, but for a first joint that has nothing to turn: the base's ``pull`` lies on its axis."""
-    x, y, _ = apply_transposed(known.links[0].rotation, pull)
+def _cosines_and_sines(
+    constants: ArmConstants, q: Sequence[Component], acceleration: Vector
+) -> list[tuple[Component, Component]]:
+    """Return ``joint_cosines_and_sines``, except (1, 0) for the first joint where its angle has no effect.
+
+    That is where the base's ``acceleration`` lies on the joint's axis.
+    """
+    x, y, _ = apply_transposed(constants.links[0].rotation, acceleration)
     if isinstance(x, float) and isinstance(y, float) and x == y == 0.0:
-        return [(1.0, 0.0), *sines(known.links[1:], q[1:])]
-    return sines(known.links, q)
+        return [(1.0, 0.0), *joint_cosines_and_sines(constants.links[1:], q[1:])]
+    return joint_cosines_and_sines(constants.links, q)
 
 
 def _newton_euler(
-    known: Constants,
+    constants: ArmConstants,
     q: Sequence[Component],
-    turns: Sequence[tuple[Component, Component]],
+    cosines_and_sines: Sequence[tuple[Component, Component]],
     dq: Sequence[Component],
     ddq: Sequence[Component],
-    pull: Triple,
+    acceleration: Vector,
 ) -> list[Component]:
-    """Return joint torques; ``pull`` is the acceleration of the base (minus gravity) in the base frame."""
-    spin, swing, rates = ZERO, ZERO, (ZERO, ZERO, ZERO)
-    forces, moments, offsets = [], [], []
-    for i, link in enumerate(known.links):
-        offset, (cosine, sine) = _offset(link, q[i]), turns[i]
-        pull = add(pull, apply(rates, offset))
-        pull, spin, swing = (
-            turn_back(apply_transposed(link.rotation, vector), cosine, sine) for vector in (pull, spin, swing)
+    """Return joint torques; ``acceleration`` is that of the base, minus gravity, in the base frame."""
+    omega, omega_rate, gradient = ZERO, ZERO, (ZERO, ZERO, ZERO)
+    forces, moments, origins = [], [], []
+    for i, link in enumerate(constants.links):
+        origin, (cosine, sine) = _origin(link, q[i]), cosines_and_sines[i]
+        acceleration = add(acceleration, apply(gradient, origin))
+        acceleration, omega, omega_rate = (
+            rotate_back_about_z(apply_transposed(link.rotation, vector), cosine, sine)
+            for vector in (acceleration, omega, omega_rate)
         )
         if link.prismatic:
-            pull = add(add(pull, scale(cross(spin, (0.0, 0.0, dq[i])), 2.0)), (0.0, 0.0, ddq[i]))
+            coriolis = scale(cross(omega, (0.0, 0.0, dq[i])), 2.0)
+            acceleration = add(add(acceleration, coriolis), (0.0, 0.0, ddq[i]))
         else:
-            swing = (
-                plus(swing[0], times(spin[1], dq[i])),
-                minus(swing[1], times(spin[0], dq[i])),
-                plus(swing[2], ddq[i]),
+            omega_rate = (
+                plus(omega_rate[0], times(omega[1], dq[i])),
+                minus(omega_rate[1], times(omega[0], dq[i])),
+                plus(omega_rate[2], ddq[i]),
             )
-            spin = (spin[0], spin[1], plus(spin[2], dq[i]))
-        rates = _rates(spin, swing)
-        forces.append(add(scale(pull, link.mass), apply(rates, link.moment)))
-        moments.append(_moment(link, rates, pull))
-        offsets.append(offset)
+            omega = (omega[0], omega[1], plus(omega[2], dq[i]))
+        gradient = _acceleration_gradient(omega, omega_rate)
+        forces.append(add(scale(acceleration, link.mass), apply(gradient, link.first_moment)))
+        moments.append(_moment(link, gradient, acceleration))
+        origins.append(origin)
+    return _project_wrenches(constants.links, cosines_and_sines, origins, forces, moments)
 
-    torque: list[Component] = [0.0] * len(known.links)
+
+def _project_wrenches(
+    links: Sequence[LinkConstants],
+    cosines_and_sines: Sequence[tuple[Component, Component]],
+    origins: Sequence[Vector],
+    forces: Sequence[Vector],
+    moments: Sequence[Vector],
+) -> list[Component]:
+    """Return joint torques: the links' forces and moments summed from the tip to the base, along each joint's axis."""
+    torque: list[Component] = [0.0] * len(links)
     force, moment = ZERO, ZERO
-    for i in reversed(range(len(known.links))):
+    for i in reversed(range(len(links))):
         force, moment = add(force, forces[i]), add(moment, moments[i])
-        torque[i] = force[2] if known.links[i].prismatic else moment[2]
+        torque[i] = force[2] if links[i].prismatic else moment[2]
         if i == 0:
             break
-        cosine, sine = turns[i]
-        force = apply(known.links[i].rotation, turn(force, cosine, sine))
-        moment = add(apply(known.links[i].rotation, turn(moment, cosine, sine)), cross(offsets[i], force))
+        cosine, sine = cosines_and_sines[i]
+        force = apply(links[i].rotation, rotate_about_z(force, cosine, sine))
+        moment = apply(links[i].rotation, rotate_about_z(moment, cosine, sine))
+        moment = add(moment, cross(origins[i], force))
     return torque
 
 
-def _rates(spin: Triple, swing: Triple) -> Rows:
-    """Return [ω̇]× + [ω]×[ω]×: times a point of the link, that point's acceleration past the origin's."""
-    x, y, z = spin
+def _acceleration_gradient(omega: Vector, omega_rate: Vector) -> Matrix:
+    """Return [ω̇]× + [ω]×[ω]×: times a point of the link, that point's acceleration relative to the origin's."""
+    x, y, z = omega
     xx, yy, zz, xy, xz, yz = times(x, x), times(y, y), times(z, z), times(x, y), times(x, z), times(y, z)
     return (
-        (times(-1.0, plus(yy, zz)), minus(xy, swing[2]), plus(xz, swing[1])),
-        (plus(xy, swing[2]), times(-1.0, plus(xx, zz)), minus(yz, swing[0])),
-        (minus(xz, swing[1]), plus(yz, swing[0]), times(-1.0, plus(xx, yy))),
+        (times(-1.0, plus(yy, zz)), minus(xy, omega_rate[2]), plus(xz, omega_rate[1])),
+        (plus(xy, omega_rate[2]), times(-1.0, plus(xx, zz)), minus(yz, omega_rate[0])),
+        (minus(xz, omega_rate[1]), plus(yz, omega_rate[0]), times(-1.0, plus(xx, yy))),
     )
 
 
-def _moment(link: Link, rates: Rows, pull: Triple) -> Triple:
+def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vector:
     """Return ∫ r × r̈ dm about the link's origin: the axial vector of ∫ r̈ rᵀ dm."""
 
     def entry(row: int, column: int) -> Component:
-        return plus(dot(rates[row], link.second[column]), times(pull[row], link.moment[column]))
+        return plus(
+            dot(gradient[row], link.second_moments[column]), times(acceleration[row], link.first_moment[column])
+        )
 
     return minus(entry(2, 1), entry(1, 2)), minus(entry(0, 2), entry(2, 0)), minus(entry(1, 0), entry(0, 1))
 
 
-def _offset(link: Link, q: Component) -> Triple:
-    """Return the origin of a link in the frame of the one before, a sliding joint's travel included."""
+def _origin(link: LinkConstants, q: Component) -> Vector:
+    """Return the origin of a link in the frame of the one before, the travel of a prismatic joint included."""
     if not link.prismatic:
         return link.translation
     axis = (link.rotation[0][2], link.rotation[1][2], link.rotation[2][2])

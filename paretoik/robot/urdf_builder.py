@@ -7,7 +7,7 @@ import numpy as np
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import EARTH, Arm, Frame, JointType
-from paretoik.robot.body import Body, merged, moved
+from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain
 from paretoik.robot.urdf_description import JointDescription, LinkDescription, RobotDescription
@@ -72,16 +72,16 @@ def _merge_links(robot: RobotDescription, frames: dict[str, Frame], count: int) 
     bodies: list[Body | None] = [None] * count
     for name, frame in frames.items():
         if frame.link >= 0:
-            body = moved(_body(robot.links[name]), frame.pose)
+            body = transform_body(_body(robot.links[name]), frame.pose)
             before = bodies[frame.link]
-            bodies[frame.link] = body if before is None else merged(before, body)
+            bodies[frame.link] = body if before is None else combine_bodies(before, body)
     return tuple(body for body in bodies if body is not None)
 
 
 def _body(link: LinkDescription) -> Body:
     """Return a link's body in its own frame."""
     inertial = Body(mass=link.mass, center=np.zeros(3), inertia=link.inertia)
-    return moved(inertial, Pose.from_rpy(link.xyz, link.rpy))
+    return transform_body(inertial, Pose.from_rpy(link.xyz, link.rpy))
 
 
 def _frozen_motion(joint: JointDescription, value: float) -> Pose:

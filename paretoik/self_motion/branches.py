@@ -12,7 +12,7 @@ from paretoik.task.motion import Motion
 STRAIGHT = 1e-9
 
 
-def bends(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
+def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
     """Return the sign in which every inner joint is bent, 0 where it is straight: shoulder, elbow, wrist.
 
     For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of
@@ -33,13 +33,13 @@ def bends(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*bat
     return np.where(np.abs(signed) < STRAIGHT, 0, np.sign(signed)).astype(int)
 
 
-def labels(motion: Motion) -> list[str]:
+def branch_labels(motion: Motion) -> list[str]:
     """Return a label for each motion of a batch (motions, time, dof), such as ``+-`` or ``+~``.
 
     One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed
     by the sign it ends with.
     """
-    found = bends(motion.arm, motion.q)
+    found = bend_signs(motion.arm, motion.q)
     constant = np.logical_or((found >= 0).all(axis=-2), (found <= 0).all(axis=-2))
     return [
         "".join(("" if kept else "~") + "-0+"[sign + 1] for sign, kept in zip(ends, kept_all, strict=True))

@@ -51,7 +51,7 @@ def certify(
 
 def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " points"]:
     """Return the worst violation of the interpolated and projected motions on a grid four times finer."""
-    fine = task.resampled(BETWEEN * (len(task.times) - 1) + 1)
+    fine = task.resample(BETWEEN * (len(task.times) - 1) + 1)
     between = fine.motion(motions.at(fine.times))
     return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)
 

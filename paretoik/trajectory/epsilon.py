@@ -18,7 +18,10 @@ from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import APART, coarse_starts, descended, ladder, planned
+from paretoik.trajectory.initial_motions import initial_motions
+from paretoik.trajectory.levels import OPTIONS as LEVELS
+from paretoik.trajectory.levels import level_programs, refine_levels
+from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
 
@@ -58,12 +61,12 @@ def epsilon_points(
     falling and rising ε. The rest goes into the widest gaps: ε halfway between two neighbours, started from those near
     it. ``observe`` is called with points found and wanted.
 
-    Raises as ``planned`` does.
+    Raises as ``find_optima`` does.
     """
     pool, best, ranges = _alone(task, starts=starts, seed=seed)
-    programs = ladder(task, ranges)
+    programs = level_programs(task, ranges)
     ends = _ends(programs[-1], best)
-    between = _between(programs, coarse_starts(task, starts=-(-starts // 2), seed=seed), ends)
+    between = _between(programs, initial_motions(task, starts=-(-starts // 2), seed=seed), ends)
     found = _Found(programs[-1], np.concatenate([pool, *(got.x for got in between)]), ends, ranges, observe, points)
     for got in between:
         found.add_all(got)
@@ -190,7 +193,7 @@ def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.
     """Return (motions to start from, the best of each objective alone, ranges of the objectives)."""
     pool, best = [], []
     for objective in task.objectives:
-        plan = planned(replace(task, objectives=(objective,)), starts=starts, seed=seed)
+        plan = find_optima(replace(task, objectives=(objective,)), starts=starts, seed=seed)
         pool += [optimum.motion.q for optimum in plan.optima[:POOL]]
         best.append(plan.best.motion.q)
     motions = task.motion(np.stack(best))
@@ -201,7 +204,7 @@ def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.
     ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
     unique: list[np.ndarray] = []
     for q in pool:
-        if not unique or joint_distance(task, q, np.stack(unique)).min() > APART:
+        if not unique or joint_distance(task, q, np.stack(unique)).min() > LEVELS.distinct:
             unique.append(q)
     return np.stack(unique), np.stack(best), ranges
 
@@ -244,7 +247,7 @@ def _between(programs: Sequence[MotionProgram], cold: np.ndarray, ends: Solution
             factors = np.full(count, WEIGHT)
             factors[main] = 1.0
             with suppress(Infeasible):  # where all that is found leaves the path, this ε adds nothing
-                got, _ = descended(programs, cold, factors, caps)
+                got, _ = refine_levels(programs, cold, factors, caps)
                 found.append(got[got.converged][:POOL])
     return found
 
@@ -279,6 +282,6 @@ def _apart(task: MotionTask, got: Solutions) -> Int[np.ndarray, " kept"]:
     """Return one of every motion that several starts led to, the best first."""
     kept: list[int] = []
     for i in np.argsort(got.objectives[:, 0], kind="stable").tolist():
-        if not kept or joint_distance(task, got.x[i], got.x[kept]).min() > APART:
+        if not kept or joint_distance(task, got.x[i], got.x[kept]).min() > LEVELS.distinct:
             kept.append(i)
     return np.array(kept, dtype=int)

@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.self_motion.branches import labels
-from paretoik.self_motion.curves import carried_postures, node_spacing, nodes_of, traced_curves
+from paretoik.self_motion.branches import branch_labels
+from paretoik.self_motion.curves import count_nodes, node_spacing, postures_along_path, trace_curves
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_bound import BEYOND, lower_bound
@@ -101,17 +101,17 @@ def grid_oracle(
     """
     _check(task, resolution)
     rng = np.random.default_rng(seed)
-    seeds, pace = carried_postures(task, rng)
+    seeds, pace = postures_along_path(task, rng)
     terms = terms_of(task, weights, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
-    level = task.subsampled(_coarse(len(task.times))) if terms.second else task
+    level = task.subsample(_coarse(len(task.times))) if terms.second else task
     kept = np.searchsorted(task.times, level.times)
     windows = windows_of(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
-    curves = traced_curves(level, [seeds[i] for i in kept])
+    curves = trace_curves(level, [seeds[i] for i in kept])
     spacing = resolution or node_spacing(curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
-    if quick and nodes_of(task, curves, spacing) > QUICK:
+    if quick and count_nodes(task, curves, spacing) > QUICK:
         raise InvalidInput(f"grid_oracle: quick=True wants at most {QUICK} nodes, {spacing:g} rad apart there are more")
     while True:
         grid = _kept(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
@@ -138,8 +138,8 @@ def grid_oracle(
 def _check(task: MotionTask, resolution: float | None) -> None:
     if task.redundancy != 1:
         raise InvalidInput(f"grid_oracle: redundancy 1 wanted, got {task.redundancy}")
-    if task.differences != "backward" or task.stops:
-        found = "end_velocity=0" if task.stops else f"{task.differences} differences"
+    if task.differences != "backward" or task.ends_at_rest:
+        found = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
         raise InvalidInput(f"grid_oracle: backward differences and a free end wanted, got {found}")
     if resolution is not None and not resolution > 0:
         raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")
@@ -222,7 +222,7 @@ def _told(
     if task.cyclic:
         ways = ways[np.abs(ways[:, -1] - ways[:, 0]).max(axis=1) < 1e-6]
     motions = level.motion(ways)
-    cost, kinds = motions.integral(terms.cost(motions)), labels(motions)
+    cost, kinds = motions.integral(terms.cost(motions)), branch_labels(motions)
     change = ways[:, -1] - ways[:, 0]
     turns = np.round((change - grid.step(ways[:, -1], ways[:, 0])) / (2 * np.pi)).astype(int)
     found: dict[int, np.ndarray] = {}

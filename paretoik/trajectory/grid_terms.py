@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import Constraint, excess
+from paretoik.task.limits import Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.objectives import series
+from paretoik.task.objectives import evaluate_function
 
 LARGEST = 40_000_000  # transitions: more don't fit the memory of a small machine
 BLOCK = 200_000  # samples evaluated at once
@@ -60,22 +60,24 @@ def terms_of(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarra
                 raise InvalidInput(f"grid_oracle: {kind} {one.name}: form {form!r} wanted, got {one.form!r}")
 
     def cost(motion: Motion) -> np.ndarray:
-        values = [o.sign * series(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives]
+        values = [
+            o.sign * evaluate_function(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives
+        ]
         return np.asarray(np.tensordot(shares, values, axes=1))
 
     def joints(kind: str) -> Series:
-        return lambda motion: excess(kind, task.bounds[kind], motion).max(axis=-1)
+        return lambda motion: relative_violation(kind, task.bounds[kind], motion).max(axis=-1)
 
     def own(c: Constraint) -> Series:
         def over(motion: Motion) -> np.ndarray:
-            values = series(f"constraint {c.name}", c.function, motion, c.form)
+            values = evaluate_function(f"constraint {c.name}", c.function, motion, c.form)
             return np.maximum(values - c.upper, c.lower - values) / c.scale
 
         return over
 
     limits = [joints(kind) for kind in task.bounds] + [own(c) for c in task.constraints]
     if task.obstacles:
-        limits.append(lambda motion: task.least_clearance - motion.clearance)
+        limits.append(lambda motion: task.min_clearance - motion.clearance)
     orders = [order(task, limit, probe) for limit in limits]
     return Terms(
         cost=cost,

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.nlp.conic import Cone
-from paretoik.task.motion import steepest
+from paretoik.task.retraction import row_space_basis
 from paretoik.trajectory.transcription import MotionProgram
 
 
@@ -178,8 +178,8 @@ def linearised(program: MotionProgram, q: Float[np.ndarray, "time dof"], values:
     normal = np.linalg.svd(jacobian)[2][:, task.rows :].swapaxes(-1, -2)
     if task.cyclic:
         normal[-1] = normal[0]
-    if task.stops:
-        across = steepest(np.moveaxis(jacobian[-1:], 0, -1))[0]
+    if task.ends_at_rest:
+        across = row_space_basis(np.moveaxis(jacobian[-1:], 0, -1))[0]
         normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
     found = program.slope(known.inputs)
     functions = program.sums + len(program.rows) + len(program.under) + _slack_rows(program)

@@ -26,7 +26,7 @@ def polish(
     q: Float[np.ndarray, "motions time dof"],
     factors: Float[np.ndarray, "#motions totals"],
     caps: Float[np.ndarray, "#motions totals"] | None = None,
-    rules: Rules | Sequence[Rules] = Rules(),  # noqa: B008  a tuple of numbers
+    rules: Rules | Sequence[Rules] = Rules(),
 ) -> Solutions:
     """Return the local optima of Σ factors · totals, the totals below ``caps``, that starts on the path lead to.
 
@@ -40,7 +40,7 @@ def polish(
     below = np.minimum(below, program.upper)
     solver = _compiled if program.is_smooth else _general
     found = solver(program, q, weights, below, each)
-    if program.task.stops:
+    if program.task.ends_at_rest:
         # How the last sample follows is known up to the path's own last step: below that no step makes it better.
         near = (found.status == STUCK) & (found.stationarity <= program.rounding) & (found.violation <= 1e-8)
         found.status[near] = CONVERGED

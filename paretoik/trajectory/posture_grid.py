@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from paretoik.self_motion.curves import Curve, aimed, cut_evenly, lifted, lifted_ranges, wrapped
+from paretoik.self_motion.curves import Curve, resample_curve, self_motion_frames, unwrap_nodes, unwrapped_ranges
+from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract
 from paretoik.trajectory.grid_terms import HOLDS, At
@@ -30,7 +31,7 @@ class PostureGrid:
 
     def step(self, later: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the shortest way of every joint between postures."""
-        return wrapped(later - before, self.turning)
+        return wrap_difference(later - before, self.turning)
 
     def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         """Return all pairs of nodes of samples i − 1 and i with every joint's step within its window.
@@ -88,16 +89,16 @@ def posture_grid(
 
     Turns of ``unrolled`` joints are told apart.
     """
-    cut = [[cut_evenly(curve, spacing, task.arm.periodic) for curve in here] for here in curves]
+    cut = [[resample_curve(curve, spacing, task.arm.periodic) for curve in here] for here in curves]
     samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
     q = np.concatenate([q for here in cut for q, _ in here])
-    led = retract(task.arm, task.tasks, q, *aimed(task, samples, q)[1:])
-    ranges = lifted_ranges(task, unrolled) + np.array([-beyond, beyond])
+    led = retract(task.arm, task.tasks, q, *self_motion_frames(task, samples, q)[1:])
+    ranges = unwrapped_ranges(task, unrolled) + np.array([-beyond, beyond])
     turning = task.arm.periodic & np.isnan(ranges[:, 0])
     nodes, onward = [], []
     for i, here in enumerate(cut):
         mine = samples == i
-        there, which = lifted(led.q[mine], ranges, task.arm.periodic)
+        there, which = unwrap_nodes(led.q[mine], ranges, task.arm.periodic)
         firsts = np.cumsum([0] + [len(q) for q, _ in here[:-1]])
         ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
         kept = led.on_path[mine][which]
@@ -117,7 +118,7 @@ def _onward(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np.nda
     found = np.full(len(q), -1)
     for turn in range(int((high - low).max(initial=0))):
         candidate = order[np.minimum(low + turn, len(q) - 1)]
-        near = np.linalg.norm(wrapped(q[candidate] - q, turning), axis=1) < 2 * spacing
+        near = np.linalg.norm(wrap_difference(q[candidate] - q, turning), axis=1) < 2 * spacing
         found = np.where((low + turn < high) & near, candidate, found)
     return found
 

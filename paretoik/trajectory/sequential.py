@@ -19,9 +19,8 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
-from paretoik.nlp.subproblem import Step, step
-from paretoik.task.motion import steepest
-from paretoik.task.retraction import retract
+from paretoik.nlp.subproblem import Step, solve_subproblem
+from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.linearisation import Linearised, Values, evaluated, linearised
 from paretoik.trajectory.transcription import MotionProgram
 
@@ -83,7 +82,9 @@ def sequential(
         accepted = False
         while not accepted and length > SHORTEST:
             try:
-                taken = step(gradient, hessian, model.constraints, yielding=model.yielding, radius=length, price=price)
+                taken = solve_subproblem(
+                    gradient, hessian, model.constraints, elastic=model.yielding, radius=length, penalty=price
+                )
             except SolverFailed:
                 length /= 4
                 continue
@@ -172,9 +173,9 @@ def _curvature(
     forces = np.zeros(len(local.gaps))
     pulls: tuple[np.ndarray, ...] = ()
     if last is not None:
-        weights[model.capped] += last.limits[limits : model.yielding]
-        forces = np.concatenate([last.limits[:limits] / model.scales, last.limits[model.yielding :]])
-        pulls = last.pulls
+        weights[model.capped] += last.multipliers[limits : model.yielding]
+        forces = np.concatenate([last.multipliers[:limits] / model.scales, last.multipliers[model.yielding :]])
+        pulls = last.cone_multipliers
     plain = local.curvature(weights, forces, pulls)
     table = plain.toarray()
     used = np.flatnonzero(np.any(table != 0, axis=1) | (np.arange(len(table)) < local.unknowns))
@@ -205,12 +206,12 @@ def _moved(program: MotionProgram, local: Linearised, at: _Point, step: np.ndarr
     q = at.q + local.displacement(step)
     if task.cyclic:
         q[-1] = q[0]
-    if task.stops:
+    if task.ends_at_rest:
         q[-1] = q[-2]
     targets = task.targets.copy()
     if task.cyclic:
         targets[-1] = targets[0]
-    directions = steepest(np.moveaxis(local.jacobian, 0, -1))
+    directions = row_space_basis(np.moveaxis(local.jacobian, 0, -1))
     found = retract(task.arm, task.tasks, q, targets, directions)
     if not found.on_path.all():
         return None
@@ -257,7 +258,7 @@ def _again(
     gradient: np.ndarray, hessian: sparse.csr_array, bent: Constraints, yielding: int, length: float, price: float
 ) -> Step | None:
     try:
-        return step(gradient, hessian, bent, yielding=yielding, radius=length, price=price)
+        return solve_subproblem(gradient, hessian, bent, elastic=yielding, radius=length, penalty=price)
     except SolverFailed:
         return None
 

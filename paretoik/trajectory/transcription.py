@@ -22,11 +22,10 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
-from paretoik.robot.kinematics import chain
-from paretoik.task.limits import ranges as widths
-from paretoik.task.motion import steepest
+from paretoik.robot.kinematics import link_frames
+from paretoik.task.limits import limit_ranges as widths
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
@@ -103,11 +102,11 @@ class MotionProgram:
     @property
     def rounding(self) -> float:
         """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
-        return 1e-6 if self.task.stops else 0.0
+        return 1e-6 if self.task.ends_at_rest else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin at the start to the bit, and end at rest where they have to."""
-        q = end_at_rest(self.task, x) if self.task.stops else x
+        q = end_at_rest(self.task, x) if self.task.ends_at_rest else x
         if self.task.start is not None:
             q = q.copy()
             q[:, 0] = self.task.start
@@ -138,7 +137,7 @@ class MotionProgram:
             place=self.stencil.place,
             unknowns=self.stencil.unknowns,
             seam=self.stencil.seam,
-            stops=self.task.stops,
+            stops=self.task.ends_at_rest,
             ones=np.ones(len(self.task.times)),
             quadrature=np.array(self.task.weights),
             inputs=self.inputs,
@@ -152,7 +151,7 @@ class MotionProgram:
 def end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
     """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
     targets = np.tile(task.targets[-1], (len(q), 1))
-    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
+    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
     retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
     ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
     return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
@@ -170,7 +169,7 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
-    if task.stops and task.differences == "central":
+    if task.ends_at_rest and task.differences == "central":
         raise InvalidInput("end_velocity=0: differences='backward' is wanted where motions are polished, got 'central'")
     shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
     asked = functions(task, shares)
@@ -308,13 +307,13 @@ def _path(asked: Functions) -> list[int]:
     if task.cyclic:
         targets[-1] = targets[0]
     wanted: list[Any] = [motion.trace.parameter(column) for column in targets.T]
-    links, begun = chain(task.arm, list(motion.q.entries)), 0
+    links, begun = link_frames(task.arm, list(motion.q.entries)), 0
     path: list[int] = []
     for part in task.tasks:
         path += [
-            as_entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.numbers])
+            as_entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.target_size])
         ]
-        begun += part.numbers
+        begun += part.target_size
     return path
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.api.solve import POPULATION
+from paretoik.api.settings import DEFAULTS
 from paretoik.front.indicators import hypervolume
 from problems.tringali_2020 import energy_torque
 from studies.reporting import REPORTED, Row, report
@@ -37,11 +37,13 @@ def variants(problem: pk.Tracking, *, ablate: bool) -> dict[str, pk.MaxiMinNSGA2
     """Return the algorithms by name, None the problem's own; ``ablate`` adds those that lack an ingredient."""
     if not ablate:
         return {"defaults": None}
-    mating = problem.algorithm(POPULATION).mating
+    mating = problem.algorithm(DEFAULTS.population).mating
     return {
         "defaults": None,
-        "no infeasible parents": pk.MaxiMinNSGA2(POPULATION, crossover=mating.crossover, mutation=mating.mutation),
-        "SBX and polynomial mutation": pk.MaxiMinNSGA2(POPULATION, infeasible_share=0.3),
+        "no infeasible parents": pk.MaxiMinNSGA2(
+            DEFAULTS.population, crossover=mating.crossover, mutation=mating.mutation
+        ),
+        "SBX and polynomial mutation": pk.MaxiMinNSGA2(DEFAULTS.population, infeasible_share=0.3),
     }
 
 

@@ -19,8 +19,10 @@ import numpy as np
 from paretoik.formulations.tracking import Tracking
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import tringali_3r
+from paretoik.robot.blocks import evaluate_in_blocks
+from paretoik.robot.components import Component
 from paretoik.robot.dynamics import inverse_dynamics
-from paretoik.robot.kinematics import posed_jacobian
+from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames
 from paretoik.search import seeded_population
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
@@ -41,6 +43,20 @@ class Contest:
     goal: float
     ours: Callable[[], object]
     peer: Callable[[], object]
+
+
+def pose_and_jacobian(arm: Arm, q: np.ndarray) -> np.ndarray:
+    """Return rotation, position and Jacobian of the tool, (*batch, 12 + 6 dof), from one pass over the chain."""
+    tool = arm.frame("tool")
+
+    def kernel(q: Sequence[Component]) -> list[Component]:
+        links = link_frames(arm, q)
+        rotation, position = frame_components(arm, links, tool)
+        columns = jacobian_components(arm, links, tool, position)
+        slopes = [column[part][axis] for part in (0, 1) for axis in range(3) for column in columns]
+        return [*rotation[0], *rotation[1], *rotation[2], *position, *slopes]
+
+    return evaluate_in_blocks(kernel, arm, (12 + 6 * arm.dof,), q)
 
 
 def pinocchio_model(arm: Arm) -> Any:
@@ -96,7 +112,7 @@ def contests(label: str, arm: Arm, goal: float) -> list[Contest]:
             arm=label,
             kernel="tool pose + Jacobian",
             goal=goal,
-            ours=lambda: posed_jacobian(arm, q),
+            ours=lambda: pose_and_jacobian(arm, q),
             peer=loop_kinematics,
         ),
     ]

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import paretoik as pk
-from paretoik.self_motion.starts import candidates
+from paretoik.self_motion.starts import rollout_starts
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside
 from studies.tringali_2020.simulations import MASSES, as_printed, with_arm
@@ -42,7 +42,7 @@ def declines(*, most: int, seeds: int) -> list[Decline]:
     best = {masses: pk.plan(problem).best.objective for masses, problem in problems.items()}
     lowest: dict[str, list[np.ndarray]] = {masses: [] for masses in MASSES}
     for seed in range(seeds):
-        q = candidates(problems["fitted"].task, most, np.random.default_rng(seed))
+        q = rollout_starts(problems["fitted"].task, most, np.random.default_rng(seed))
         for masses, problem in problems.items():
             lowest[masses].append(np.minimum.accumulate(pk.kinetic_energy(problem.task.motion(q))))
     fewest = min(len(costs) for costs in lowest["fitted"])

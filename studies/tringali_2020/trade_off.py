@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool
 
 import paretoik as pk
-from paretoik.self_motion.branches import labels
+from paretoik.self_motion.branches import branch_labels
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import as_printed, machine, with_arm
@@ -52,7 +52,7 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
             theirs = paper()["Table 5", f"simulation {simulation}", column]
             note = f"{100 * (values[end] / theirs - 1):+.2f} %; beside it: simulation {simulation}; {DRAWN}"
             rows.append(_row(masses, name, column, unit, float(values[end]), note, theirs))
-    minima, bends = int(np.sum(certificates.status == "minimum")), sorted(set(labels(front.motions)))
+    minima, bends = int(np.sum(certificates.status == "minimum")), sorted(set(branch_labels(front.motions)))
     off = int(off_hull(front).sum())
     weights = "the paper: ε-constraints find what weights cannot, where the front is not convex"
     worst, between = float(certificates.violation.max()), float(certificates.violation_between.max())

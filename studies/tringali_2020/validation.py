@@ -8,9 +8,9 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.resolution.variational import Extremal, shooting, variational
-from paretoik.self_motion.branches import labels
+from paretoik.self_motion.branches import branch_labels
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import Optimum
+from paretoik.trajectory.plan import Optimum
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import Simulation
@@ -133,7 +133,7 @@ def _freed(simulation: Simulation, optima: Mapping[str, Optimum], starts: np.nda
         "Nedungadi, start sought",
         list[Row](),
     )
-    bends = labels(found.motion)
+    bends = branch_labels(found.motion)
     assert found.minimum is not None
     for name, optimum in optima.items():
         if optimum.label in bends:

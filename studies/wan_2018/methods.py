@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.self_motion.starts import postures
-from paretoik.task.motion_task import motion_task
+from paretoik.resolution.traces import ResolvedMotion
+from paretoik.self_motion.postures import sample_postures
+from paretoik.task.motion_task_validation import motion_task
 from problems import wan_2018
 from problems.wan_2018 import (
     BAND,
@@ -74,13 +75,13 @@ def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
         path,
         objectives=[pk.joint_travel],
     )
-    found = postures(task, count, np.random.default_rng(seed))
+    found = sample_postures(task, count, np.random.default_rng(seed))
     turned = (found + np.pi) % (2 * np.pi) - np.pi
     lower, upper = arm.position_limits.T
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
 
-def worst_errors(motion: pk.ResolvedMotion) -> np.ndarray:
+def worst_errors(motion: ResolvedMotion) -> np.ndarray:
     """Return the greatest error (motions, 6) on every axis: position, and half the sum of Eq. 33, in world axes."""
     errors = motion.traces.errors
     turn = motion.tool_rotation @ errors[..., 3:, None]

@@ -15,7 +15,7 @@ import pytest
 import rerun as rr
 
 import paretoik as pk
-from paretoik.api.solve import reweighed
+from paretoik.formulations.protocol import reweigh
 from problems import marcos_2012
 from tests.closed_loop.postures import posture
 
@@ -97,7 +97,7 @@ def test_other_weights_follow_the_loop_anew_from_where_it_began(finished):
         assert "position_error 100%" in choice.reason
     own = front.select(pk.Weights(joint_displacement=2.0, position_error=2.0))
     np.testing.assert_array_equal(own.motion.q, front.motions.q[0])
-    assert reweighed(loaded, pk.Weights(joint_displacement=1.0, position_error=1.0)) is None
+    assert reweigh(loaded.problem, loaded, pk.Weights(joint_displacement=1.0, position_error=1.0)) is None
     with pytest.raises(pk.InvalidInput, match="wanted names among joint_displacement, position_error"):
         front.select(pk.Weights(energy=1.0))
 

@@ -83,13 +83,16 @@ def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path, monkeyp
     monkeypatch.setattr(epsilon, "TOGETHER", 2)
     told = []
 
-    def interrupted(done, wanted):
+    def interrupt(progress):
+        if progress.stage != "refinement":
+            return
+        done, wanted = progress.done, progress.total
         told.append((done, wanted))
         assert pk.load_front(tmp_path / "run").objectives.shape == (wanted, 2)  # kept before it is polished
         os.kill(os.getpid(), signal.SIGINT)
 
     settings = {**SMALL, "generations": 6, "points": 20}
-    front = pk.solve(made(), **settings, out=tmp_path / "run", observe_refining=interrupted)
+    front = pk.solve(made(), **settings, out=tmp_path / "run", observe=interrupt)
     assert front.provenance["status"] == "SIGINT"
     assert len(told) == 1
     assert told[0][0] < told[0][1]
@@ -116,11 +119,12 @@ def test_a_front_is_refined_with_its_own_problem_only():
 
 
 def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
-    def failing(done, wanted):
-        raise RuntimeError("somebody looked away")
+    def fail(progress):
+        if progress.stage == "refinement":
+            raise RuntimeError("somebody looked away")
 
     with pytest.raises(RuntimeError, match="looked away"):
-        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe_refining=failing)
+        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe=fail)
     kept = pk.load_front(tmp_path / "run", walk())
     assert len(kept) > 1
     assert kept.provenance["status"] == "RuntimeError"

@@ -51,7 +51,7 @@ def test_joints_come_into_limits_in_whatever_turn_they_are(limits):
     else:
         assert inside.all(axis=1).any()
         assert np.abs(found - np.mean(limits)).max() <= np.ptp(limits) / 2 + 2 * np.pi
-    tool = kinematics.tool_pose(arm, found)[1][:, :2]
+    tool = kinematics.forward_kinematics(arm, found)[1][:, :2]
     assert tool == pytest.approx(np.tile([0.5, 0.2], (len(found), 1)), abs=1e-9)
 
 
@@ -78,7 +78,7 @@ def test_postures_that_can_be_held_are_found_where_none_of_few_can_be():
         found = held_postures(arm, actuation, place, 10, np.random.default_rng(seed))
         assert len(found)
         assert np.abs(loads(arm, found)).max() <= 8.0 * (1 + 1e-9)
-        tool = kinematics.tool_pose(arm, found)[1][:, :2]
+        tool = kinematics.forward_kinematics(arm, found)[1][:, :2]
         assert tool == pytest.approx(np.tile(place, (len(found), 1)), abs=1e-7)
 
 

@@ -69,7 +69,7 @@ def test_postures_speeds_and_efforts_are_those_that_are_said(drive):
     actuation = DRIVES[drive]
     polygon = pk.directional_maxima(ARM, actuation, PLACE)
     columns = kinematics.jacobian(ARM, polygon.q)[:, :2]
-    assert kinematics.tool_pose(ARM, polygon.q)[1][:, :2] == pytest.approx(np.tile(PLACE, (16, 1)), abs=1e-12)
+    assert kinematics.forward_kinematics(ARM, polygon.q)[1][:, :2] == pytest.approx(np.tile(PLACE, (16, 1)), abs=1e-12)
     assert np.einsum("kaj,kj->ka", columns, polygon.dq) == pytest.approx(polygon.vertices, abs=1e-12)
     if polygon.sliders is None:
         room = actuation.motors.room(polygon.motor_efforts[:, 0], polygon.motor_speeds[:, 0])

@@ -9,7 +9,7 @@ import numpy as np
 
 from paretoik import Arm, Path, Pose, Tracking, joint_travel, kinetic_energy, line
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import forward_kinematics
 
 PANDA = File(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
 OBJECTIVES = [kinetic_energy, joint_travel]
@@ -34,7 +34,7 @@ def random_arm(seed: int, dof: int) -> Arm:
 def within_reach(arm: Arm, seed: int, *, poses: bool, samples: int) -> Path:
     """Return a line of 0.1 m through the place where the tool is at a random posture."""
     rng = np.random.default_rng(seed)
-    rotation, place = tool_pose(arm, rng.uniform(-2, 2, arm.dof))
+    rotation, place = forward_kinematics(arm, rng.uniform(-2, 2, arm.dof))
     step = rng.normal(size=3)
     half = 0.05 * step / np.linalg.norm(step)
     ends = place - half, place + half

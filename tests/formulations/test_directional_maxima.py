@@ -40,7 +40,9 @@ def evaluated(problem, genes):
 
 def test_individuals_stand_at_the_position_and_move_along_the_directions(problem, front):
     at = problem.stance(front.genes)
-    assert kinematics.tool_pose(problem.arm, at.q)[1][:, :2] == pytest.approx(np.tile(PLACE, (len(front), 1)), abs=1e-9)
+    assert kinematics.forward_kinematics(problem.arm, at.q)[1][:, :2] == pytest.approx(
+        np.tile(PLACE, (len(front), 1)), abs=1e-9
+    )
     columns = kinematics.jacobian(problem.arm, at.q)[:, :2]
     moved = np.einsum("paj,pkj->pka", columns, at.dq)
     assert moved == pytest.approx(at.speeds[..., None] * np.array(WAYS), abs=1e-9)

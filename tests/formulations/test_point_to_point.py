@@ -9,6 +9,7 @@ import paretoik as pk
 from paretoik.capability.timing import timed
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot import dynamics, kinematics
+from tests.robot.oracles import potential_energy
 
 START, TARGET = [0.1, -0.15], [0.2, -0.15]
 
@@ -32,7 +33,7 @@ def refined(front):
 
 def test_every_motion_goes_from_start_to_target_in_its_own_time(problem, front):
     motions = front.motions
-    tool = kinematics.tool_pose(problem.arm, motions.q)[1][..., :2]
+    tool = kinematics.forward_kinematics(problem.arm, motions.q)[1][..., :2]
     assert tool[:, 0] == pytest.approx(np.tile(START, (len(front), 1)), abs=1e-9)
     assert tool[:, -1] == pytest.approx(np.tile(TARGET, (len(front), 1)), abs=1e-9)
     assert motions.time[:, -1] == pytest.approx(front.objectives[:, 0])
@@ -52,7 +53,7 @@ def test_energy_is_the_work_of_all_motors(problem, front):
     middle = (q[:, 1:] + q[:, :-1]) / 2
     load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
     assert np.abs(load * np.diff(q, axis=1)).sum(axis=(1, 2)) == pytest.approx(front.objectives[:, 1])
-    rise = dynamics.potential_energy(problem.arm, q[:, -1]) - dynamics.potential_energy(problem.arm, q[:, 0])
+    rise = potential_energy(problem.arm, q[:, -1]) - potential_energy(problem.arm, q[:, 0])
     assert (front.objectives[:, 1] >= np.abs(rise) - 1e-3).all()  # whatever is lifted has to be lifted by motors
 
 
@@ -126,7 +127,7 @@ def test_other_motor_curves_are_polished_too(shape):
 def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
     """What every posture could do at its best, wherever the tool is, bounds the motion's time from below."""
     fine = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
-    tool = kinematics.tool_pose(problem.arm, fine[0])[1][:, :2]
+    tool = kinematics.forward_kinematics(problem.arm, fine[0])[1][:, :2]
     steps = np.diff(tool, axis=0)
     middle = (tool[1:] + tool[:-1]) / 2
     least = sum(
@@ -162,7 +163,7 @@ def test_spatial_arms_are_served():
         bases=4,
     )
     found = pk.solve(problem, population=20, generations=5, seed=0, points=2)
-    tool = kinematics.tool_pose(arm, found.motions.q)[1]
+    tool = kinematics.forward_kinematics(arm, found.motions.q)[1]
     assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(found), 1)), abs=1e-9)
     assert (found.objectives[:, 0] > 0).all()
 

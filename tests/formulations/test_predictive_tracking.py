@@ -15,7 +15,7 @@ from paretoik.robot.arms import tringali_3r
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
-FIRST = kinematics.tool_pose(tringali_3r(), START)[1][:2]
+FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
 PATH = line(FIRST, FIRST + np.array([-0.27, 0.11]), duration=5.0, samples=101)
 
 

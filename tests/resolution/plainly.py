@@ -69,7 +69,7 @@ class Plainly:
         if len(now) == size:
             return later - now
         before, after = (Rotation.from_matrix(each[size:].reshape(3, 3)) for each in (now, later))
-        tool = Rotation.from_matrix(kinematics.tool_pose(self.motion.arm, q)[0])
+        tool = Rotation.from_matrix(kinematics.forward_kinematics(self.motion.arm, q)[0])
         turn = tool.inv().apply((after * before.inv()).as_rotvec())
         return np.concatenate([later[:size] - now[:size], turn])
 

@@ -51,7 +51,7 @@ def test_a_step_too_long_is_shortened_in_all_its_parts_or_refused(method):
 
 def test_a_step_too_long_is_refused_by_its_length():
     arm = wan_7r()
-    rotation, position = kinematics.tool_pose(arm, BENT)
+    rotation, position = kinematics.forward_kinematics(arm, BENT)
     first = Pose.from_matrix(rotation, position)
     path = line(first, first @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2.8)), duration=1.0, samples=3)
     with pytest.raises(Infeasible, match=r"a joint were to go more than 1 rad or m in the step at sample 1 \(0.5 s\)"):
@@ -68,7 +68,7 @@ def test_who_comes_back_too_late_to_look_ahead_still_follows():
 
 def turned(arm, q, about, angle):
     """Return a path that leaves a posture's place, its first orientation off the posture's by an angle."""
-    rotation, position = kinematics.tool_pose(arm, q)
+    rotation, position = kinematics.forward_kinematics(arm, q)
     off = rotation @ Rotation.from_rotvec(angle * np.array(about) / np.linalg.norm(about)).as_matrix()
     first = Pose.from_matrix(off, position)
     last = Pose.from_rpy((0.05, -0.05, 0.05), (0.3, 0.2, -0.4)) @ first
@@ -105,7 +105,7 @@ def test_sliding_joints_are_resolved_as_turning_ones_are(axes):
         types=["revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute"],
         convention="standard",
     )
-    rotation, position = kinematics.tool_pose(arm, BENT)
+    rotation, position = kinematics.forward_kinematics(arm, BENT)
     first = Pose.from_matrix(rotation, position)
     last = Pose.from_rpy((0.1, -0.05, 0.05), (0.1, 0.0, 0.2)) @ first
     path = line(first, last, duration=1.0, samples=401)
@@ -114,7 +114,7 @@ def test_sliding_joints_are_resolved_as_turning_ones_are(axes):
     assert np.abs(motion.traces.velocities[:, [1, 4]]).min() > 0
     rows = 5 if axes == "xyz+z-axis" else 6
     assert motion.traces.errors.shape == (401, rows)
-    half = pk.resolve(arm, pk.Task(path.resampled(201), axes=axes), pk.methods.PseudoInverse(), start=BENT)
+    half = pk.resolve(arm, pk.Task(path.resample(201), axes=axes), pk.methods.PseudoInverse(), start=BENT)
     assert half.q[-1] == pytest.approx(motion.q[-1], abs=5e-3)  # both go the same way
 
 

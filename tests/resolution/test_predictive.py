@@ -17,7 +17,7 @@ from paretoik.resolution.horizon import horizon
 from paretoik.resolution.predictive import quartics
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda
 from tests.resolution.test_resolve import begun
@@ -25,7 +25,7 @@ from tests.resolution.test_resolve import begun
 pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
 HOME = np.array([0.1, -0.6, 0.2, -2.2, 0.1, 1.7, 0.5])
-FIRST = kinematics.tool_pose(tringali_3r(), START)[1][:2]
+FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
 ALONG = np.array([-0.924, 0.382])
 
 

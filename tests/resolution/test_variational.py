@@ -13,10 +13,10 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.variational import shooting, variational
 from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.starts import charts, postures
-from paretoik.task.motion import steepest
+from paretoik.self_motion.charts import build_charts
+from paretoik.self_motion.postures import sample_postures
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 from tests.formulations.problems import panda
 from tests.self_motion.test_starts import task_of
 
@@ -64,7 +64,7 @@ TASKS = {
 
 def posture(task, count=1, seed=4):
     """Return well-conditioned postures at sample 0."""
-    q = postures(task, 40, np.random.default_rng(seed))
+    q = sample_postures(task, 40, np.random.default_rng(seed))
     slopes = task_errors(task.arm, task.tasks, q, np.tile(task.targets[0], (len(q), 1)))[1]
     return q[np.argsort(np.linalg.cond(np.moveaxis(slopes, -1, 0)), kind="stable")[:count]]
 
@@ -72,7 +72,9 @@ def posture(task, count=1, seed=4):
 def led(task, near):
     """Return postures led onto the path's first sample the shortest way."""
     q, targets = np.array(near), np.tile(task.targets[0], (len(near), 1))
-    return retract(task.arm, task.tasks, q, targets, steepest(task_errors(task.arm, task.tasks, q, targets)[1])).q
+    return retract(
+        task.arm, task.tasks, q, targets, row_space_basis(task_errors(task.arm, task.tasks, q, targets)[1])
+    ).q
 
 
 def driving(found):
@@ -81,7 +83,7 @@ def driving(found):
     bend = CubicSpline(motion.time, found.dq, axis=-2).derivative()(motion.time)
     torque = dynamics.inverse_dynamics(arm, motion.q, found.dq, bend)
     task = task_of(motion.arm, list(motion.tasks))
-    normal = charts(task, motion.q[None]).normal[0]
+    normal = build_charts(task, motion.q[None]).null_space[0]
     return np.einsum("td,tdr->tr", torque, normal)[2:-2] / np.abs(torque).max()
 
 
@@ -116,7 +118,7 @@ def test_the_energy_is_stationary_and_least_but_not_with_the_sign_as_printed(as_
     base = variational(task, np.array(BEST), tolerance=1e-7, as_printed=as_printed).motion.q[None]
     for shape in (1, 2, 3):
         y = 1e-3 * np.array([-1.0, 0.0, 1.0])[:, None, None] * np.sin(shape * np.pi * task.times)[:, None] ** 2
-        q, on_path = charts(task, base).at(task, np.zeros(3, dtype=int), y)
+        q, on_path = build_charts(task, base).at(task, np.zeros(3, dtype=int), y)
         assert on_path.all()
         energy = smooth_energy(task.motion(q))
         slope = (energy[2] - energy[0]) / 2e-3
@@ -217,7 +219,7 @@ def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
     task, found = shot()
     np.testing.assert_allclose(found.motion.q[0, 0], BEST, atol=1e-4)
     assert (np.diff(found.energy) > 0).all()
-    inertia, normal = dynamics.inertia_matrix(task.arm, found.motion.q), charts(task, found.motion.q).normal
+    inertia, normal = dynamics.inertia_matrix(task.arm, found.motion.q), build_charts(task, found.motion.q).null_space
     momentum = np.abs(np.einsum("mtd,mtde,mter->mt", found.dq, inertia, normal))
     assert (momentum[:, [0, -1]].max(axis=1) < 1e-2 * momentum.max(axis=1)).all()
 
@@ -225,7 +227,7 @@ def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
 def test_energy_rises_all_around_a_minimum_and_falls_somewhere_beside_a_saddle():
     task, found = shot()
     assert found.minimum.tolist() == [True, True, False]
-    around, steps = charts(task, found.motion.q), 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None]
+    around, steps = build_charts(task, found.motion.q), 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None]
     for i, minimum in enumerate(found.minimum):
         rises = []
         for shape in range(4):

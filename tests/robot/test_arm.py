@@ -8,9 +8,9 @@ import pytest
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import marcos_nr, tringali_3r, wan_7r
-from paretoik.robot.body import Body, inertia_fault, merged, moved
+from paretoik.robot.body import Body, combine_bodies, inertia_fault, transform_body
 from paretoik.robot.dynamics import inverse_dynamics
-from paretoik.robot.kinematics import jacobian, tool_pose
+from paretoik.robot.kinematics import forward_kinematics, jacobian
 from paretoik.robot.pose import Pose
 
 DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0], "convention": "modified"}
@@ -102,32 +102,32 @@ def test_two_bodies_merged_in_any_order_or_frame_are_one():
     rng = np.random.default_rng(0)
     first, second = (Body(mass=m, center=rng.normal(size=3), inertia=np.diag([1.0, 2.0, 2.5])) for m in (1.0, 2.0))
     pose = Pose(rng.normal(size=3), np.array([0.5, 0.5, -0.5, 0.5]))
-    whole = moved(merged(first, second), pose)
-    again = merged(moved(second, pose), moved(first, pose))
-    assert whole.moments == pytest.approx(again.moments, abs=1e-13)
+    whole = transform_body(combine_bodies(first, second), pose)
+    again = combine_bodies(transform_body(second, pose), transform_body(first, pose))
+    assert whole.pseudo_inertia == pytest.approx(again.pseudo_inertia, abs=1e-13)
     assert whole.mass == 3.0
 
 
 def test_massless_bodies_merge_without_dividing_by_zero():
     none = Body(mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
-    assert merged(none, none).mass == 0.0
+    assert combine_bodies(none, none).mass == 0.0
 
 
 def test_the_papers_start_is_within_reach_of_the_tringali_arm_at_the_printed_place():
     # Tringali & Cocuzza 2020, section 3.2: both trajectories start at (0.4678, 0) m, 2.2 cm inside of full reach.
     arm = tringali_3r()
-    assert tool_pose(arm, np.zeros(3))[1] == pytest.approx([0.4895, 0.0, 0.0])
+    assert forward_kinematics(arm, np.zeros(3))[1] == pytest.approx([0.4895, 0.0, 0.0])
     assert np.linalg.norm([0.4678, 0.0]) < 0.4895
     assert [body.mass for body in arm.bodies] == [0.615, 0.615, 0.307]
 
 
 def test_the_marcos_arm_has_unit_links():
-    assert tool_pose(marcos_nr(4), np.zeros(4))[1] == pytest.approx([4.0, 0.0, 0.0])
-    assert tool_pose(marcos_nr(), np.array([np.pi / 2, 0.0, 0.0]))[1] == pytest.approx([0.0, 3.0, 0.0])
+    assert forward_kinematics(marcos_nr(4), np.zeros(4))[1] == pytest.approx([4.0, 0.0, 0.0])
+    assert forward_kinematics(marcos_nr(), np.array([np.pi / 2, 0.0, 0.0]))[1] == pytest.approx([0.0, 3.0, 0.0])
 
 
 def test_the_wan_arm_at_zero_stands_where_its_table_says():
     # By hand from Table 1: the joints' z axes at q = 0 are z, -y, -z, -z, -z, y and z of the base.
-    position = tool_pose(wan_7r(), np.zeros(7))[1]
+    position = forward_kinematics(wan_7r(), np.zeros(7))[1]
     assert position == pytest.approx([0.45 + 0.4, 0.2975 + 0.197, 0.3555 + 0.293 - 0.255 + 0.104], abs=1e-12)
     assert wan_7r().position_limits[1] == pytest.approx(np.deg2rad([-33, 150]))

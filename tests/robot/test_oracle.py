@@ -7,8 +7,8 @@ import pinocchio
 import pytest
 
 from paretoik.robot import dynamics, kinematics
+from tests.robot.oracles import STEP, jacobian_rate, potential_energy
 
-STEP = 1e-30
 WORLD = pinocchio.LOCAL_WORLD_ALIGNED
 
 
@@ -32,7 +32,7 @@ def test_tool_pose_agrees_with_pinocchio(oracle, samples):
         return oracle.data.oMf[oracle.tool].homogeneous[:3]
 
     theirs = oracle.over(peer, q)
-    rotation, position = kinematics.tool_pose(oracle.arm, q)
+    rotation, position = kinematics.forward_kinematics(oracle.arm, q)
     agree(rotation, theirs[..., :3])
     agree(position, theirs[..., 3])
 
@@ -53,7 +53,7 @@ def test_jacobian_rate_agrees_with_pinocchio(oracle, samples):
         motion = pinocchio.getFrameClassicalAcceleration(oracle.model, oracle.data, oracle.tool, WORLD)
         return motion.vector.copy()
 
-    agree(kinematics.jacobian_rate(oracle.arm, q, dq), oracle.over(peer, q, dq))
+    agree(jacobian_rate(oracle.arm, q, dq), oracle.over(peer, q, dq))
 
 
 def test_inverse_dynamics_agrees_with_pinocchio(oracle, samples):
@@ -84,9 +84,9 @@ def test_energies_agree_with_pinocchio(oracle, samples):
     agree(dynamics.kinetic_energy(oracle.arm, q, dq), kinetic)
     if np.any(oracle.arm.gravity):
         potential = oracle.over(lambda x: pinocchio.computePotentialEnergy(oracle.model, oracle.data, x), q)
-        agree(dynamics.potential_energy(oracle.arm, q), potential)
+        agree(potential_energy(oracle.arm, q), potential)
     else:
-        assert np.all(dynamics.potential_energy(oracle.arm, q) == 0.0)
+        assert np.all(potential_energy(oracle.arm, q) == 0.0)
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])
@@ -118,16 +118,8 @@ def test_jacobian_derivative_by_complex_step_agrees_with_pinocchio(oracle, sampl
 def test_jacobian_is_the_slope_of_the_tool_pose(oracle, samples):
     q = samples(oracle.arm)[0]
     jacobian = kinematics.jacobian(oracle.arm, q)
-    agree(jacobian[:, :3], slopes(lambda x: kinematics.tool_pose(oracle.arm, x)[1], q), 1e-10)
-    rotation = kinematics.tool_pose(oracle.arm, q)[0]
-    turning = slopes(lambda x: kinematics.tool_pose(oracle.arm, x)[0], q)
+    agree(jacobian[:, :3], slopes(lambda x: kinematics.forward_kinematics(oracle.arm, x)[1], q), 1e-10)
+    rotation = kinematics.forward_kinematics(oracle.arm, q)[0]
+    turning = slopes(lambda x: kinematics.forward_kinematics(oracle.arm, x)[0], q)
     spin = np.einsum("nijk,nlj->nilk", turning, rotation)  # Ṙ Rᵀ = [ω]×
     agree(jacobian[:, 3:], np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1), 1e-10)
-
-
-def test_pose_and_jacobian_at_once_are_those_of_their_own_functions(oracle, samples):
-    q = samples(oracle.arm)[0]
-    rotation, position, jacobian = kinematics.posed_jacobian(oracle.arm, q)
-    assert np.array_equal(rotation, kinematics.tool_pose(oracle.arm, q)[0])
-    assert np.array_equal(position, kinematics.tool_pose(oracle.arm, q)[1])
-    assert np.array_equal(jacobian, kinematics.jacobian(oracle.arm, q))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from paretoik.errors import InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
-from paretoik.robot.kinematics import jacobian, tool_pose
+from paretoik.robot.kinematics import forward_kinematics, jacobian
 from tests.robot.conftest import JACO, PANDA, Oracle, oracle_of, random_urdf
 from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
 
@@ -45,14 +45,14 @@ def agree_with_pinocchio(oracle: Oracle):
         upper = np.triu(pinocchio.crba(model, data, x))
         return upper + np.triu(upper, 1).T
 
-    rotation, position = tool_pose(oracle.arm, q)
+    rotation, position = forward_kinematics(oracle.arm, q)
     agree(np.concatenate([rotation, position[..., None]], axis=-1), oracle.over(pose, q))
     agree(jacobian(oracle.arm, q), oracle.over(frame_jacobian, q))
     agree(inverse_dynamics(oracle.arm, q, dq, ddq), oracle.over(torques, q, dq, ddq))
     agree(inertia_matrix(oracle.arm, q), oracle.over(masses, q))
     for name in oracle.arm.frames:
         number = model.getFrameId(name, pinocchio.FrameType.BODY)
-        rotation, position = tool_pose(oracle.arm, q, name)
+        rotation, position = forward_kinematics(oracle.arm, q, name)
         theirs = oracle.over(lambda x, frame=number: pose(x, frame).copy(), q)
         agree(np.concatenate([rotation, position[..., None]], axis=-1), theirs)
 
@@ -88,8 +88,8 @@ def test_the_panda_has_seven_joints_its_files_limits_and_its_fingers_frozen(pand
 
 def test_frames_of_merged_links_are_named_and_stand_where_the_file_says(panda_arm):
     q = np.random.default_rng(0).normal(size=(3, 7))
-    flange, hand = (tool_pose(panda_arm, q, name) for name in ("panda_link8", "panda_hand"))
-    tip = tool_pose(panda_arm, q)[1]
+    flange, hand = (forward_kinematics(panda_arm, q, name) for name in ("panda_link8", "panda_hand"))
+    tip = forward_kinematics(panda_arm, q)[1]
     assert np.linalg.norm(tip - flange[1], axis=-1) == pytest.approx(0.1034)
     assert flange[1] + 0.1034 * flange[0][..., 2] == pytest.approx(tip)
     assert hand[1] == pytest.approx(flange[1])
@@ -108,7 +108,7 @@ def test_a_joint_moves_about_or_along_the_axis_of_its_file(write_urdf, axis, kin
     file = write_urdf(link("a"), link("b"), joint("j", "a", "b", kind, LIMIT + f'<axis xyz="{axis}"/>'))
     arm = Arm.from_urdf(file)
     direction = np.array(axis.split(), float) / np.linalg.norm(np.array(axis.split(), float))
-    rotation, position = tool_pose(arm, np.array([0.7]))
+    rotation, position = forward_kinematics(arm, np.array([0.7]))
     if kind == "prismatic":
         assert rotation == pytest.approx(np.eye(3))
         assert position == pytest.approx(0.7 * direction)
@@ -117,7 +117,7 @@ def test_a_joint_moves_about_or_along_the_axis_of_its_file(write_urdf, axis, kin
         assert np.trace(rotation) == pytest.approx(1 + 2 * np.cos(0.7))
         away = np.cross(direction, np.roll(direction, 1) + np.array([0.0, 0.0, 0.1]))
         assert np.cross(away, rotation @ away) @ direction > 0  # turns the right-handed way
-    assert tool_pose(arm, np.zeros(1))[0] == pytest.approx(np.eye(3))
+    assert forward_kinematics(arm, np.zeros(1))[0] == pytest.approx(np.eye(3))
 
 
 def test_infinite_limits_are_read_as_none(write_urdf):
@@ -167,7 +167,7 @@ def test_links_called_tool_or_base_do_not_hide_the_arms_own_frames(write_urdf):
     parts = [link("base"), link("tool"), link("tip"), joint("j1", "base", "tool")]
     origin = '<origin xyz="1 0 0"/>'
     arm = Arm.from_urdf(write_urdf(*parts, joint("j2", "tool", "tip", inside=LIMIT + origin)))
-    assert tool_pose(arm, np.zeros(2))[1] == pytest.approx([1.0, 0.0, 0.0])
+    assert forward_kinematics(arm, np.zeros(2))[1] == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_meshes_are_never_opened_and_the_network_is_never_asked(write_urdf, monkeypatch):

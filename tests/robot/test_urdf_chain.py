@@ -8,7 +8,7 @@ import pytest
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import inverse_dynamics
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import forward_kinematics
 from tests.robot.conftest import PANDA
 from tests.robot.urdf_text import LIMIT, chain_of_three, joint, link
 
@@ -42,7 +42,7 @@ def test_joints_fixed_on_loading_are_the_whole_arm_held_there(panda_arm):
 
 def test_a_mimic_joint_off_the_chain_follows_its_frozen_leader():
     arm = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_finger_joint1": 0.03})
-    left, right = (tool_pose(arm, np.zeros(7), f"panda_{side}finger")[1] for side in ("left", "right"))
+    left, right = (forward_kinematics(arm, np.zeros(7), f"panda_{side}finger")[1] for side in ("left", "right"))
     assert np.linalg.norm(left - right) == pytest.approx(0.06)
 
 
@@ -51,9 +51,9 @@ def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
     assert arm.joint_names == panda_arm.joint_names[2:]
     assert any("what is above it is left out" in notice for notice in arm.notices)
     q = np.random.default_rng(2).normal(size=5)
-    whole = tool_pose(panda_arm, np.array([0.0, 0.0, *q]))[1]
-    frame = tool_pose(panda_arm, np.zeros(7), "panda_link2")
-    assert frame[1] + frame[0] @ tool_pose(arm, q)[1] == pytest.approx(whole)
+    whole = forward_kinematics(panda_arm, np.array([0.0, 0.0, *q]))[1]
+    frame = forward_kinematics(panda_arm, np.zeros(7), "panda_link2")
+    assert frame[1] + frame[0] @ forward_kinematics(arm, q)[1] == pytest.approx(whole)
 
 
 @pytest.mark.parametrize("kind", ["planar", "floating"])

@@ -7,7 +7,7 @@ import pytest
 
 from paretoik.errors import InvalidRobot
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import tool_pose
+from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.urdf import check_robot
 from tests.robot.faulty_urdfs import BODY, ENDS, HEAD, JOINT, LIMIT, TAIL, jointed, limited, massed, moments, robot
 from tests.robot.urdf_text import chain_of_three
@@ -129,7 +129,7 @@ def test_numbers_are_read_alike_in_every_locale(write_urdf):
             except locale.Error:
                 continue
             arm = Arm.from_urdf(write_urdf(*chain_of_three(inside=LIMIT + '<origin xyz="0.5 0 1.25e-1"/>')))
-            assert tool_pose(arm, np.zeros(3))[1] == pytest.approx([0.5, 0.0, 0.125])
+            assert forward_kinematics(arm, np.zeros(3))[1] == pytest.approx([0.5, 0.0, 0.125])
     finally:
         locale.setlocale(locale.LC_NUMERIC, before)
 

@@ -10,8 +10,10 @@ import pytest
 from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.starts import JUMP, candidates, charts, postures, pushed, swept
-from paretoik.task.motion_task import motion_task
+from paretoik.self_motion.charts import build_charts
+from paretoik.self_motion.postures import sample_postures
+from paretoik.self_motion.starts import LONGEST_JUMP, perturbed_starts, rollout_starts, travelling_starts
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
 
@@ -74,7 +76,7 @@ def chance(seed=0):
 def test_postures_reach_their_sample(make):
     task = make()
     for sample in (0, 7):
-        q = postures(task, 40, chance(), sample=sample)
+        q = sample_postures(task, 40, chance(), sample=sample)
         error, _ = task_errors(task.arm, task.tasks, q, np.tile(task.targets[sample], (len(q), 1)))
         assert len(q) > 10
         assert np.abs(error).max() < 1e-9
@@ -83,25 +85,25 @@ def test_postures_reach_their_sample(make):
 @every_task
 def test_candidates_are_continuous_motions_on_the_path(make):
     task = make()
-    q = candidates(task, 60, chance())
+    q = rollout_starts(task, 60, chance())
     assert len(q) > 20
     assert task.motion(q).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(q, axis=1)).max() <= JUMP
+    assert np.abs(np.diff(q, axis=1)).max() <= LONGEST_JUMP
 
 
 def test_candidates_repeat_with_their_seed_and_differ_without():
-    np.testing.assert_array_equal(candidates(paper(), 20, chance()), candidates(paper(), 20, chance()))
-    assert np.abs(candidates(paper(), 20, chance()) - candidates(paper(), 20, chance(1))).max() > 0.1
+    np.testing.assert_array_equal(rollout_starts(paper(), 20, chance()), rollout_starts(paper(), 20, chance()))
+    assert np.abs(rollout_starts(paper(), 20, chance()) - rollout_starts(paper(), 20, chance(1))).max() > 0.1
 
 
 def test_candidates_of_a_cycle_close_to_the_bit():
-    q = candidates(round_trip(), 60, chance())
+    q = rollout_starts(round_trip(), 60, chance())
     np.testing.assert_array_equal(q[:, 0], q[:, -1])
 
 
 def test_candidates_begin_at_the_given_start_to_the_bit():
-    start = postures(paper(), 40, chance())[0]
-    q = candidates(paper(start=start), 30, chance())
+    start = sample_postures(paper(), 40, chance())[0]
+    q = rollout_starts(paper(start=start), 30, chance())
     np.testing.assert_array_equal(q[:, 0], np.tile(start, (len(q), 1)))
     assert np.ptp(q[:, -1], axis=0).max() > 0.05
 
@@ -109,11 +111,11 @@ def test_candidates_begin_at_the_given_start_to_the_bit():
 @every_task
 def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
     task = make()
-    q = candidates(task, 200, chance())
-    away = pushed(task, q, chance(1))
+    q = rollout_starts(task, 200, chance())
+    away = perturbed_starts(task, q, chance(1))
     assert len(away) > 5
     assert task.motion(away).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(away, axis=1)).max() <= JUMP
+    assert np.abs(np.diff(away, axis=1)).max() <= LONGEST_JUMP
     apart = np.abs(away[:, None] - q[None]).max(axis=(2, 3)).min(axis=1)
     assert np.median(apart) > 0.1
 
@@ -121,20 +123,24 @@ def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
 @every_task
 def test_swept_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
     task = make()
-    rolled, far = candidates(task, 200, chance()), swept(task, 200, chance(1))
+    rolled, far = rollout_starts(task, 200, chance()), travelling_starts(task, 200, chance(1))
     assert len(far) > 5
     assert task.motion(far).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(far, axis=1)).max() <= JUMP
+    assert np.abs(np.diff(far, axis=1)).max() <= LONGEST_JUMP
     way = [np.linalg.norm(np.diff(q, axis=1), axis=2).sum(axis=1) for q in (rolled, far)]
     assert np.quantile(way[1], 0.8) > 1.5 * np.quantile(way[0], 0.8)
 
 
-@pytest.mark.parametrize("of", [pushed, swept])
+@pytest.mark.parametrize("of", [perturbed_starts, travelling_starts])
 def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(of):
     def moved(task):
-        return swept(task, 100, chance(1)) if of is swept else pushed(task, candidates(task, 100, chance()), chance(1))
+        return (
+            travelling_starts(task, 100, chance(1))
+            if of is travelling_starts
+            else perturbed_starts(task, rollout_starts(task, 100, chance()), chance(1))
+        )
 
-    start = postures(paper(), 40, chance())[0]
+    start = sample_postures(paper(), 40, chance())[0]
     away = moved(paper(start=start))
     np.testing.assert_array_equal(away[:, 0], np.tile(start, (len(away), 1)))
     assert np.ptp(away[:, -1], axis=0).max() > 0.05
@@ -145,34 +151,34 @@ def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(o
 
 def test_postures_are_drawn_within_one_sided_limits():
     task = paper(limits=Limits(position={"joint1": (-np.inf, -5.0), "joint2": (7.0, np.inf)}))
-    assert len(postures(task, 40, chance())) > 10
+    assert len(sample_postures(task, 40, chance())) > 10
 
 
 @every_task
 def test_charts_are_orthonormal_and_span_everything(make):
     task = make()
-    base = candidates(task, 20, chance())[:3]
-    around = charts(task, base)
-    both = np.concatenate([around.normal, around.steep], axis=-1)
+    base = rollout_starts(task, 20, chance())[:3]
+    around = build_charts(task, base)
+    both = np.concatenate([around.null_space, around.row_space], axis=-1)
     np.testing.assert_allclose(np.swapaxes(both, -1, -2) @ both - np.eye(task.arm.dof), 0, atol=1e-10)
 
 
 @every_task
 def test_the_normal_directions_do_not_move_the_tool(make):
     task = make()
-    base = candidates(task, 20, chance())[:2]
-    around = charts(task, base)
+    base = rollout_starts(task, 20, chance())[:2]
+    around = build_charts(task, base)
     flat = base.reshape(-1, task.arm.dof)
     slopes = task_errors(task.arm, task.tasks, flat, np.tile(task.targets, (2, 1)))[1]
-    normal = around.normal.reshape(len(flat), task.arm.dof, -1)
+    normal = around.null_space.reshape(len(flat), task.arm.dof, -1)
     assert np.abs(np.einsum("rdn,ndk->nrk", slopes, normal)).max() < 1e-10
 
 
 @every_task
 def test_the_normal_directions_turn_slowly_and_close_with_a_cycle(make):
     task = make()
-    base = candidates(task, 20, chance())[:3]
-    normal = charts(task, base).normal
+    base = rollout_starts(task, 20, chance())[:3]
+    normal = build_charts(task, base).null_space
     step = np.abs(np.diff(base, axis=1)).max(axis=(2,), keepdims=True)[..., None]
     assert (np.abs(np.diff(normal, axis=1)) < 6 * step + 1e-2).all()
     if task.cyclic:
@@ -182,7 +188,7 @@ def test_the_normal_directions_turn_slowly_and_close_with_a_cycle(make):
 @every_task
 def test_coordinates_give_back_what_the_chart_was_asked_for(make):
     task = make()
-    around = charts(task, candidates(task, 20, chance())[:3])
+    around = build_charts(task, rollout_starts(task, 20, chance())[:3])
     which = np.array([2, 0, 1, 1])
     y = chance(3).uniform(-0.1, 0.1, (4, 1, task.redundancy)) * np.sin(np.linspace(0, np.pi, len(task.times)))[:, None]
     q, on_path = around.at(task, which, y)
@@ -193,15 +199,15 @@ def test_coordinates_give_back_what_the_chart_was_asked_for(make):
 
 def test_the_base_itself_has_coordinates_zero_to_the_bit():
     task = paper()
-    base = candidates(task, 20, chance())[:3]
-    q, on_path = charts(task, base).at(task, np.arange(3), np.zeros((3, 21, 1)))
+    base = rollout_starts(task, 20, chance())[:3]
+    q, on_path = build_charts(task, base).at(task, np.arange(3), np.zeros((3, 21, 1)))
     assert on_path.all()
     np.testing.assert_array_equal(q, base)
 
 
 def test_a_sample_that_jumps_to_another_sheet_is_off_the_path():
     task = TASKS["Panda, position"]()
-    around = charts(task, candidates(task, 60, chance())[:4])
+    around = build_charts(task, rollout_starts(task, 60, chance())[:4])
     y = chance(1).uniform(-1.8, 1.8, (400, 3, 4))
     weights = np.stack([np.interp(np.linspace(0, 2, 21), [0, 1, 2], row) for row in np.eye(3)], axis=-1)
     q, on_path = around.at(task, np.arange(400) % 4, np.einsum("tk,pkr->ptr", weights, y))
@@ -223,7 +229,7 @@ def stretched_to(radius, sample):
 def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_point(beyond, sample):
     path = stretched_to(REACH + beyond, sample)
     with pytest.raises(OutOfReach) as refused:
-        candidates(task_of(tringali_3r(), path), 60, chance())
+        rollout_starts(task_of(tringali_3r(), path), 60, chance())
     assert refused.value.sample == sample
     message = str(refused.value)
     place, gap, nearest = re.search(
@@ -239,7 +245,7 @@ def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_po
 def test_a_path_far_out_of_reach_is_refused_at_its_first_sample_beyond(sample, first):
     path = stretched_to(REACH + 1.0, sample)
     with pytest.raises(OutOfReach) as refused:
-        candidates(task_of(tringali_3r(), path), 60, chance())
+        rollout_starts(task_of(tringali_3r(), path), 60, chance())
     distance = np.linalg.norm(path.positions[refused.value.sample])
     assert refused.value.sample == first
     assert f" m is {distance - REACH:.3g} m from" in str(refused.value)
@@ -249,7 +255,7 @@ def test_a_path_through_the_hole_around_the_base_is_refused():
     arm = Arm.planar(lengths=[1.0, 0.3, 0.3])
     path = line([-0.8, 0.05], [0.8, 0.05], duration=1.0, samples=41)
     with pytest.raises(OutOfReach) as refused:
-        candidates(task_of(arm, path), 60, chance())
+        rollout_starts(task_of(arm, path), 60, chance())
     distances = np.linalg.norm(path.positions, axis=1)
     assert refused.value.sample == int(np.argmax(distances < 0.4))
     assert f" m is {0.4 - distances[refused.value.sample]:.3g} m from" in str(refused.value)
@@ -258,19 +264,19 @@ def test_a_path_through_the_hole_around_the_base_is_refused():
 def test_a_closed_path_out_of_reach_is_refused_like_any_other():
     path = circle([0.4, 0.0], 0.12, duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"at sample 0 \(0 s\): \[0.52, 0.0\] m is 0.0305 m from"):
-        candidates(task_of(tringali_3r(), path, cyclic=True), 60, chance())
+        rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
 
 
 def test_a_spatial_path_out_of_reach_is_refused_with_its_nearest_point():
     path = line([0.5, 0.0, 0.333], [1.5, 0.0, 0.333], duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"at sample 10 .*: \[1.0, 0.0, 0.333\] m is 0.05\d+ m from the nearest"):
-        candidates(task_of(panda(), path), 60, chance())
+        rollout_starts(task_of(panda(), path), 60, chance())
 
 
 def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
     path = line(Pose.planar(3.5, 0, 0), Pose.planar(3.5, 0.1, 3.0), duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"there turned 0.1\d* rad away") as refused:
-        candidates(task_of(marcos_nr(4), path), 60, chance())
+        rollout_starts(task_of(marcos_nr(4), path), 60, chance())
     w, z = path.quaternions[:, 0], path.quaternions[:, 3]
     wrist = path.positions[:, :2] - np.stack([1 - 2 * z**2, 2 * w * z], axis=-1)
     assert refused.value.sample == int(np.argmax(np.linalg.norm(wrist, axis=1) > 3.0))
@@ -281,7 +287,7 @@ def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
     elbow = Task(line([1.0, 1.0], [2.0, 1.5], duration=1.0, samples=21), frame="joint4")
     tool = Task(line([3.0, 1.0], [5.6, 2.0], duration=1.0, samples=21))
     with pytest.raises(OutOfReach) as refused:
-        candidates(task_of(arm, [elbow, tool]), 60, chance())
+        rollout_starts(task_of(arm, [elbow, tool]), 60, chance())
     apart = np.linalg.norm(tool.path.positions - elbow.path.positions, axis=1)
     assert refused.value.sample == int(np.argmax(apart > 3.0))
 
@@ -290,22 +296,22 @@ def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
 def test_leaving_a_stretched_posture_is_refused_with_the_condition_number(short):
     task = task_of(tringali_3r(), line([REACH - short, 0.0], WITHIN, duration=1.0, samples=21))
     with pytest.raises(Infeasible, match=r"condition number of the Jacobian there: \d+"):
-        candidates(task, 60, chance())
+        rollout_starts(task, 60, chance())
 
 
 def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
     task = task_of(tringali_3r(), line([-0.3, 0.0], [0.3, 0.0], duration=1.0, samples=41))
-    q = candidates(task, 60, chance())
+    q = rollout_starts(task, 60, chance())
     assert task.motion(q).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(q, axis=1)).max() <= JUMP
+    assert np.abs(np.diff(q, axis=1)).max() <= LONGEST_JUMP
 
 
 def test_a_cycle_that_only_closes_after_a_whole_turn_is_refused():
     path = circle([0.0, 0.0], 0.3, duration=1.0, samples=61, timing="uniform")
     with pytest.raises(Infeasible, match="no cyclic motion was found"):
-        candidates(task_of(tringali_3r(), path, cyclic=True), 60, chance())
+        rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
 
 
 def test_samples_too_far_apart_are_refused_as_such():
     with pytest.raises(Infeasible, match=r"every sample can be reached, .* samples too far apart"):
-        candidates(paper(samples=4), 60, chance())
+        rollout_starts(paper(samples=4), 60, chance())

@@ -14,8 +14,9 @@ import paretoik as pk
 from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, torque_norm
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.starts import candidates, postures
-from paretoik.task.motion_task import motion_task
+from paretoik.self_motion.postures import sample_postures
+from paretoik.self_motion.starts import rollout_starts
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.obstacles import Circle
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory import grid_terms
@@ -264,7 +265,7 @@ def test_a_cycle_around_the_base_has_no_closed_motion():
 
 
 def test_motions_begin_at_the_given_start_to_the_bit():
-    start = postures(task_of(), 40, np.random.default_rng(0))[0] + [2 * np.pi, 0.0, 0.0]
+    start = sample_postures(task_of(), 40, np.random.default_rng(0))[0] + [2 * np.pi, 0.0, 0.0]
     found = grid_oracle(task_of(start=start))
     np.testing.assert_array_equal(found.q[:, 0], np.tile(start, (len(found.q), 1)))
     assert found.best >= along_the_line().best * (1 - 1e-3)
@@ -284,7 +285,7 @@ def test_a_spatial_arm_follows_poses_within_its_own_limits():
     found = grid_oracle(task, resolution=0.08)
     assert task.motion(found.q).tracking_error.max() < 1e-9
     assert found.violations.max() <= 1e-9
-    rolled = task.motion(candidates(task, 60, np.random.default_rng(0)))
+    rolled = task.motion(rollout_starts(task, 60, np.random.default_rng(0)))
     kept = task.violations(rolled).max(axis=1) <= 0
     assert kept.sum() > 3
     assert found.best < kinetic_energy(rolled)[kept].min()

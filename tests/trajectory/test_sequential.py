@@ -6,8 +6,8 @@ import pytest
 import paretoik as pk
 from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.trajectory.certificates import certify
+from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.linearisation import evaluated, linearised
-from paretoik.trajectory.multistart import coarse_starts
 from paretoik.trajectory.polish import within_limits
 from paretoik.trajectory.sequential import sequential
 from paretoik.trajectory.transcription import motion_program
@@ -92,7 +92,7 @@ def nearby(task, q, count):
 )
 def test_values_are_the_motions_and_slopes_those_of_differences(objectives):
     task = problem_of(*objectives).task
-    program, q = motion_program(task), coarse_starts(task, starts=3, seed=2)[1]
+    program, q = motion_program(task), initial_motions(task, starts=3, seed=2)[1]
     at, step = linearised(program, q), 1e-8
     assert at.values.totals == pytest.approx([float(o(task.motion(q))) for o in objectives], rel=1e-12)
     rng = np.random.default_rng(1)
@@ -173,7 +173,7 @@ def test_the_least_violation_is_found_where_limits_cannot_hold():
     limits = pk.Limits(velocity=1.0)
     path = tringali_2020.straight(26)
     task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
-    q = coarse_starts(task, starts=3, seed=0)
+    q = initial_motions(task, starts=3, seed=0)
     program = motion_program(task)
     eased = within_limits(program, q, np.full(1, np.inf), Rules())
     assert np.all(eased.violation < np.maximum(task.violations(task.motion(q)).max(axis=1), 1e-12))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.self_motion.starts import candidates
+from paretoik.self_motion.starts import rollout_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import panda, tringali_2020
 
@@ -19,7 +19,7 @@ def lanes(program, q, factors, pushes):
 
 
 def motion_of(task, seed=0):
-    return candidates(task, 8, np.random.default_rng(seed))[0]
+    return rollout_starts(task, 8, np.random.default_rng(seed))[0]
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""Compiled parts of evolutionary search, for loops that search a thousand times a second: numba code on plain arrays."""
+"""Compiled parts of evolutionary search, for a thousand searches a second: numba code on plain arrays."""

@@ -85,7 +85,7 @@ def _insertion_sort(points, values, begin, end):
 
 @compiled
 def merge_sort(points, values, begin, end, spare):
-    """Sort the entries from ``begin`` to ``end``; ``values`` has two rows more, for copies, ``spare`` is for numbers."""
+    """Sort the entries from ``begin`` to ``end``; ``values`` has two more rows, for copies."""
     for first in range(begin, end, INSERTION_SIZE):
         _insertion_sort(points, values, first, min(first + INSERTION_SIZE, end))
     width = INSERTION_SIZE

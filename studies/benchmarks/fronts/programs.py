@@ -19,7 +19,7 @@ import numpy as np
 from casadi import SX, vertcat
 
 from paretoik.robot import dynamics
-from paretoik.robot.kinematics import chain, located
+from paretoik.robot.kinematics import frame_components, link_frames
 from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.planner.compiling import COMPILER
 
@@ -84,7 +84,7 @@ def check(task: MotionTask) -> None:
     """Refuse a task that peers' programs cannot state."""
     assert task.differences == "backward", "backward differences wanted"
     assert task.start is None, "a free start wanted"
-    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.stops else [])]
+    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.ends_at_rest else [])]
     assert not others, f"nothing but limits on joints wanted, got {others}"
 
 
@@ -183,7 +183,7 @@ def pose_function(task: MotionTask) -> Any:
     q: Any = SX.sym("q", task.arm.dof)
     wanted: Any = SX.sym("wanted", task.targets.shape[1])
     joints: Any = casadi.vertsplit(q)
-    rotation, position = located(task.arm, chain(task.arm, joints), task.arm.frame(only.frame))
+    rotation, position = frame_components(task.arm, link_frames(task.arm, joints), task.arm.frame(only.frame))
     size = 2 if task.arm.is_planar else 3
     off: Any = vertcat(*position[:size]) - wanted[:size]
     if wanted.numel() > size:

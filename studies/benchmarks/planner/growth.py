@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from paretoik.nlp.compiled.interior_point import Rules
-from paretoik.trajectory.multistart import coarse_starts
+from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
@@ -28,8 +28,8 @@ def growth(problems: Sequence[str], *, seed: int, repeats: int, samples: Sequenc
 
 def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[Row]:
     whole = task_of(name, "printed", max(samples))
-    starts = coarse_starts(whole, starts=6, seed=seed)
-    coarse = whole.subsampled(starts.shape[1])
+    starts = initial_motions(whole, starts=6, seed=seed)
+    coarse = whole.subsample(starts.shape[1])
     seconds, iterations = list[np.ndarray](), list[tuple[int, int]]()
     rows = []
     chosen = 0

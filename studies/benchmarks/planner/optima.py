@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from paretoik.nlp.compiled.interior_point import Rules
-from paretoik.self_motion.starts import JUMP
+from paretoik.self_motion.starts import LONGEST_JUMP
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.multistart import APART, COLD, Plan
+from paretoik.trajectory.levels import OPTIONS
+from paretoik.trajectory.plan import Plan
 from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import joint_distance, motion_program
 from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings, Solved, peer
@@ -32,7 +33,7 @@ def optima(
     for asked, each in found.items():
         label = LABELS[asked.solver]
         ended = distinct(task, [s for s in each if s.solved])
-        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= JUMP]
+        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= LONGEST_JUMP]
         if not theirs:
             continue
         below = plan.best.objective / theirs[0].value - 1
@@ -53,7 +54,7 @@ def optima(
         for start in basins:
             end = tight.solve(start, masses)
             again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
-            if end.solved and again.converged[0] and joint_distance(task, end.q, again.x[0]) < APART:
+            if end.solved and again.converged[0] and joint_distance(task, end.q, again.x[0]) < OPTIONS.distinct:
                 gaps.append(float(again.objectives[0, 0]) * plan.best.objective / end.value - 1)
         worst = max(np.abs(gaps), default=np.inf)
         rows.append(
@@ -67,7 +68,11 @@ def optima(
             )
         )
         lost, jumps = len(plan.optima) < len(theirs) and row.startswith(COUNTED), len(ended) - len(theirs)
-        left_out = f"{jumps} of theirs left out: a joint jumps by more than {JUMP} rad between samples" if jumps else ""
+        left_out = (
+            f"{jumps} of theirs left out: a joint jumps by more than {LONGEST_JUMP} rad between samples"
+            if jumps
+            else ""
+        )
         rows.append(
             Row(
                 table="distinct optima",
@@ -86,7 +91,7 @@ def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
     """Return our best beside the best that the grid oracle's ways lead to."""
     found, seconds, _ = timed(lambda: grid_oracle(task))
     program = motion_program(task, np.array([plan.best.objective]))
-    led = polish(program, found.q, np.ones((1, 1)), rules=COLD[1])
+    led = polish(program, found.q, np.ones((1, 1)), rules=OPTIONS.cold[1])
     theirs = float(led.objectives[led.converged, 0].min(initial=np.inf)) * plan.best.objective
     below = plan.best.objective / theirs - 1
     proven = f"proven within {1 - found.lower_bound / plan.best.objective:.1%} of the best of all motions"
@@ -108,6 +113,6 @@ def distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
     """Return one of every optimum, best first, told apart as ``plan`` does."""
     kept: list[Solved] = []
     for one in sorted(found, key=lambda s: s.value):
-        if not kept or joint_distance(task, one.q, np.stack([other.q for other in kept])).min() > APART:
+        if not kept or joint_distance(task, one.q, np.stack([other.q for other in kept])).min() > OPTIONS.distinct:
             kept.append(one)
     return kept

@@ -11,7 +11,9 @@ import numpy as np
 import paretoik as pk
 from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import COLD, Plan, coarse_starts, sizes
+from paretoik.trajectory.initial_motions import initial_motions
+from paretoik.trajectory.levels import OPTIONS, objective_scales
+from paretoik.trajectory.plan import Plan
 from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.compiling import COMPILER
@@ -74,7 +76,7 @@ class Compared:
 def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[Peered]:
     """Return FATROP and IPOPT, evaluated and compiled, each with the first barrier that serves it best."""
     task = tracking(name).task
-    starts = _fine_starts(task, coarse_starts(task, starts=effort.starts, seed=effort.seed))
+    starts = _fine_starts(task, initial_motions(task, starts=effort.starts, seed=effort.seed))
     found = []
     for solver, label in LABELS.items():
         fine = Question(solver=solver, problem=name, samples=SAMPLES)
@@ -112,7 +114,7 @@ def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effo
     problem = tracking(name, masses)
     task, row = problem.task, f"{name}, {masses}"
     pk.plan(problem, starts=2)  # compiles
-    q = coarse_starts(task, starts=effort.starts, seed=effort.seed)
+    q = initial_motions(task, starts=effort.starts, seed=effort.seed)
     starts = _fine_starts(task, q)
     for one in peers:
         cores.built(one.fine, one.settings, starts, masses)
@@ -174,7 +176,7 @@ def _time(row: str, column: str, ours: float, theirs: float, goal: float | None,
 
 
 def _fine_starts(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    return np.asarray(task.subsampled(q.shape[1]).motion(q).at(task.times))
+    return np.asarray(task.subsample(q.shape[1]).motion(q).at(task.times))
 
 
 def _hits(found: Sequence[Solved], best: float) -> int:
@@ -191,8 +193,8 @@ def _coarse(
     cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[Peered], masses: str, repeats: int
 ) -> list[Row]:
     """Return what all starts take at coarse samples."""
-    program, factors = motion_program(task.subsampled(COARSE), sizes(task, q)), np.ones((1, 1))
-    rules = [COLD[i % len(COLD)] for i in range(len(q))]
+    program, factors = motion_program(task.subsample(COARSE), objective_scales(task, q)), np.ones((1, 1))
+    rules = [OPTIONS.cold[i % len(OPTIONS.cold)] for i in range(len(q))]
     taken, found = list[float](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(repeats):
         ours, seconds, _ = timed(lambda: polish(program, q, factors, rules=rules))
@@ -212,7 +214,7 @@ def _coarse(
 def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masses: str) -> list[Row]:
     """Return what one solve takes from the best motion of half the samples."""
     best = plan.best
-    rough = np.asarray(task.subsampled((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
+    rough = np.asarray(task.subsample((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
     program, factors = motion_program(task, np.array([best.objective])), np.ones((1, 1))
     served = {}
     for one in quickest(peers):

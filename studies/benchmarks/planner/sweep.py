@@ -17,7 +17,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.multistart import KEPT, coarse_starts
+from paretoik.trajectory.initial_motions import initial_motions
+from paretoik.trajectory.levels import OPTIONS
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
 from studies.benchmarks.planner.optima import distinct
@@ -102,7 +103,7 @@ def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[R
     """Return the rows of the front: first how much of a sweep each peer needs, then ours and theirs in turn."""
     points = QUICK_POINTS if quick else POINTS
     problem = tracking(PROBLEM)
-    starts = coarse_starts(problem.task, starts=effort.starts, seed=effort.seed)
+    starts = initial_motions(problem.task, starts=effort.starts, seed=effort.seed)
     tell("front: ours")
     pk.epsilon_front(problem, points=3, starts=2)  # compiles
     wanted = _ours(problem, points, effort).volume
@@ -196,11 +197,11 @@ def _ends(
 ) -> tuple[list[list[Solved]], list[Solved]]:
     """Return the distinct optima of each objective, best first, and all solves that they took."""
     found, work = [], list[Solved]()
-    level = task.subsampled(COARSE)
+    level = task.subsample(COARSE)
     for coarse, fine in zip(asked.coarse, asked.fine, strict=True):
         cores.built(coarse, COLD, starts)
         rough = cores.solve(coarse, COLD, "printed", starts)
-        carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[:KEPT]])
+        carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[: OPTIONS.kept]])
         q = np.asarray(level.motion(carried).at(task.times))
         cores.built(fine, WARM, q)
         polished = cores.solve(fine, WARM, "printed", q)

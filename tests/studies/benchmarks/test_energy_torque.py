@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.api.solve import POPULATION
+from paretoik.api.settings import DEFAULTS
 from paretoik.front.indicators import hypervolume
 from studies.benchmarks import energy_torque as study
 
@@ -61,8 +61,8 @@ def test_an_ablated_algorithm_lacks_an_ingredient_and_nothing_of_its_size():
     assert study.variants(problem, ablate=False) == {"defaults": None}
     ablated = study.variants(problem, ablate=True)
     assert ablated.pop("defaults") is None
-    suited = problem.algorithm(POPULATION)
+    suited = problem.algorithm(DEFAULTS.population)
     first, second = ablated.values()
-    assert first.pop_size == second.pop_size == POPULATION
+    assert first.pop_size == second.pop_size == DEFAULTS.population
     assert type(first.mating.crossover) is type(suited.mating.crossover)
     assert type(second.mating.crossover) is not type(suited.mating.crossover)

@@ -1,0 +1,49 @@
+"""How far a verb has come: the one record that every verb shows its observer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from paretoik.review.generation import Generation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunProgress:
+    """What has been done of a verb's present stage.
+
+    ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
+    plan have come, "point" of an ε-front, "refinement" of a front's points. ``done`` of at most ``total`` are done; a
+    stage without counts ("certification", "saving") has a total of 0. ``seconds`` have passed since the stage began.
+    ``summary`` says in words what there is so far; ``generation`` has the points of a generation or step, None in
+    other stages.
+    """
+
+    stage: str
+    done: int
+    total: int
+    seconds: float
+    summary: str = ""
+    generation: Generation | None = None
+
+
+Observer: TypeAlias = Callable[[RunProgress], object]
+
+
+def count_observer(
+    observe: Observer | None, stage: str, summarise: Callable[[int, int], str] = lambda done, total: ""
+) -> Callable[[int, int], object] | None:
+    """Return what tells an observer of counts (done, total); None without one."""
+    if observe is None:
+        return None
+    started = time.monotonic()
+
+    def show(done: int, total: int) -> object:
+        seconds = time.monotonic() - started
+        return observe(
+            RunProgress(stage=stage, done=done, total=total, seconds=seconds, summary=summarise(done, total))
+        )
+
+    return show

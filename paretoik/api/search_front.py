@@ -1,0 +1,218 @@
+"""Search for a front: an evolutionary search with its endings, refined where wanted, kept and drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from paretoik.api.initial import initial_genes
+from paretoik.api.progress import RunProgress
+from paretoik.api.refine import Improver, SmoothImprover
+from paretoik.api.refine import refine as refine_front
+from paretoik.api.run_session import Display, RunSession
+from paretoik.api.settings import DEFAULTS, SolveSettings
+from paretoik.arrays import Objectives
+from paretoik.errors import Infeasible, InvalidInput, check_size
+from paretoik.formulations.protocol import check_formulation, decode, explain_violation, has_branches
+from paretoik.front.front import Front
+from paretoik.front.indicators import hypervolume
+from paretoik.front.preferences import Weights
+from paretoik.pareto.refine import SmoothProblem
+from paretoik.review.generation import Generation
+from paretoik.run_files import CERTIFICATES, PICTURE
+from paretoik.search.ask_tell import Search
+from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
+from paretoik.search.evolution import evolve
+from paretoik.search.progress import Progress
+
+INTERRUPTED = ("SIGINT", "SIGTERM", "interrupted")
+
+
+class FrontSearch:
+    """The search of a pymoo problem's front by ``settings``, checked before anything is computed or written.
+
+    Raises InvalidInput, naming the setting.
+    """
+
+    def __init__(self, problem: Any, settings: SolveSettings) -> None:
+        check_formulation(problem)
+        self.problem = problem
+        self.generations = DEFAULTS.generations if settings.generations is None else settings.generations
+        population = DEFAULTS.population if settings.population is None else settings.population
+        seed = DEFAULTS.seed if settings.seed is None else settings.seed
+        if settings.points is not None:
+            check_size("points", settings.points, 1)
+        anchors = _anchors(problem, settings, self.generations)
+        self.search = Search(
+            problem,
+            population=population,
+            seed=seed,
+            algorithm=settings.algorithm,
+            initial=initial_genes(problem, settings.initial),
+            anchors=anchors,
+        )
+        self.improver: Improver | SmoothImprover | None = None
+        if settings.refine:
+            smooth = isinstance(problem, SmoothProblem)
+            self.improver = SmoothImprover(self.search, seed) if smooth else Improver(self.search)
+        self.endings = _endings(self.search, settings, self.generations, anchors)
+        self._wanted = settings
+        self.settings = {
+            "population": population,
+            "generations": self.generations,
+            "seed": seed,
+            "anchors": anchors,
+            "refine": settings.refine,
+            "time_limit": settings.time_limit,
+        }
+
+    def run(self, session: RunSession) -> Front:
+        """Return the front that the search leads to, refined unless a signal came."""
+        front = self._evolve(session)
+        if not self._wanted.refine or front.provenance["status"] in INTERRUPTED:
+            return front
+        session.save_draft(front)  # refining takes its time, and the search is not to be lost
+        front = refine_front(front, observe=_refinement_observer(session))
+        status = front.provenance["status"] if session.signal is None else session.signal
+        return replace(front, provenance={**front.provenance, "status": status})
+
+    def review(self, front: Front, session: RunSession) -> None:
+        """Finish the recording with the motion of equal weights, and draw the front."""
+        from paretoik.review.plots import front_picture  # here: matplotlib takes its time
+
+        if session.folder is None or session.recorder is None:
+            return
+        session.recorder.finish(front, front.select(Weights(dict.fromkeys(front.names, 1.0))))
+        front_picture(front, session.folder / PICTURE)
+        if front.certificates is not None:
+            from paretoik.review.certificate_plots import certificates_picture
+
+            certificates_picture(front, session.folder / CERTIFICATES)
+
+    def _evolve(self, session: RunSession) -> Front:
+        search = self.search
+        session.start(
+            Display(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
+        )
+        observer = _GenerationObserver(search, session, self.generations)
+        status = evolve(search, [*self.endings, _Signal(session)], observe=observer, improve=self.improver)
+        if not len(search.archive):
+            raise _infeasible(search)
+        counts = {
+            "generations": search.generation,
+            "evaluations": search.evaluations,
+            "iterations": 0 if self.improver is None else self.improver.spent,
+            "failed": search.failed.count,
+            "first_cause": search.failed.first_cause,
+            "seconds": round(session.seconds, 3),
+        }
+        return replace(
+            search.front_of(self._wanted.points),
+            problem=search.problem,
+            provenance={**session.provenance, "status": status, "counts": counts},
+        )
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """Ends a search when a signal came."""
+
+    session: RunSession
+    memory: int = field(default=0, init=False, repr=False)
+
+    def reached(self, progress: Progress) -> str | None:
+        """Return the name of the signal, if any."""
+        return self.session.signal
+
+
+class _GenerationObserver:
+    """Shows every generation of a search in the user's own sign."""
+
+    def __init__(self, search: Search, session: RunSession, generations: int) -> None:
+        self.search, self.session, self.generations = search, session, generations
+        self.corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it can only grow
+
+    def __call__(self, progress: Progress) -> None:
+        if not self.session.is_watched:
+            return
+        signs = np.where(self.search.maximised, -1.0, 1.0)
+        if self.corner is None and len(progress.front):
+            worst = progress.front.max(axis=0)
+            self.corner = worst + np.maximum(np.ptp(progress.front, axis=0), 0.1 * np.abs(worst)) + 1e-12
+        volume = 0.0 if self.corner is None else hypervolume(progress.front, self.corner)
+        failed = progress.failed.count
+        generation = Generation(
+            number=progress.generation,
+            population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
+            front=progress.front * signs,
+            front_ids=progress.ids,
+            hypervolume=volume,
+            failed=failed,
+        )
+        summary = f"front {len(progress.front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else "")
+        self.session.show(
+            RunProgress(
+                stage="generation",
+                done=progress.generation,
+                total=self.generations,
+                seconds=progress.seconds,
+                summary=summary,
+                generation=generation,
+            )
+        )
+
+
+def _refinement_observer(session: RunSession) -> Callable[[int, int], bool]:
+    """Return an observer of refined points that also says when a signal came."""
+    start = session.seconds
+
+    def observe(done: int, total: int) -> bool:
+        session.show(RunProgress(stage="refinement", done=done, total=total, seconds=session.seconds - start))
+        if done == total or session.signal is not None:
+            session.show_stage("certification")
+        return session.signal is not None
+
+    return observe
+
+
+def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
+    """Return the generations for each objective alone: by default half of all, shared, where there are branches."""
+    if settings.anchors is not None:
+        return settings.anchors
+    branches = settings.algorithm is None and problem.n_obj > 1 and has_branches(problem)
+    return generations // (2 * problem.n_obj) if branches else 0
+
+
+def _endings(search: Search, settings: SolveSettings, generations: int, anchors: int) -> list[Ending]:
+    endings: list[Ending] = [Generations(generations)]
+    if settings.time_limit is not None:
+        endings.append(TimeLimit(settings.time_limit))
+    if settings.evaluations is not None:
+        endings.append(Evaluations(settings.evaluations))
+    if settings.target is not None:
+        if len(settings.target) != len(search.names):
+            raise InvalidInput(
+                f"target: wants {len(search.names)} numbers, one an objective, got {len(settings.target)}"
+            )
+        pairs = zip(settings.target, search.maximised, strict=True)
+        endings.append(Target(tuple(-value if maximised else value for value, maximised in pairs)))
+    if settings.stagnation:
+        endings.append(Stagnation(since=anchors * search.problem.n_obj))
+    return endings
+
+
+def _infeasible(search: Search) -> Infeasible:
+    nearest = search.archive.least_violating
+    if nearest is None:
+        return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+    limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
+    motions = decode(search.problem, nearest.X)
+    return Infeasible(
+        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
+        motion=None if motions is None else motions[0],
+        limit=limit,
+        violation=float(nearest.G.max()),
+    )

@@ -1,0 +1,37 @@
+"""What a user sets of a run, as one record that the ways of solving share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolveSettings:
+    """The keywords of ``solve`` that say what is computed; None leaves a size to the problem or to the defaults."""
+
+    population: int | None = None
+    generations: int | None = None
+    seed: int | None = None
+    initial: Any = None
+    time_limit: float | None = None
+    evaluations: int | None = None
+    target: Sequence[float] | None = None
+    stagnation: bool = True
+    anchors: int | None = None
+    algorithm: Any = None
+    points: int | None = 200
+    refine: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchDefaults:
+    """Sizes of a search where a user gives none: individuals, generations at most, and the seed."""
+
+    population: int = 200
+    generations: int = 500
+    seed: int = 0
+
+
+DEFAULTS = SearchDefaults()

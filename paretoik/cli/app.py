@@ -1,0 +1,60 @@
+"""The command ``paretoik`` with its sub-commands; every error that a user can cause is a line and an exit code."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+from paretoik.cli.check_robot import check_robot
+from paretoik.cli.console import print_message
+from paretoik.cli.list_problems import list_problems
+from paretoik.cli.select import select
+from paretoik.cli.show import show
+from paretoik.cli.solve import solve
+from paretoik.errors import ParetoikError
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="The whole Pareto front of joint motions for a redundant arm.",
+    epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 all evaluations failed or no solver had a solution, "
+    "5 stopped by a limit and 130 or 143 interrupted, with the result kept.",
+)
+app.command("list")(list_problems)
+app.command()(solve)
+app.command()(select)
+app.command()(show)
+app.command("check-robot")(check_robot)
+
+
+def main() -> None:
+    """Run the command line."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: print_message("warning:", "yellow", str(message))
+        try:
+            app()
+        except ParetoikError as error:
+            print_message("error:", "bold red", str(error))
+            sys.exit(error.exit_code)
+
+
+def _print_version(wanted: bool) -> bool:
+    if wanted:
+        from paretoik import __version__
+
+        print(f"paretoik {__version__}")
+        raise typer.Exit
+    return wanted
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,32 @@
+"""``paretoik check-robot``: the faults of a URDF file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from paretoik.cli.arguments import JsonFlag
+from paretoik.cli.console import print_json
+from paretoik.errors import InvalidInput
+
+
+def check_robot(
+    file: Annotated[Path, typer.Argument(help="A URDF file.", show_default=False)],
+    base: Annotated[str | None, typer.Option(help="First link of the chain (the root).")] = None,
+    tip: Annotated[str | None, typer.Option(help="Last link of the chain (the only leaf).")] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """List every fault of a URDF file, and the arm that paretoik would make of it."""
+    from paretoik.robot.urdf import check_robot as check
+
+    report = check(file, base, tip)
+    if as_json:
+        print_json({"summary": report.summary, "warnings": report.warnings, "faults": report.faults})
+    else:
+        lines = [*report.summary, *(f"warning: {line}" for line in report.warnings)]
+        lines += [f"fault: {line}" for line in report.faults] or ["no faults"]
+        print("\n".join(lines))
+    if report.faults:
+        raise typer.Exit(InvalidInput.exit_code)

@@ -1,0 +1,60 @@
+"""``paretoik solve``: search for the front of a problem, or follow a closed loop."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from paretoik.api.summary import entries, result_text
+from paretoik.cli.arguments import JsonFlag, QuietFlag
+from paretoik.cli.console import exit_code, print_json, show_progress, show_status
+
+
+def solve(
+    problem: Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)],
+    population: Annotated[
+        int | None, typer.Option(help="Size of the population (200; of a closed loop its own).", show_default=False)
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(help="Most generations (500; of a closed loop its own).", show_default=False)
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
+    time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
+    refine: Annotated[bool, typer.Option("--refine", help="Let gradients help, and certify every point.")] = False,
+    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
+    quiet: QuietFlag = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Search for the front of a problem, or follow a closed loop, and keep the run.
+
+    Ctrl-C ends it early and keeps the result.
+    """
+    with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
+        with show_status("loading the problem", quiet):
+            from paretoik.api.solve import solve as solve_problem
+            from paretoik.loading import load_problem
+
+            loaded = load_problem(problem)
+        with show_progress(time_limit, quiet) as observe:
+            front = solve_problem(
+                loaded,
+                population=population,
+                generations=generations,
+                seed=seed,
+                out=out,
+                time_limit=time_limit,
+                refine=refine,
+                overwrite=overwrite,
+                reference=problem,
+                observe=observe,
+            )
+    if as_json:
+        print_json({**front.provenance, "out": out, "front": entries(front)})
+    else:
+        print(result_text(front, out))
+    raise typer.Exit(exit_code(front.provenance["status"]))

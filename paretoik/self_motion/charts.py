@@ -1,0 +1,81 @@
+"""Coordinates of the self-motion manifold around base motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from paretoik.self_motion.starts import LONGEST_JUMP
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract, row_space_basis, task_errors
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Charts:
+    """Coordinates around base motions: q = base + null_space · y, then along ``row_space`` onto the path.
+
+    ``null_space`` spans that of the tasks' Jacobian along each base, transported without turning, ``row_space`` its row
+    space. Both are orthonormal, so y = null_spaceᵀ (q − base) gives the coordinates back.
+    """
+
+    base: Float[np.ndarray, "bases time dof"]
+    null_space: Float[np.ndarray, "bases time dof redundancy"]
+    row_space: Float[np.ndarray, "bases time dof rows"]
+
+    def at(
+        self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "motions time redundancy"]
+    ) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
+        """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
+
+        A sample whose correction jumps from that of the sample before has come to another sheet, and is off.
+        """
+        start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y)
+        count = len(which)
+        retracted = retract(
+            task.arm,
+            task.tasks,
+            start.reshape(-1, task.arm.dof),
+            np.tile(task.targets, (count, 1)),
+            self.row_space[which].reshape(-1, task.arm.dof, task.rows),
+        )
+        q, on_path = retracted.q.reshape(start.shape), retracted.on_path.reshape(start.shape[:2])
+        base_step = np.abs(np.diff(start, axis=1)).max(axis=2)
+        on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= LONGEST_JUMP + base_step
+        return q, on_path
+
+    def coordinates(
+        self, which: np.ndarray, q: Float[np.ndarray, "motions time dof"]
+    ) -> Float[np.ndarray, "motions time redundancy"]:
+        """Return the coordinates y of motions around bases ``which``."""
+        return np.einsum("ptdr,ptd->ptr", self.null_space[which], q - self.base[which])
+
+
+def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) -> Charts:
+    """Return coordinates around base motions on the path."""
+    count, times, dof = base.shape
+    targets = np.tile(task.targets, (count, 1))
+    slopes = task_errors(task.arm, task.tasks, base.reshape(-1, dof), targets)[1]
+    jacobian = np.moveaxis(slopes, -1, 0).reshape(count, times, task.rows, dof)
+    null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
+    for i in range(1, times):  # parallel transport: each basis turned as near as can be to the one before
+        left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
+        null_space[:, i] = null_space[:, i] @ (left @ right)
+    if task.cyclic:
+        null_space = _close_frames(null_space, task.times / task.times[-1])
+    return Charts(
+        base=base, null_space=null_space, row_space=row_space_basis(slopes).reshape(count, times, dof, task.rows)
+    )
+
+
+def _close_frames(null_space: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Turn each basis evenly over time so that it closes with the motion."""
+    from scipy.linalg import expm, logm  # here: only cyclic motions need it
+
+    closed = null_space.copy()
+    for b, basis in enumerate(null_space):
+        turn = np.real(logm(basis[-1].T @ basis[0]))
+        closed[b] = basis @ np.stack([expm(part * (turn - turn.T) / 2) for part in share])
+    closed[:, -1] = closed[:, 0]
+    return closed

@@ -1,0 +1,135 @@
+"""Postures that reach a sample of a task, from random starts, and why none does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.errors import Infeasible, OutOfReach
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import NEWTON_TOLERANCE, ON_PATH_TOLERANCE, solve_small_systems, task_errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class InverseKinematicsOptions:
+    """Damped least squares from random starts: Newton ``iterations`` of a start, the largest step of a joint.
+
+    ``damping`` is a share of the squared error, ``first_damping`` what is added in the first ``damped_iterations``.
+    A sample that few ``quick_starts`` reach is tried from ``thorough_starts``, with five times the iterations, before
+    it is called out of reach.
+    """
+
+    iterations: int = 40
+    longest_step: float = 0.5  # rad or m
+    damping: float = 1e-2
+    first_damping: float = 1e-3
+    damped_iterations: int = 5
+    quick_starts: int = 32
+    thorough_starts: int = 256
+
+
+OPTIONS = InverseKinematicsOptions()
+
+
+def sample_postures(
+    task: MotionTask, count: int, rng: np.random.Generator, *, sample: int = 0
+) -> Float[np.ndarray, "found dof"]:
+    """Return up to ``count`` postures that reach a sample, from random starts all over the joint ranges.
+
+    Damped least squares (Nakamura & Hanafusa 1986), then Newton; those that don't arrive are left out.
+    """
+    q, error = _solve_from_random_starts(task, np.full(count, sample), rng)
+    return q[np.abs(error).max(axis=1) <= ON_PATH_TOLERANCE]
+
+
+def _solve_from_random_starts(
+    task: MotionTask,
+    samples: Int[np.ndarray, " count"],
+    rng: np.random.Generator,
+    *,
+    iterations: int = OPTIONS.iterations,
+) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
+    """Return for each of ``samples`` a posture near it, from a random start, and the task errors there."""
+    q = rng.uniform(*_sampling_range(task), size=(len(samples), task.arm.dof))
+    targets = task.targets[samples]
+    active = np.arange(len(samples))
+    for step in range(iterations):
+        error, slopes = task_errors(task.arm, task.tasks, q[active], targets[active])
+        jacobian = np.moveaxis(slopes, -1, 0)
+        size = np.linalg.norm(error, axis=0)
+        damping = OPTIONS.damping * size**2 + (OPTIONS.first_damping if step < OPTIONS.damped_iterations else 1e-12)
+        if step >= OPTIONS.iterations:
+            damping = size  # out of reach, perhaps: with less damping it would oscillate about the nearest point
+        square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
+        step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error.T)[0][..., None])[..., 0]
+        q[active] += step_taken / np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
+        active = active[size > NEWTON_TOLERANCE]
+        if len(active) == 0:
+            break
+    turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
+    q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
+    return q, task_errors(task.arm, task.tasks, q, targets)[0].T
+
+
+def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
+    lower, upper = task.arm.position_limits.T
+    width = np.where(task.arm.periodic, 2 * np.pi, 2.0)
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
+    return low, np.where(np.isfinite(upper), upper, low + width)
+
+
+def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
+    """Return the error that says why no motion gets past sample ``near``."""
+    _, error = _solve_from_random_starts(task, np.repeat(np.arange(len(task.times)), OPTIONS.quick_starts), rng)
+    unreached = np.abs(error).max(axis=1).reshape(-1, OPTIONS.quick_starts).min(axis=1) > ON_PATH_TOLERANCE
+    for sample in np.flatnonzero(unreached).tolist():  # by few starts; more are tried before it counts as out of reach
+        _, error = _solve_from_random_starts(
+            task, np.full(OPTIONS.thorough_starts, sample), rng, iterations=5 * OPTIONS.iterations
+        )
+        if np.abs(error).max(axis=1).min() > ON_PATH_TOLERANCE:
+            nearest = error[int(np.argmin(np.sum(error**2, axis=1)))]
+            where = f"sample {sample} ({task.times[sample]:.3g} s)"
+            return OutOfReach(f"path leaves reach at {where}: {_describe_error(task, sample, nearest)}", sample=sample)
+    if task.cyclic:
+        return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
+    q = sample_postures(task, 64, rng, sample=near)
+    slopes = task_errors(task.arm, task.tasks, q, np.tile(task.targets[near], (len(q), 1)))[1]
+    condition = float(np.linalg.cond(np.moveaxis(slopes, -1, 0)).min())
+    return Infeasible(
+        f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
+        f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "
+        f"{condition:.3g})"
+    )
+
+
+def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " rows"]) -> str:
+    """Return in words how far the nearest posture found is from a sample, for the task that is missed most."""
+    errors, row, column = [], 0, 0
+    for part in task.tasks:
+        size = 2 if part.axes in ("xy", "xy+angle") else 3
+        target, left = task.targets[sample, column : column + size], error[row : row + part.rows]
+        errors.append((float(np.linalg.norm(left)), target, left[:size], left[size:]))
+        row, column = row + part.rows, column + part.target_size
+    _, target, off, turn = max(errors, key=lambda entry: entry[0])
+    turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+    return (
+        f"{(np.round(target, 6) + 0.0).tolist()} m is {np.linalg.norm(off):.3g} m from the nearest point found, "
+        f"{(np.round(target - off, 6) + 0.0).tolist()} m{turned}"
+    )
+
+
+def order_by_neighbour(q: Float[np.ndarray, "postures dof"], periodic: np.ndarray) -> Float[np.ndarray, "postures dof"]:
+    """Return postures in an order in which each comes after its nearest neighbour among those before it."""
+    remaining = list(q)
+    ordered = [remaining.pop(0)]
+    while remaining:
+        difference = np.linalg.norm(wrap_difference(np.array(remaining) - ordered[-1], periodic), axis=1)
+        ordered.append(remaining.pop(int(np.argmin(difference))))
+    return np.array(ordered)
+
+
+def wrap_difference(difference: np.ndarray, periodic: np.ndarray) -> np.ndarray:
+    """Return joint distances with whole turns of periodic joints taken off."""
+    return np.where(periodic, difference - 2 * np.pi * np.round(difference / (2 * np.pi)), difference)

@@ -1,0 +1,238 @@
+"""A motion made of expressions: functions of motions are traced through it, and have exact derivatives.
+
+An objective is one NumPy function. Called with a ``TracedMotion`` it records its computation, from which exact
+derivatives of any order follow. Most functions depend on one sample at a time: position, velocity, acceleration and
+jerk of a sample give one value. Those are traced once for all samples; the others with all samples as inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any
+
+import numpy as np
+
+from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.robot.components import Component
+from paretoik.robot.dynamics import energy_components, torque_components
+from paretoik.robot.kinematics import frame_components, link_frames, node_components
+from paretoik.task.differences import Differences
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.obstacles import Obstacle, distance_components
+from paretoik.task.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class TracedMotion:
+    """The attributes of ``Motion``, made of expressions; functions get it where derivatives are taken.
+
+    ``duration`` [s] is that of the motion.
+    """
+
+    task: MotionTask
+    trace: Trace
+    q: TracedArray
+    dq: TracedArray
+    ddq: TracedArray
+    jerk: TracedArray
+    duration: float
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # protocols that Python probes
+            raise AttributeError(name)
+        raise InvalidInput(f"motion.{name} has no derivative here")
+
+    def __len__(self) -> int:
+        raise InvalidInput("len(motion) has no derivative here: functions must take all motions of a batch at once")
+
+    def __getitem__(self, index: Any) -> Any:
+        raise InvalidInput("motion[...] has no derivative here: functions must take all motions of a batch at once")
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.task.arm
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """The tasks that the motion follows."""
+        return self.task.tasks
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The obstacles."""
+        return self.task.obstacles
+
+    @property
+    def link_radius(self) -> float:
+        """Radius of the links [m]."""
+        return self.task.link_radius
+
+    @property
+    def differences(self) -> Differences:
+        """The scheme of finite differences and quadrature."""
+        return self.task.differences
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the motion ends as it starts."""
+        return self.task.cyclic
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sample times (time,) [s]."""
+        return self.task.times
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (time,) [s] of integrals over the samples."""
+        return self.task.weights
+
+    @cached_property
+    def torque(self) -> TracedArray:
+        """As ``Motion.torque``."""
+        return self._by_sample(lambda q, dq, ddq: torque_components(self.arm, q, dq, ddq))
+
+    @property
+    def power(self) -> TracedArray:
+        """As ``Motion.power``."""
+        product: TracedArray = self.torque * self.dq
+        return product
+
+    @cached_property
+    def kinetic_energy(self) -> TracedArray:
+        """As ``Motion.kinetic_energy``."""
+        return self._by_sample(lambda q, dq, _: energy_components(self.arm, q, dq))[..., 0]
+
+    @cached_property
+    def tool(self) -> TracedArray:
+        """As ``Motion.tool``."""
+        return self._by_sample(lambda q, *_: list(self._tool(q)[1][: 2 if self.arm.is_planar else 3]))
+
+    @cached_property
+    def tool_rotation(self) -> TracedArray:
+        """As ``Motion.tool_rotation``."""
+        flat = self._by_sample(lambda q, *_: [value for row in self._tool(q)[0] for value in row])
+        return self._reshape(flat, 3, 3)
+
+    @cached_property
+    def links(self) -> TracedArray:
+        """As ``Motion.links``."""
+        flat = self._by_sample(lambda q, *_: node_components(self.arm, q))
+        return self._reshape(flat, -1, 3)
+
+    @cached_property
+    def manipulability(self) -> TracedArray:
+        """As ``Motion.manipulability``."""
+        flat = self._by_sample(
+            lambda q, *_: [
+                entry
+                for task in self.tasks
+                for row in task.jacobian(self.arm, link_frames(self.arm, q))
+                for entry in row
+            ]
+        )
+        jacobian = self._reshape(flat, self.task.rows, self.arm.dof)
+        measure: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
+        return measure
+
+    @cached_property
+    def clearance(self) -> TracedArray:
+        """As ``Motion.clearance``."""
+        if not self.obstacles:
+            raise InvalidInput("motion.clearance wants obstacles, but the problem has none")
+        nodes = [self.links[..., axis] for axis in range(3)]
+        starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
+        distance: Any = distance_components  # typed for arrays; it takes expressions as well
+        distances = [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
+        least: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
+        return least
+
+    def integral(self, series: Any) -> Any:
+        """As ``Motion.integral``."""
+        if self.trace.samples is not None:
+            raise NotLocal("integrates over time")
+        return (series * self.task.weights).sum(-1)
+
+    def _tool(self, q: list[Component]) -> Any:
+        return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
+
+    def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
+        """Run a kernel of columns on every sample."""
+        joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
+        rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
+        values = np.empty((len(rows), len(rows[0])), dtype=object)
+        for i, row in enumerate(rows):
+            values[i] = row
+        return TracedArray(self.trace, values.reshape(*self.q.entries.shape[:-1], -1), shared=True)
+
+    def _reshape(self, flat: TracedArray, *shape: int) -> TracedArray:
+        return flat.reshape(*flat.shape[:-1], *shape)
+
+
+def trace_sample(task: MotionTask, *, duration: float | None = None) -> TracedMotion:
+    """Return one sample of a motion of a task, for functions that depend on one sample at a time.
+
+    ``duration`` [s] is what means over time divide by; by default the task's own.
+    """
+    trace = Trace(len(task.times))
+    seconds = float(np.ptp(task.times)) if duration is None else duration
+    q, dq, ddq, jerk = (trace.inputs(task.arm.dof) for _ in range(4))
+    return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
+
+
+def trace_motion(task: MotionTask) -> TracedMotion:
+    """Return a whole motion of a task, for functions that combine several samples."""
+    trace = Trace(None)
+    q, dq, ddq, jerk = (trace.inputs(len(task.times), task.arm.dof) for _ in range(4))
+    return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
+
+
+def trace_motion_function(
+    motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
+) -> list[Expression | float]:
+    """Return the values of a function of a whole motion: one, or one a sample where its form is a series.
+
+    Raises InvalidInput, by ``name``, for a function without derivatives.
+    """
+    shape = motion.time.shape if form in ("integral", "peak") else ()
+    try:
+        value = function(motion)
+        array = value if isinstance(value, TracedArray) else np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        if array.shape != shape:
+            raise InvalidInput(f"({form}) must return shape {shape} where derivatives are taken, got {array.shape}")
+    except InvalidInput as error:
+        raise InvalidInput(f"{name}: {error}") from None
+    return list((array.entries if isinstance(array, TracedArray) else array).ravel())
+
+
+def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
+    """Return the value of a function at one sample; None where it combines several samples.
+
+    Raises InvalidInput, by ``name``, for a function without derivatives.
+    """
+    try:
+        return _sample_value(motion, function(motion))
+    except NotLocal:
+        return None
+    except InvalidInput as error:
+        raise InvalidInput(f"{name}: {error}") from None
+
+
+def _sample_value(motion: TracedMotion, value: Any) -> Expression | float:
+    tape = motion.trace.tape
+    array = value if isinstance(value, TracedArray) else np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+    if isinstance(array, TracedArray) and array.entries.shape == ():
+        return Expression(tape, as_entry(tape, array.entries))
+    if isinstance(array, np.ndarray) and array.shape in ((), motion.time.shape):
+        return motion.trace.parameter(array) if array.ndim else float(array)
+    raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")

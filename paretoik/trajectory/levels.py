@@ -1,0 +1,174 @@
+"""Levels of samples, coarse to fine: local optima of the coarsest are carried on to the motion's own samples.
+
+Source: Tringali & Cocuzza 2020, section 3.1.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.errors import Infeasible
+from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.solutions import Solutions, concatenate
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.polish import polish, within_limits
+from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
+
+Observe = Callable[[int, int, int], object]
+Further = Callable[[Solutions], Float[np.ndarray, "starts samples dof"]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LevelOptions:
+    """How optima are led from level to level.
+
+    The coarsest level has at least ``coarsest`` samples: with half as many, the best torque optimum does not exist.
+    Optima nearer than ``distinct`` [rad or m, RMS] are one; ``kept`` of them go on to a finer level. Limits violated by
+    less than ``feasible`` hold. ``cold`` are the interior-point options of the coarsest level, in turn (each finds
+    basins that the other leaves), ``warm`` of finer ones: coarser levels end where these begin. Where no limit can be
+    kept, ``restoration`` minimises the violation alone, and with ``holding`` limits are not left again for a better
+    objective.
+    """
+
+    coarsest: int = 26
+    distinct: float = 0.01
+    feasible: float = 1e-8
+    kept: int = 8
+    cold: tuple[Rules, ...] = (Rules(barrier=0.1, radius=0.4), Rules(barrier=0.01, radius=0.1))
+    warm: Rules = Rules(barrier=1e-4, radius=0.02)
+    restoration: Rules = Rules(radius=0.1, iterations=40)
+    holding: Rules = Rules(barrier=1e-4, penalty=100.0, radius=0.02)
+
+
+OPTIONS = LevelOptions()
+
+
+def level_samples(samples: int) -> list[int]:
+    """Return the numbers of samples of all levels, coarse to fine."""
+    counts = [samples]
+    while (counts[0] - 1) // 2 + 1 >= OPTIONS.coarsest:
+        counts.insert(0, (counts[0] - 1) // 2 + 1)
+    return counts
+
+
+def coarsest_level(task: MotionTask) -> MotionTask:
+    """Return the task on the samples of its coarsest level."""
+    return task.subsample(level_samples(len(task.times))[0])
+
+
+def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> list[MotionProgram]:
+    """Return the programs of all levels, coarse to fine, the task's own last, objectives divided by ``scales``."""
+    coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[:-1]]
+    return [motion_program(level, scales) for level in (*coarser, task)]
+
+
+def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
+    """Return the size of every objective at the better ones of coarse starts: tolerances are shares of it."""
+    motions = task.subsample(q.shape[1]).motion(q)
+    return np.array([max(float(np.quantile(np.abs(o(motions)), 0.25)), 1e-12) for o in task.objectives])
+
+
+def refine_levels(
+    programs: Sequence[MotionProgram],
+    q: Float[np.ndarray, "starts samples dof"],
+    weights: Float[np.ndarray, " n_obj"],
+    upper: Float[np.ndarray, " n_obj"],
+    observe: Observe | None = None,
+    *,
+    restore: bool = False,
+    further: Further | None = None,
+) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
+    """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
+
+    ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them, seeing
+    what these led to, until it returns none. Where limits are violated at the end, ``restore`` first minimises the
+    violation alone. ``observe`` is called after each level with its number of samples, of starts and of optima.
+
+    Raises Infeasible where all optima of a level leave the path between its samples.
+    """
+    levels = list[tuple[int, int]]()
+    bounded = len(programs[0].upper) - len(weights)
+    weights, upper = np.pad(weights, (0, bounded)), np.pad(upper, (0, bounded), constant_values=np.inf)
+    for program, finer in zip(programs, [*programs[1:], None], strict=True):
+        task, first = program.task, program is programs[0]
+        barriers = [_coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
+        minimise = partial(_minimise_in_turn, program, barriers, weights, upper)
+        solutions = minimise(q)
+        while first and further is not None and len(more := further(solutions)):
+            q = np.concatenate([q, more])
+            solutions = concatenate((solutions, minimise(more)))
+        if restore and (first or not finer) and not solutions.converged.any():
+            solutions = _restore(program, solutions, q[: 2 * OPTIONS.kept * first], weights, upper)
+        most = OPTIONS.kept if finer else len(solutions)
+        solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, most=most)]
+        levels.append((len(task.times), len(solutions)))
+        if observe is not None:
+            observe(len(task.times), len(q), len(solutions))
+        if finer:
+            q = _resample(task, solutions.x, finer.task)
+    return solutions, tuple(levels)
+
+
+def distinct_rows(
+    task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, most: int
+) -> Int[np.ndarray, " rows"]:
+    """Return one row of every optimum, best first; where none converged, those that violate the limits least."""
+    order = np.lexsort((merit, np.round(solutions.violation, 6)))
+    if solutions.converged.any():
+        order = np.argsort(np.where(solutions.converged, merit, np.inf), kind="stable")[: solutions.converged.sum()]
+    rows: list[int] = []
+    for i in order:
+        if len(rows) == most:
+            break
+        if not rows or joint_distance(task, solutions.x[i], solutions.x[rows]).min() > OPTIONS.distinct:
+            rows.append(int(i))
+    return np.array(rows)
+
+
+def _coarse(options: Rules) -> Rules:
+    """Return options for a level that a finer one follows: it ends where that one begins."""
+    return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
+
+
+def _minimise_in_turn(
+    program: MotionProgram, options: Sequence[Rules], weights: np.ndarray, upper: np.ndarray, q: np.ndarray
+) -> Solutions:
+    """Return what starts lead to, each with one of the options, in turn."""
+    return polish(program, q, weights[None], upper[None], rules=[options[i % len(options)] for i in range(len(q))])
+
+
+def _restore(
+    program: MotionProgram, solutions: Solutions, q: np.ndarray, weights: np.ndarray, upper: np.ndarray
+) -> Solutions:
+    """Return what becomes of motions that violate limits when the violation alone is minimised first."""
+    if solutions.violation.max() <= OPTIONS.feasible:
+        return solutions
+    rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, most=OPTIONS.kept)
+    restored = within_limits(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
+    feasible = restored.violation <= OPTIONS.feasible
+    if not feasible.any():
+        return restored
+    return polish(program, restored.x[feasible], weights[None], upper[None], rules=OPTIONS.holding)
+
+
+def _resample(
+    task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
+) -> Float[np.ndarray, "kept time dof"]:
+    """Return motions at the samples of a finer level, except those that leave the path between their own."""
+    resampled = []
+    for motion in task.motion(q):
+        try:
+            resampled.append(motion.at(finer.times))
+        except Infeasible as error:
+            last = error
+    if not resampled:
+        raise Infeasible(
+            f"no motion found on {len(task.times)} samples follows the path between them: {last}; sample it finer",
+            motion=task.motion(q[0]),
+        )
+    return np.stack(resampled)

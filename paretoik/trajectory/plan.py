@@ -1,0 +1,104 @@
+"""A plan: all distinct locally optimal motions of one objective that many starts lead to.
+
+Source: Tringali & Cocuzza 2020, section 3.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import Infeasible, SolverFailed
+from paretoik.nlp.solutions import STATUSES, Solutions
+from paretoik.self_motion.branches import branch_labels
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.initial_motions import sample_starts
+from paretoik.trajectory.levels import OPTIONS, Observe, coarsest_level, level_programs, objective_scales, refine_levels
+from paretoik.trajectory.restarts import RestartPolicy, disturb_best
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Optimum:
+    """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status."""
+
+    motion: Motion
+    objective: float
+    label: str
+    status: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """Distinct local optima, best first; ``levels`` says how many samples each level had and how many optima."""
+
+    optima: tuple[Optimum, ...]
+    levels: tuple[tuple[int, int], ...]
+
+    @property
+    def best(self) -> Optimum:
+        """The best optimum found."""
+        return self.optima[0]
+
+
+def find_optima(
+    task: MotionTask,
+    *,
+    starts: int,
+    seed: int,
+    initial: Float[np.ndarray, "motions time dof"] | None = None,
+    observe: Observe | None = None,
+) -> Plan:
+    """Return the distinct local optima of a task with one objective that many starts lead to.
+
+    Starts are those of ``initial_motions``. With one degree of redundancy, as long as some optimum was reached from one
+    or two only, there are likely others that none has reached yet (Good 1953: the share of starts that are alone at an
+    optimum estimates how likely the next one finds another). Then more are added, the best ways through a coarse grid
+    of postures among them where optima stay rare or are many. With more degrees of redundancy more are added, and the
+    best perturbed at random, as long as better ones come of it. ``initial`` motions on the path are starts too.
+    ``observe`` is called after each level with its number of samples, of starts and of optima.
+
+    Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
+    motion; Infeasible with the least-violating motion where none keeps the limits; SolverFailed where limits hold but
+    no start converged.
+    """
+    assert len(task.objectives) == 1, "one objective at a time is planned for"
+    level, rng = coarsest_level(task), np.random.default_rng(seed)
+    q = sample_starts(level, starts * max(task.redundancy, 1), rng)
+    q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
+    programs = level_programs(task, objective_scales(task, q))
+    policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
+    solutions, levels = refine_levels(
+        programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy
+    )
+    if policy is not None and solutions.converged.any() and policy.exhausted:
+        solutions = disturb_best(programs[-1], solutions)
+    return Plan(optima=_optima(task, solutions), levels=levels)
+
+
+def _optima(task: MotionTask, solutions: Solutions) -> tuple[Optimum, ...]:
+    motions = task.motion(solutions.x)
+    if not solutions.converged.any():
+        raise _failure(task, motions, solutions)
+    values, labels = task.objectives[0](motions), branch_labels(motions)
+    return tuple(
+        Optimum(motion=motion, objective=float(value), label=label, status=STATUSES[int(status)])
+        for motion, value, label, status in zip(motions, values, labels, solutions.status, strict=True)
+    )
+
+
+def _failure(task: MotionTask, motions: Motion, solutions: Solutions) -> Infeasible | SolverFailed:
+    """Return the error that says why no start converged."""
+    status = STATUSES[int(solutions.status[0])]
+    if solutions.violation.max() <= OPTIONS.feasible:
+        return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
+    violations = task.violations(motions[0])
+    return Infeasible(
+        "no motion within the limits was found; of the least-violating one, "
+        f"{task.describe_violation(motions[0]) or status}",
+        motion=motions[0],
+        limit=task.limit_names[int(np.argmax(violations))] if task.limit_names else "",
+        violation=float(violations.max(initial=0.0)),
+    )

@@ -1,0 +1,80 @@
+"""How tests run the command line, and the problems that they run it on."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PANDA = str(ROOT / "problems" / "robots" / "panda.urdf")
+SMALL = ("--population", "8", "--generations", "3")
+MINE = """
+from paretoik import Limits, Tracking, kinetic_energy, line, objective, torque_norm
+from paretoik.robot.arms import tringali_3r
+
+PATH = line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+
+@objective(unit="", form="general")
+def worn(motion):
+    raise RuntimeError("the bearing\\nis worn")
+
+@objective(unit="", form="general")
+def chatty(motion):
+    print("chatter")
+    return motion.q[..., 0, 0]
+
+def tracking(*objectives, **limits):
+    return Tracking(
+        tringali_3r(), PATH, objectives=objectives, limits=Limits(**limits), coefficients=4, bases=2
+    )
+
+def good() -> Tracking:
+    '''[bold]Good[/bold] for tests.'''
+    return tracking(kinetic_energy, torque_norm)
+
+def impossible() -> Tracking:
+    return tracking(kinetic_energy, torque_norm, velocity=1e-3)
+
+def failing() -> Tracking:
+    return tracking(kinetic_energy, worn)
+
+def talking() -> Tracking:
+    print("hello")
+    return tracking(kinetic_energy, chatty)
+"""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+def strict(text: str) -> object:
+    return json.loads(text, parse_constant=pytest.fail)
+
+
+def started(mine: str, out: Path) -> subprocess.Popen[str]:
+    """Return a run in a process of its own that has finished its first generation and would go on for long."""
+    command = [sys.executable, "-m", "paretoik", "solve", f"{mine}:good", "--out", str(out)]
+    command += ["--population", "40", "--generations", "100000"]
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    assert process.stderr.readline().startswith("generation 1/100000, front ")
+    return process

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from paretoik.cli import main
+from tests.cli.commands import MINE, ROOT, SMALL, Ended
+
+
+@pytest.fixture
+def paretoik(capsys, monkeypatch):
+    """Run the command line within this process."""
+
+    def run(*words: str | Path) -> Ended:
+        monkeypatch.setattr(sys, "argv", ["paretoik", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return Ended(int(ended.value.code or 0), said.out, said.err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def mine(tmp_path_factory):
+    file = tmp_path_factory.mktemp("users") / "users_own_problems.py"
+    file.write_text(MINE)
+    return str(file)
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory, mine):
+    """A finished run, to be read only."""
+    out = tmp_path_factory.mktemp("runs") / "finished"
+    command = [sys.executable, "-m", "paretoik", "solve", f"{mine}:good", "--out", str(out), *SMALL, "--quiet"]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    return out

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from paretoik import __version__
+from tests.cli.commands import PANDA, ROOT, Ended
+
+
+def test_version_is_printed(paretoik):
+    assert paretoik("--version") == Ended(0, f"paretoik {__version__}\n", "")
+
+
+def test_help_names_every_command_and_the_exit_codes(paretoik):
+    said = paretoik("--help").out
+    for word in ("list", "solve", "select", "show", "check-robot", "--version", "3 infeasible"):
+        assert word in said
+
+
+def test_a_misspelt_command_is_met_with_the_right_one(paretoik):
+    ended = paretoik("slove")
+    assert ended.code == 2
+    assert ended.out == ""
+    assert "'solve'" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["solve", "missing.py:p", "--out", "OUT"], "problem file missing.py: wanted a file, got nothing of that name"),
+        (["solve", "MINE:goood", "--out", "OUT"], "got 'goood'; did you mean 'good'?"),
+        (
+            ["solve", "MINE:good", "--out", "OUT", "--population", "3"],
+            "population: an integer of at least 4 wanted, got 3",
+        ),
+        (["solve", "MINE:good", "--out", "OUT", "--generations", "0"], "generations: an integer of at least 1 wanted"),
+        (["solve", "MINE:good", "--out", "OUT", "--seed", "-1"], "seed: an integer of at least 0 wanted, got -1"),
+        (
+            ["solve", "MINE:good", "--out", "OUT", "--time-limit", "nan"],
+            "time limit: more than 0 seconds wanted, got nan",
+        ),
+        (["solve", "MINE:good", "--out", "MINE"], "wanted a folder to write a run into, got File exists"),
+        (["select", "OUT", "--weights", "kinetic_energy=1"], "run.json: wanted a plain file, got nothing"),
+        (
+            ["select", "RUN", "--weights", "kinetic_energy"],
+            "weights: wanted NAME=NUMBER,NAME=NUMBER, got 'kinetic_energy'",
+        ),
+        (["select", "RUN", "--weights", "torque_norm=much"], "weights: wanted a number for torque_norm, got 'much'"),
+        (
+            ["select", "RUN", "--weights", "torque_norm=1,torque_norm=2"],
+            "wanted each objective once, got torque_norm twice",
+        ),
+        (["select", "RUN", "--weights", "torque=1"], "wanted names among kinetic_energy, torque_norm, got 'torque'"),
+        (["select", "RUN", "--weights", "torque_norm=0"], "weights: wanted at least one above zero"),
+        (["select", "RUN", "--weights", "torque_norm=nan"], "wanted a finite number >= 0 for torque_norm, got nan"),
+        (["show", "OUT"], "review.rrd: wanted a recording, got nothing"),
+        (["check-robot", "missing.urdf"], "missing.urdf"),
+        (["check-robot", "PANDA", "--tip", "thumb"], "tip 'thumb' is not a link"),
+    ],
+)
+def test_bad_input_is_one_line_on_stderr_and_exit_code_2(paretoik, mine, finished, tmp_path, words, message):
+    names = {"MINE": mine, "OUT": str(tmp_path / "out"), "RUN": str(finished), "PANDA": PANDA}
+    ended = paretoik(*(names.get(word, word.replace("MINE:", f"{mine}:")) for word in words))
+    assert (ended.code, ended.out) == (2, "")
+    error = ended.err.splitlines()[-1]
+    assert error.startswith("error: ")
+    assert message in error
+    assert [line for line in ended.err.splitlines()[:-1] if not line.startswith("generation")] == []
+
+
+def test_a_warning_is_one_line_on_stderr(mine, finished, tmp_path):
+    moved = tmp_path / "moved"
+    moved.mkdir()
+    for file in finished.iterdir():
+        (moved / file.name).write_bytes(file.read_bytes())
+    elsewhere = Path(mine).rename(Path(mine).with_suffix(".gone"))
+    try:
+        command = [sys.executable, "-m", "paretoik", "select", str(moved), "--weights", "torque_norm=1"]
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    finally:
+        elsewhere.rename(mine)
+    assert ended.stderr.startswith("warning: ")
+    assert "motions come without their arm" in ended.stderr
+    assert ended.stderr.count("\n") == 1

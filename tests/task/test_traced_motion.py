@@ -1,0 +1,228 @@
+"""Functions of motions, traced: worth what they are on real motions, with the derivatives of differences of motions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.autodiff.differentiation import gradient
+from paretoik.autodiff.evaluator import compile_evaluator
+from paretoik.autodiff.tape import as_entry
+from paretoik.errors import InvalidInput
+from paretoik.self_motion.starts import rollout_starts
+from paretoik.task.traced_motion import trace_sample, trace_sample_function
+from problems import panda, tringali_2020
+
+LIMITED = pk.Arm.planar(
+    lengths=[0.3, 0.25, 0.2, 0.1],
+    masses=[1.0, 0.8, 0.5, 0.2],
+    centers=[0.15, 0.12, 0.1, 0.05],
+    inertias=[0.01, 0.008, 0.004, 0.001],
+    position_limits=([-4.0, -4.0, -np.inf, -3.0], [4.0, 3.0, np.inf, 5.0]),
+)
+BENT = pk.line([0.5, 0.1], [0.3, 0.4], duration=2.0, samples=17)
+TASKS = {
+    "planar, central": pk.Tracking(LIMITED, BENT, objectives=[pk.kinetic_energy], differences="central", bases=1).task,
+    "planar, backward": pk.Tracking(LIMITED, BENT, objectives=[pk.kinetic_energy], bases=1).task,
+    "planar 3R": tringali_2020.simulation_4().task.subsample(21),
+    "Panda": panda.across_the_table().task.subsample(11),
+}
+POSTURES = {name: rollout_starts(task, 2, np.random.default_rng(0))[0] for name, task in TASKS.items()}
+SERIES = [
+    pk.kinetic_energy,
+    pk.torque_norm,
+    pk.mechanical_energy,
+    pk.joint_travel,
+    pk.joint_limit_distance,
+    pk.manipulability,
+    pk.jerk,
+    pk.peak_velocity,
+    pk.peak_torque,
+]
+OWN = {
+    "abs of joints": lambda motion: np.abs(motion.q).sum(axis=-1) + abs(motion.ddq[..., 0]),
+    "norm of rates": lambda motion: np.linalg.norm(motion.dq, axis=-1) ** 3,
+    "largest rate": lambda motion: np.max(np.abs(motion.dq), axis=-1),
+    "smooth excess": lambda motion: np.sum(np.maximum(np.abs(motion.ddq) - 0.1, 0.0) ** 2, axis=-1),
+    "work, not braking": lambda motion: np.where(motion.power > 0, motion.power, 0.0).sum(axis=-1),
+    "where of a root": lambda motion: np.sum(np.where(motion.q > 0, np.sqrt(motion.q), -0.5 * motion.q), axis=-1),
+    "clipped": lambda motion: np.clip(motion.torque[..., 0], -1.0, 1.0) * motion.q[..., 1],
+    "tool from a point": lambda motion: np.linalg.norm(motion.tool - 0.2, axis=-1),
+    "tool by time": lambda motion: np.sum((motion.tool - 0.1 * motion.time[..., None]) ** 2, axis=-1),
+    "tool's turn": lambda motion: np.arccos(0.3 * np.linalg.trace(motion.tool_rotation)) * motion.q[..., 0],
+    "tool's axis": lambda motion: motion.tool_rotation[..., :, 0] @ [0.3, -0.5, 0.2] + motion.q[..., 0],
+    "height of links": lambda motion: np.sum(motion.links[..., 1], axis=-1) + motion.links[..., -2, 0],
+    "links apart": lambda motion: np.linalg.norm(np.diff(motion.links, axis=-2)[..., 1:] * [1.0, 2.0], axis=-1).sum(-1),
+    "power squared": lambda motion: np.einsum("...i,...i->...", motion.power, motion.power),
+    "weighted": lambda motion: motion.dq[..., 0] ** 2 * np.exp(-motion.time) + motion.kinetic_energy * motion.cyclic,
+    "by hand": lambda motion: sum((j + 1) * motion.q[..., j] ** 2 for j in range(motion.arm.dof)),
+    "step by step": lambda motion: step_by_step(motion),
+    "by the weights": lambda motion: motion.q[..., 0] * motion.weights + motion.link_radius,
+}
+
+
+def step_by_step(motion):
+    total = np.zeros_like(motion.q[..., 0])
+    for j in range(motion.arm.dof):
+        total += motion.torque[..., j] * motion.ddq[..., j]
+    return total
+
+
+def inputs(motion, sample):
+    """Return what the programs of a traced sample take, at the samples of a real motion."""
+    found = np.zeros((len(sample.trace.tape.inputs), len(motion.time)))
+    joints = np.concatenate([motion.q, motion.dq, motion.ddq, motion.jerk], axis=1).T
+    found[: len(joints)] = joints
+    for i, values in sample.trace.parameters.items():
+        found[sample.trace.tape.entries[i][1]] = values
+    return found
+
+
+def holds(task, q, function):
+    """Hold a function's values and slopes against real motions, those beside it in some direction among them."""
+    motion, sample = task.motion(q), trace_sample(task)
+    tape, n = sample.trace.tape, task.arm.dof
+    value = as_entry(tape, trace_sample_function(sample, "it", function))
+    run = compile_evaluator(tape, [value, *gradient(tape, value, tape.inputs[: 4 * n])])
+    found = run(inputs(motion, sample))
+    wanted = np.asarray(function(motion), dtype=float)
+    assert wanted.shape == motion.time.shape
+    assert np.ptp(wanted) > 0
+    scale = np.abs(wanted).max()
+    np.testing.assert_allclose(found[0], wanted, rtol=1e-12, atol=1e-12 * scale)
+    step = 1e-6
+    direction = step * np.random.default_rng(1).normal(size=q.shape)
+    if task.cyclic:
+        direction[-1] = direction[0]
+    ahead, behind = (task.motion(q + sign * direction) for sign in (1, -1))
+    change = (inputs(ahead, sample) - inputs(behind, sample))[: 4 * n] / (2 * step)
+    slope = np.sum(found[1:] * change, axis=0)
+    differences = (np.asarray(function(ahead)) - np.asarray(function(behind))) / (2 * step)
+    np.testing.assert_allclose(slope, differences, rtol=1e-5, atol=1e-6 * max(np.abs(slope).max(), scale))
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("objective", SERIES, ids=lambda objective: objective.name)
+def test_the_librarys_objectives_are_those_of_real_motions_with_their_slopes(objective, name):
+    holds(TASKS[name], POSTURES[name], objective.function)
+
+
+@pytest.mark.parametrize("name", ["planar, central", "Panda"])
+@pytest.mark.parametrize("function", OWN.values(), ids=OWN.keys())
+def test_users_own_are_those_of_real_motions_with_their_slopes(function, name):
+    with np.errstate(invalid="ignore"):
+        holds(TASKS[name], POSTURES[name], function)
+
+
+def test_what_an_objective_wants_is_said_as_on_real_motions():
+    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
+    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
+    with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance wants position limits"):
+        trace_sample_function(trace_sample(task), "objective it", pk.joint_limit_distance.function)
+    with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance wants obstacles"):
+        trace_sample_function(trace_sample(task), "objective it", pk.obstacle_clearance.function)
+
+
+def test_a_cyclic_motion_is_traced_as_it_is():
+    task = tringali_2020.simulation_5().task
+    q = rollout_starts(task, 2, np.random.default_rng(0))[0]
+    for objective in (pk.kinetic_energy, pk.torque_norm, pk.jerk):
+        holds(task, q, objective.function)
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("what", ["q", "dq", "torque", "power", "tool", "tool_rotation", "links", "kinetic_energy"])
+def test_what_a_traced_motion_shows_has_the_shape_of_the_real_ones(what, name):
+    task = TASKS[name]
+    real, sample = task.motion(POSTURES[name]), trace_sample(task)
+    found, wanted = getattr(sample, what), getattr(real, what)
+    assert (found.shape, found.ndim, len(found), found.dtype) == (wanted.shape, wanted.ndim, len(wanted), wanted.dtype)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_what_is_no_function_of_the_joints_is_the_same_object_or_number(name):
+    task = TASKS[name]
+    real, sample = task.motion(POSTURES[name]), trace_sample(task)
+    for what in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic"):
+        assert getattr(sample, what) == getattr(real, what)
+    np.testing.assert_array_equal(sample.time, real.time)
+    np.testing.assert_array_equal(sample.weights, real.weights)
+
+
+def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
+    task = TASKS["planar, central"]
+    sample = trace_sample(task)
+    assert trace_sample_function(sample, "it", lambda motion: 3) == 3.0
+    found = trace_sample_function(sample, "it", lambda motion: motion.time**2)
+    np.testing.assert_array_equal(sample.trace.parameters[found.index], task.times**2)
+    found = trace_sample_function(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
+    assert sample.trace.tape.values[found.index] == 2.0
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda motion: motion.q[..., 0, 0] - motion.q[..., -1, 0],
+        lambda motion: np.cumsum(motion.dq[..., 0] ** 2, axis=-1),
+        lambda motion: np.diff(motion.q, axis=-2)[..., 0],
+        lambda motion: motion.integral(motion.q[..., 0]),
+        lambda motion: motion.q[..., 0] - motion.q[..., 0].mean(axis=-1),
+        lambda motion: np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1),
+        pk.joint_drift.function,
+    ],
+)
+def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
+    assert trace_sample_function(trace_sample(TASKS["planar, central"]), "it", function) is None
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda motion: np.abs(np.fft.fft(motion.q[..., 0])), "np.fft.fft has no derivative here"),
+        (lambda motion: np.round(motion.q[..., 0]), "np.round has no derivative here"),
+        (lambda motion: float(motion.q[..., 0]), "a plain number was asked"),
+        (lambda motion: math.sin(motion.q[..., 0]), "a plain number was asked"),
+        (lambda motion: np.asarray(motion.q)[..., 0], "plain numbers were asked"),
+        (lambda motion: motion.q[..., 0] if motion.q[..., 0] > 0 else 0.0, "np.where is wanted"),
+        (lambda motion: motion.q[motion.q > 0], "an index cannot depend on the motion"),
+        (lambda motion: motion.q.__setitem__((..., 0), 1), "cannot be written where derivatives are taken"),
+        (lambda motion: motion.q.__iadd__(1.0)[..., 0], "would change an array in place"),
+        (lambda motion: motion.torque.__iadd__(1.0)[..., 0], "would change an array in place"),
+        (lambda motion: motion.torque[..., 0].__iadd__(1.0), "would change an array in place"),
+        (lambda motion: motion.clearance, "motion.clearance wants obstacles"),
+        (lambda motion: motion.tracking_error, "motion.tracking_error has no derivative here"),
+        (lambda motion: motion.at(0.5), "motion.at has no derivative here"),
+        (lambda motion: [single.q for single in motion], r"motion\[...\] has no derivative here"),
+        (lambda motion: len(motion), r"len\(motion\) has no derivative here"),
+        (lambda motion: motion.q, r"must return one number a sample .*, got shape \(17, 4\)"),
+        (lambda motion: motion.q[..., :1], r"must return one number a sample .*, got shape \(17, 1\)"),
+        (lambda motion: np.zeros(5), r"must return one number a sample .*, got shape \(5,\)"),
+        (lambda motion: None, "must return real numbers, got None"),
+        (lambda motion: "fast", "must return real numbers, got 'fast'"),
+        (lambda motion: motion.time * 1j, "must return real numbers, got complex128"),
+        (lambda motion: [motion.q[..., 0]], "plain numbers were asked"),
+    ],
+)
+def test_what_cannot_be_traced_is_refused_by_name_in_one_line(function, words):
+    with pytest.raises(InvalidInput, match=words) as refused:
+        trace_sample_function(trace_sample(TASKS["planar, central"]), "objective mine", function)
+    assert str(refused.value).startswith("objective mine: ")
+
+
+def test_what_a_function_raises_itself_is_not_hidden():
+    def broken(motion):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        trace_sample_function(trace_sample(TASKS["planar, central"]), "objective broken", broken)
+
+
+def test_the_functions_of_all_objectives_share_what_they_have_in_common():
+    sample = trace_sample(TASKS["Panda"])
+    trace_sample_function(sample, "torque", pk.torque_norm.function)
+    before = len(sample.trace.tape.entries)
+    trace_sample_function(sample, "peak", pk.peak_torque.function)
+    assert len(sample.trace.tape.entries) <= before + 2 * sample.arm.dof

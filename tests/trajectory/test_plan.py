@@ -1,0 +1,209 @@
+import casadi
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.trajectory.grid_oracle import grid_oracle
+from paretoik.trajectory.posture_grid import windows_of
+from paretoik.trajectory.transcription import joint_distance
+from problems import tringali_2020, tringali_2021
+
+
+def test_the_printed_arm_has_five_unconstrained_energy_optima():
+    found = pk.plan(tringali_2020.simulation_1())
+    values = [optimum.objective for optimum in found.optima]
+    assert len(values) == 5
+    assert values == sorted(values)
+    assert len({optimum.label for optimum in found.optima}) == 5
+
+
+def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
+    free = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
+    tried = []
+    found = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
+    assert tried[0][0] == 26
+    assert tried[0][1] > 48
+    assert found.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
+    tried.clear()
+    pk.plan(
+        tringali_2020.simulation_5(), observe=lambda level: tried.append((level.done, int(level.summary.split()[0])))
+    )
+    assert tried[0] == (26, 48)  # two optima, each from many
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_no_way_through_the_grid_beats_the_plan_from_a_given_start(number):
+    problem = tringali_2021.problem(number, samples=51)
+    found, grid = pk.plan(problem), grid_oracle(problem.task, resolution=0.05, quick=True)
+    assert found.best.objective < grid.best
+    assert np.isnan(grid.lower_bound)
+
+
+def some_arm(seed, *, limited=False):
+    """Return a planar arm of random links, and postures to go between."""
+    rng = np.random.default_rng(1000 + seed)
+    lengths, masses = rng.uniform(0.15, 0.5, 3), rng.uniform(0.3, 2.0, 3)
+    limits = np.deg2rad(rng.uniform(100, 170, 3)) if limited else None
+    reach, turn = lengths.sum() * rng.uniform(0.25, 0.9, (2, 2)), rng.uniform(-np.pi, np.pi, 2)
+    ends = [reach[0, i] * np.array([np.cos(turn[i]), np.sin(turn[i])]) for i in range(2)]
+    return pk.Arm.planar(lengths=lengths, masses=masses, position_limits=limits), ends
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("limited", [False, True])
+def test_no_way_through_the_grid_beats_the_plan_of_a_random_arm(seed, limited):
+    arm, ends = some_arm(seed, limited=limited)
+    problem = pk.Tracking(arm, pk.line(*ends, duration=1.0, samples=51), objectives=[pk.kinetic_energy])
+    try:
+        grid = grid_oracle(problem.task, resolution=0.06, quick=True).best
+    except Infeasible:
+        return
+    assert pk.plan(problem).best.objective < grid
+
+
+def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_grid():
+    @pk.objective(unit="J", form="integral")
+    def strict(motion):
+        if isinstance(motion.dq, np.ndarray) and np.isnan(motion.dq).any():
+            raise ValueError("nan given")
+        return motion.kinetic_energy
+
+    given = tringali_2021.problem(4, samples=51)
+    problem = pk.Tracking(given.task.arm, given.task.tasks, objectives=[strict], start=tringali_2021.START)
+    with pytest.raises(InvalidInput, match="functions that bear NaN in rates wanted, got ValueError: nan given"):
+        grid_oracle(problem.task, quick=True)
+    assert pk.plan(problem).best.objective < 1.001 * pk.plan(given).best.objective
+
+
+def test_a_grid_lets_a_joint_rest_that_may_not_move():
+    limits = pk.Limits(velocity=[0.0, 9.0, 9.0])
+    given = tringali_2021.problem(1, samples=26).task
+    task = pk.Tracking(given.arm, given.tasks, objectives=[pk.kinetic_energy], limits=limits, start=given.start).task
+    assert np.isfinite(windows_of(task, 0.1)).all()
+    assert (windows_of(task, 0.1) > 0).all()
+    assert windows_of(task, 0.1)[:, 0].max() < 1e-6
+
+
+@pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
+def test_optima_follow_the_path_within_the_limits_and_are_apart(name):
+    problem = getattr(tringali_2020, name)()
+    found = pk.plan(problem, seed=3)
+    for i, optimum in enumerate(found.optima):
+        motion = optimum.motion
+        assert optimum.status == "converged"
+        assert motion.tracking_error.max() <= 1e-10
+        assert problem.task.violations(motion).max(initial=-1.0) <= 1e-8
+        assert optimum.objective == pytest.approx(float(problem.task.objectives[0](motion)), rel=1e-12)
+        for other in found.optima[:i]:
+            assert joint_distance(problem.task, motion.q, other.motion.q) > 0.01
+
+
+def test_the_same_seed_gives_the_same_bits():
+    problem = tringali_2020.simulation_3()
+    first, second = (pk.plan(problem, seed=7, starts=12) for _ in range(2))
+    assert np.array_equal(first.best.motion.q, second.best.motion.q)
+
+
+def test_the_energy_optimum_under_limits_is_that_of_ipopt():
+    problem = tringali_2020.simulation_2()
+    best = pk.plan(problem).best
+    assert least_energy(problem.task, best.motion.q) == pytest.approx(best.objective, rel=1e-8)
+
+
+def test_torque_limits_hold_and_cost():
+    free = pk.plan(tringali_2020.simulation_3()).best
+    worst = np.abs(free.motion.torque).max()
+    arm, path = pk.arms.tringali_3r(), tringali_2020.straight()
+    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=0.9 * worst)
+    held = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm], limits=limits)).best
+    assert np.abs(held.motion.torque).max() <= 0.9 * worst * (1 + 1e-8)
+    assert held.objective > free.objective
+
+
+def test_a_given_start_stays_and_given_motions_are_starts():
+    arm, path = pk.arms.tringali_3r(), tringali_2020.straight(51)
+    free = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy])).optima[-1]
+    start = free.motion.q[0]
+    held = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], start=start))
+    assert np.array_equal(held.best.motion.q[0], start)
+    problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy])
+    found = pk.plan(problem, starts=1, initial=free.motion)
+    assert any(optimum.objective == pytest.approx(free.objective, rel=1e-9) for optimum in found.optima)
+
+
+def test_a_users_own_objective_is_planned_for_and_units_do_not_matter():
+    @pk.objective(unit="rad²/s", form="integral")
+    def effort(motion):
+        return np.linalg.norm(motion.dq, axis=-1) ** 2
+
+    @pk.objective(unit="", form="integral")
+    def million(motion):
+        return 1e6 * np.linalg.norm(motion.dq, axis=-1) ** 2
+
+    found = [
+        pk.plan(pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[o]))
+        for o in (effort, million)
+    ]
+    assert found[1].best.objective == pytest.approx(1e6 * found[0].best.objective, rel=1e-9)
+    assert len(found[0].optima) == len(found[1].optima)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"starts": 0}, "starts"),
+        ({"seed": -1}, "seed"),
+        ({"problem": "none"}, "Tracking"),
+        ({"problem": tringali_2020.energy_torque}, "kinetic_energy, torque_norm"),
+    ],
+)
+def test_what_cannot_be_planned_is_named(change, said):
+    problem = change.pop("problem", tringali_2020.simulation_1)
+    with pytest.raises(pk.InvalidInput, match=said):
+        pk.plan(problem() if callable(problem) else problem, **change)
+
+
+def test_limits_that_cannot_hold_are_named_with_joint_and_sample():
+    limits = pk.Limits(velocity=0.5)
+    problem = pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=[pk.kinetic_energy], limits=limits
+    )
+    with pytest.raises(pk.Infeasible, match=r"velocity of joint\d is exceeded by .* at sample \d+") as raised:
+        pk.plan(problem, starts=4)
+    assert raised.value.motion is not None
+    assert raised.value.limit.startswith("velocity of joint")
+
+
+def least_energy(task, q0):
+    """The energy optimum near q0 by IPOPT over all joint angles, with dynamics in absolute link angles."""
+    lengths = np.array([0.176, 0.176, 0.1375])
+    masses, centers = np.array([0.615, 0.615, 0.307]), np.array([0.0950, 0.0717, 0.0526])
+    inertias = np.array([0.001811, 0.003173, 0.002103])
+    samples, dt = len(task.times), task.times[1]
+    q = casadi.MX.sym("q", 3, samples)
+    energy, rows = 0, []
+    for i in range(samples):
+        phi = casadi.cumsum(q[:, i])
+        reach = casadi.vertcat(
+            casadi.sum1(lengths * casadi.cos(phi)) - task.targets[i, 0],
+            casadi.sum1(lengths * casadi.sin(phi)) - task.targets[i, 1],
+        )
+        rows.append(reach)
+        if i == 0:
+            continue
+        rate = casadi.cumsum((q[:, i] - q[:, i - 1]) / dt)
+        joint = [0, 0]
+        for k in range(3):
+            direction = [-casadi.sin(phi[k]), casadi.cos(phi[k])]
+            speed = [joint[a] + centers[k] * rate[k] * direction[a] for a in (0, 1)]
+            energy += dt * (masses[k] * (speed[0] ** 2 + speed[1] ** 2) + inertias[k] * rate[k] ** 2) / 2
+            joint = [joint[a] + lengths[k] * rate[k] * direction[a] for a in (0, 1)]
+    rate = (q[:, 1:] - q[:, :-1]) / dt
+    program = {"x": casadi.vec(q), "f": energy, "g": casadi.vertcat(*rows, casadi.vec(rate))}
+    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-10, "ipopt.bound_relax_factor": 0.0}
+    solver = casadi.nlpsol("solver", "ipopt", program, quiet)
+    speed = tringali_2020.VELOCITY * np.ones(3 * (samples - 1))
+    low, high = np.concatenate([np.zeros(2 * samples), -speed]), np.concatenate([np.zeros(2 * samples), speed])
+    bound = np.tile(tringali_2020.POSITION, samples)
+    return float(solver(x0=q0.ravel(), lbx=-bound, ubx=bound, lbg=low, ubg=high)["f"])
