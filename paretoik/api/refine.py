@@ -9,6 +9,7 @@ import numpy as np
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput
+from paretoik.formulations.protocol import require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.compiled.interior_point import Rules
@@ -52,6 +53,8 @@ def refine(front: Front, problem: Any = None, *, observe: Observed | None = None
     problem = front.problem if problem is None else problem
     if isinstance(problem, SmoothProblem):
         return _smooth_refined(front, problem, observe)
+    if problem is not None:
+        require_program("refine", problem)
     if problem is None or front.motions is None:
         raise InvalidInput("refine: a front with its motions and its problem wanted; refine(front, problem) names it")
     task = task_of("refine", problem)
@@ -257,6 +260,7 @@ class SmoothImprover:
 
 def task_of(verb: str, problem: Any) -> MotionTask:
     """Return what a ``Tracking`` asks for; raise InvalidInput, naming the verb, for other problems."""
+    require_program(verb, problem)
     task = getattr(problem, "task", None)
     if not isinstance(task, MotionTask):
         raise InvalidInput(f"{verb}: a Tracking problem wanted, got {type(problem).__name__}")

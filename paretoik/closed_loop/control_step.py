@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.robot.kinematics import link_nodes
+from paretoik.task.distances import clearance
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import clearance
 from paretoik.task.retraction import task_errors
 
 HISTORY = 3  # configurations before a step: enough for a jerk

@@ -17,8 +17,9 @@ from paretoik.closed_loop.control_step import HISTORY, reach_by_joint, rotation_
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
+from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere, distance_components
+from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 from paretoik.task.path import Path
 from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 
@@ -103,7 +104,7 @@ def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> 
 def trace_distances(task: MotionTask, groups: Sequence[Sequence[Obstacle]]) -> Evaluator:
     """Return the evaluator, from joint positions, of the distance [m] of the arm's axes to each group of obstacles.
 
-    It is that of ``task/obstacles`` as far as it is positive; where the arm meets an obstacle, at most 0; inf for none.
+    It is that of ``task/distances`` as far as it is positive; where the arm meets an obstacle, at most 0; inf for none.
     """
     motion = trace_sample(task)
     nodes = [motion.links[..., axis] for axis in range(3)]

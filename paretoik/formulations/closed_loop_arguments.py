@@ -11,7 +11,7 @@ from paretoik.closed_loop.control_step import describe_nearest_obstacle, excess_
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
-from paretoik.robot.pose import finite_array
+from paretoik.inputs import finite_array
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask
 

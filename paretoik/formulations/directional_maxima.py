@@ -28,9 +28,9 @@ from paretoik.capability.directional import unit_directions
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Stance, Stances
 from paretoik.formulations.violations import explained
+from paretoik.inputs import finite_array
 from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 

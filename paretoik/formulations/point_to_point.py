@@ -26,9 +26,9 @@ from paretoik.capability.timing import Timing, timed
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.initial_paths import Ways, ways
 from paretoik.formulations.violations import explained
+from paretoik.inputs import finite_array
 from paretoik.pareto.refine import Sketch
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract

@@ -17,7 +17,7 @@ from paretoik.nlp.criticality import Criticality, criticality
 from paretoik.pareto.exchange_rates import ACTIVE, COUNTS, exchange_intervals, exchange_rates, weight_ratios
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.linearisation import Linearised, linearised
+from paretoik.trajectory.linearisation import MotionLinearisation, linearise
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 BETWEEN = 4  # times finer than the samples
@@ -57,13 +57,13 @@ def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " 
 
 
 def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tuple[Criticality, str, np.ndarray]:
-    at, count = linearised(program, q), len(ranges)
-    radius = np.sqrt(at.unknowns / at.normal.shape[2])
+    at, count = linearise(program, q), len(ranges)
+    radius = at.unit
     bounded = np.flatnonzero(np.isfinite(program.upper))
     constraints = Constraints(
         unknowns=at.unknowns,
-        values=np.concatenate([at.gaps, program.upper[bounded] - at.values.totals[bounded]]),
-        jacobian=sparse.csr_array(sparse.vstack([at.slopes, sparse.csr_array(-at.gradients[bounded])])),
+        values=np.concatenate([at.inequalities, program.upper[bounded] - at.objectives[bounded]]),
+        jacobian=sparse.csr_array(sparse.vstack([at.jacobian, sparse.csr_array(-at.gradients[bounded])])),
         cones=at.cones,
     )
     found = criticality(at.gradients[:count] / ranges[:, None], constraints, radius)
@@ -72,16 +72,18 @@ def _certified(program: MotionProgram, q: np.ndarray, ranges: np.ndarray) -> tup
     return found, _status(at, found, constraints, ranges, radius) if critical else "undetermined", ratios
 
 
-def _status(at: Linearised, found: Criticality, constraints: Constraints, ranges: np.ndarray, radius: float) -> str:
+def _status(
+    at: MotionLinearisation, found: Criticality, constraints: Constraints, ranges: np.ndarray, radius: float
+) -> str:
     """Return whether the curvature on the critical cone says minimum or saddle."""
-    count, limits = len(ranges), len(at.gaps)
+    count, limits = len(ranges), len(at.inequalities)
     counts = found.weights >= COUNTS
     strong = found.multipliers > COUNTS
     weak = ~strong & (constraints.values <= ACTIVE)
     factors = np.zeros(len(at.program.totals))
     factors[:count] = found.weights / ranges
     factors[np.isfinite(at.program.upper)] += found.multipliers[limits:]
-    table = at.curvature(factors, found.multipliers[:limits], found.cone_multipliers).toarray()
+    table = at.hessian(factors, found.multipliers[:limits], found.cone_multipliers).toarray()
     held = [at.gradients[:count][counts] / ranges[counts, None], constraints.jacobian[strong].toarray()]
     for cone, pull in zip(at.cones, found.cone_multipliers, strict=True):
         slope, bent = _length(cone, at.gradients.shape[1])
@@ -131,15 +133,15 @@ def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
     return top - slope, (rows.T @ rows - slope.T @ slope) / size
 
 
-def _dominated(at: Linearised, direction: np.ndarray, count: int) -> bool:
+def _dominated(at: MotionLinearisation, direction: np.ndarray, count: int) -> bool:
     """Return whether a step along a direction gives a motion within the limits that is better in every objective."""
     task = at.program.task
     for length in STEPS:
-        moved = at.q + length * at.displacement(direction)
+        moved = at.x + length * at.displacement(direction)
         if task.cyclic:
             moved[-1] = moved[0]
         motion = task.motion(task.motion(moved).at(task.times))
         values = np.array([float(o(motion)) * o.sign for o in task.objectives])
-        if np.all(values < at.values.totals[:count]) and task.violations(motion).max(initial=0.0) <= 1e-8:
+        if np.all(values < at.objectives[:count]) and task.violations(motion).max(initial=0.0) <= 1e-8:
             return True
     return False

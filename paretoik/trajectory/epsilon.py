@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.task.motion_task import MotionTask
@@ -22,7 +23,7 @@ from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import level_programs, refine_levels
 from paretoik.trajectory.plan import find_optima
-from paretoik.trajectory.polish import polish
+from paretoik.trajectory.polish import check_solver, polish
 from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
 
 YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
@@ -54,6 +55,7 @@ def epsilon_points(
     starts: int,
     seed: int,
     observe: Callable[[int, int], object] | None = None,
+    solver: Solver = "auto",
 ) -> Points:
     """Return at least two and at most about ``points`` motions spread over the front, its ends among them.
 
@@ -63,8 +65,9 @@ def epsilon_points(
 
     Raises as ``find_optima`` does.
     """
-    pool, best, ranges = _alone(task, starts=starts, seed=seed)
-    programs = level_programs(task, ranges)
+    check_solver(task, solver)
+    pool, best, ranges = _alone(task, starts=starts, seed=seed, solver=solver)
+    programs = level_programs(task, ranges, solver)
     ends = _ends(programs[-1], best)
     between = _between(programs, initial_motions(task, starts=-(-starts // 2), seed=seed), ends)
     found = _Found(programs[-1], np.concatenate([pool, *(got.x for got in between)]), ends, ranges, observe, points)
@@ -164,13 +167,17 @@ def polished_points(
     q: Float[np.ndarray, "points time dof"],
     ranges: np.ndarray,
     observe: Callable[[int, int], object] | None = None,
+    solver: Solver = "auto",
 ) -> Solutions:
     """Return motions that are at least as good as given ones in every objective, each from its own given motion.
 
     The first objective is minimised, the others may not rise. ``sums`` are divided by the ranges. ``observe`` is called
     with motions done and wanted; where it returns true, the rest is left out.
+
+    Raises InvalidInput where an objective or a limit has no derivative, or a kink for interior points.
     """
-    program, count = motion_program(task, ranges), len(ranges)
+    check_solver(task, solver)
+    program, count = motion_program(task, ranges, solver), len(ranges)
     motions = task.motion(q)
     values = np.stack([o(motions) * o.sign for o in task.objectives], axis=1) / ranges
     factors, caps = np.zeros((1, len(program.totals))), np.full((len(q), len(program.totals)), np.inf)
@@ -189,11 +196,11 @@ def polished_points(
     return concatenate(parts)
 
 
-def _alone(task: MotionTask, *, starts: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _alone(task: MotionTask, *, starts: int, seed: int, solver: Solver) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (motions to start from, the best of each objective alone, ranges of the objectives)."""
     pool, best = [], []
     for objective in task.objectives:
-        plan = find_optima(replace(task, objectives=(objective,)), starts=starts, seed=seed)
+        plan = find_optima(replace(task, objectives=(objective,)), starts=starts, seed=seed, solver=solver)
         pool += [optimum.motion.q for optimum in plan.optima[:POOL]]
         best.append(plan.best.motion.q)
     motions = task.motion(np.stack(best))

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible
 from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.polish import polish, within_limits
@@ -61,10 +62,12 @@ def coarsest_level(task: MotionTask) -> MotionTask:
     return task.subsample(level_samples(len(task.times))[0])
 
 
-def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> list[MotionProgram]:
+def level_programs(
+    task: MotionTask, scales: Float[np.ndarray, " n_obj"], solver: Solver = "auto"
+) -> list[MotionProgram]:
     """Return the programs of all levels, coarse to fine, the task's own last, objectives divided by ``scales``."""
     coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[:-1]]
-    return [motion_program(level, scales) for level in (*coarser, task)]
+    return [motion_program(level, scales, solver) for level in (*coarser, task)]
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:

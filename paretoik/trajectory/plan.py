@@ -11,12 +11,14 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import STATUSES, Solutions
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import sample_starts
 from paretoik.trajectory.levels import OPTIONS, Observe, coarsest_level, level_programs, objective_scales, refine_levels
+from paretoik.trajectory.polish import check_solver
 from paretoik.trajectory.restarts import RestartPolicy, disturb_best
 
 
@@ -50,6 +52,7 @@ def find_optima(
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None = None,
     observe: Observe | None = None,
+    solver: Solver = "auto",
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
@@ -60,15 +63,16 @@ def find_optima(
     best perturbed at random, as long as better ones come of it. ``initial`` motions on the path are starts too.
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
-    Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
-    motion; Infeasible with the least-violating motion where none keeps the limits; SolverFailed where limits hold but
-    no start converged.
+    Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
+    OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
+    limits; SolverFailed where limits hold but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
+    check_solver(task, solver)
     level, rng = coarsest_level(task), np.random.default_rng(seed)
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
-    programs = level_programs(task, objective_scales(task, q))
+    programs = level_programs(task, objective_scales(task, q), solver)
     policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
     solutions, levels = refine_levels(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy

@@ -1,7 +1,7 @@
 """Polishing motions: a batch of starts to their local optima.
 
-The compiled interior-point method takes programs whose totals are sums of smooth functions of a sample; sequential
-quadratic programming takes all others.
+The compiled interior-point method takes programs whose totals are sums of smooth functions of a sample, unless another
+solver is wanted; sequential quadratic programming takes all.
 """
 
 from __future__ import annotations
@@ -9,16 +9,21 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.errors import InvalidInput
+from paretoik.nlp import sqp
 from paretoik.nlp.compiled.interior_point import CONVERGED, STUCK, Rules, minimise
+from paretoik.nlp.program import Goal, Solver
 from paretoik.nlp.solutions import Solutions
-from paretoik.trajectory.sequential import sequential
-from paretoik.trajectory.transcription import MotionProgram
+from paretoik.nlp.sqp import SqpOptions
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 
 def polish(
@@ -27,19 +32,26 @@ def polish(
     factors: Float[np.ndarray, "#motions totals"],
     caps: Float[np.ndarray, "#motions totals"] | None = None,
     rules: Rules | Sequence[Rules] = Rules(),
+    *,
+    solver: Solver | None = None,
 ) -> Solutions:
     """Return the local optima of Σ factors · totals, the totals below ``caps``, that starts on the path lead to.
 
     Every start goes its own way, whatever else is in the batch; ``rules`` are for all, or one a start. The program's
-    own caps hold as well.
+    own caps hold as well, and its own solver is taken where none is given.
+
+    Raises InvalidInput where interior points are wanted for a program with kinks.
     """
+    if solver is not None:
+        check_solver(program.task, solver)
+        program = replace(program, solver=solver)
     count, q = len(q), program.project(q)
     each = [rules] * count if isinstance(rules, Rules) else list(rules)
     weights = np.broadcast_to(factors, (count, len(program.totals)))
     below = np.broadcast_to(np.inf if caps is None else caps, (count, len(program.totals)))
     below = np.minimum(below, program.upper)
-    solver = _compiled if program.is_smooth else _general
-    found = solver(program, q, weights, below, each)
+    minimise_batch = _general if program.kernel is None else _compiled
+    found = minimise_batch(program, q, weights, below, each)
     if program.task.ends_at_rest:
         # How the last sample follows is known up to the path's own last step: below that no step makes it better.
         near = (found.status == STUCK) & (found.stationarity <= program.rounding) & (found.violation <= 1e-8)
@@ -47,6 +59,18 @@ def polish(
     if program.task.start is not None:
         found.x[:, 0] = program.task.start  # to the bit: leading back to the path may have rounded it
     return found
+
+
+def check_solver(task: MotionTask, solver: Solver) -> None:
+    """Raise InvalidInput for a solver that is unknown, or that cannot take a task, naming what has kinks."""
+    if solver not in get_args(Solver):
+        raise InvalidInput(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
+    if solver != "interior-point" or motion_program(task).is_smooth:
+        return
+    alone = [(each.name, replace(task, objectives=(each,), constraints=())) for each in task.objectives]
+    alone += [(each.name, replace(task, objectives=(), constraints=(each,))) for each in task.constraints]
+    kinked = ", ".join(name for name, part in alone if not motion_program(part).is_smooth)
+    raise InvalidInput(f"solver: 'interior-point' wants smooth functions, {kinked or 'a limit'} has kinks: take 'sqp'")
 
 
 def within_limits(
@@ -99,17 +123,21 @@ os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come alo
 def _general(
     program: MotionProgram, q: np.ndarray, weights: np.ndarray, below: np.ndarray, rules: Sequence[Rules]
 ) -> Solutions:
-    found = [
-        sequential(
-            program, motion, factors, caps, radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance
+    rows = np.eye(len(program.totals))
+    solutions = [
+        sqp.minimise(
+            program,
+            motion,
+            Goal(weights=weight, rows=rows, upper=upper),
+            SqpOptions(radius=rule.radius, iterations=rule.iterations, tolerance=rule.tolerance),
         )
-        for motion, factors, caps, rule in zip(q, weights, below, rules, strict=True)
+        for motion, weight, upper, rule in zip(q, weights, below, rules, strict=True)
     ]
     return Solutions(
-        x=np.array([one.q for one in found]).reshape(q.shape),
-        status=np.array([one.status for one in found], dtype=int),
-        iterations=np.array([one.iterations for one in found], dtype=int),
-        objectives=np.array([one.totals for one in found]).reshape(len(q), len(program.totals)),
-        stationarity=np.array([one.stationarity for one in found], dtype=float),
-        violation=np.array([one.violation for one in found], dtype=float),
+        x=np.array([one.x for one in solutions]).reshape(q.shape),
+        status=np.array([one.status for one in solutions], dtype=int),
+        iterations=np.array([one.iterations for one in solutions], dtype=int),
+        objectives=np.array([one.objectives for one in solutions]).reshape(len(q), len(program.totals)),
+        stationarity=np.array([one.stationarity for one in solutions], dtype=float),
+        violation=np.array([one.violation for one in solutions], dtype=float),
     )

@@ -22,6 +22,7 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
+from paretoik.nlp.program import Linearisation, Solver
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import limit_ranges as widths
 from paretoik.task.motion_task import MotionTask
@@ -56,6 +57,7 @@ class MotionProgram:
     ``track`` path equations and their Jacobian. ``limited`` (limits, 2) are the variable, or the row beyond those, and
     the sample that each limit bounds at ``bounds``, from below where its side is 1, and whose violations are shares of
     ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``.
+    ``solver`` is the one that refines it.
     """
 
     task: MotionTask
@@ -83,11 +85,17 @@ class MotionProgram:
     ranges: Float[np.ndarray, " limits"]
     kinks: int
     wholes: tuple[Whole, ...]
+    solver: Solver = "auto"
 
     @property
     def is_smooth(self) -> bool:
         """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
         return not (self.slacks or self.peaks or self.wholes)
+
+    @property
+    def elastic(self) -> int:
+        """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
+        return len(self.sides) - self.kinks
 
     @property
     def upper(self) -> Float[np.ndarray, " totals"]:
@@ -98,6 +106,14 @@ class MotionProgram:
     def objective_names(self) -> tuple[str, ...]:
         """Names of the totals, the task's objectives first."""
         return tuple(total.name for total in self.totals)
+
+    @property
+    def inequality_names(self) -> tuple[str, ...]:
+        """Names of the limits, each a function of a sample; see ``limited``."""
+        kinds = [f"{order} of {joint}" for order in ORDERS for joint in self.task.arm.joint_names]
+        simple = kinds[: len(self.stencil.weights) * self.task.arm.dof]
+        names = [*simple, *[""] * (len(self.variables) - len(simple)), *self.rows]
+        return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
     def rounding(self) -> float:
@@ -112,6 +128,21 @@ class MotionProgram:
             q[:, 0] = self.task.start
         return q
 
+    def evaluate(
+        self, x: Float[np.ndarray, "time dof"]
+    ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
+        """Return F, h, which is empty, motions being on the path, and c, the limits divided by their ranges."""
+        from paretoik.trajectory.evaluation import evaluate  # here: it builds on this file
+
+        values = evaluate(self, x)
+        return values.objectives, np.zeros(0), values.inequalities
+
+    def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
+        """Return the program to first order at a motion on the path."""
+        from paretoik.trajectory.linearisation import linearise  # here: it builds on this file
+
+        return linearise(self, x)
+
     def distance(
         self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
     ) -> Float[np.ndarray, " others"]:
@@ -120,8 +151,8 @@ class MotionProgram:
 
     @property
     def kernel(self) -> Compiled | None:
-        """The program as compiled code takes it, None with kinks; each has registers of its own: one for a thread."""
-        if not self.is_smooth:
+        """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
+        if not self.is_smooth or self.solver == "sqp":
             return None
         return Compiled(
             value=self.value.arrays,
@@ -164,8 +195,10 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
     return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
-def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
-    """Return the nonlinear program of a task, its objectives divided by ``divisors``.
+def motion_program(
+    task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None, solver: Solver = "auto"
+) -> MotionProgram:
+    """Return the nonlinear program of a task, its objectives divided by ``divisors``, which ``solver`` refines.
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
@@ -210,6 +243,7 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
         ranges=ranges,
         kinks=ties * samples,
         wholes=tuple(asked.wholes),
+        solver=solver,
     )
 
 

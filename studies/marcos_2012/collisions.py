@@ -8,7 +8,7 @@ import numpy as np
 
 from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.obstacles import clearance
+from paretoik.task.distances import clearance
 from problems import marcos_2012
 from studies.reporting import Row
 

@@ -62,7 +62,7 @@ def test_what_is_suggested_is_better_than_where_it_came_from():
 def test_only_a_tracking_problem_is_refined():
     from pymoo.problems import get_problem
 
-    with pytest.raises(pk.InvalidInput, match="refine: a Tracking problem wanted"):
+    with pytest.raises(pk.InvalidInput, match="refine: a problem with gradients wanted"):
         pk.solve(get_problem("zdt1"), population=20, generations=2, refine=True)
 
 

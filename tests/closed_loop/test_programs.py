@@ -7,7 +7,8 @@ from paretoik.closed_loop.programs import bounding_balls, trace_distances
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance
+from paretoik.task.distances import clearance
+from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
 from problems import marcos_2012
 from tests.closed_loop.postures import posture
 

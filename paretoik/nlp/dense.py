@@ -1,0 +1,158 @@
+"""Small dense programs, along the null space of their equalities.
+
+A step goes along an orthonormal basis of the null space of the equalities' Jacobian; Gauss–Newton steps with that
+Jacobian's pseudoinverse lead back to the equalities. Source: Nocedal & Wright, Numerical Optimization, section 15.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+
+from paretoik.errors import EvaluationFailed
+from paretoik.nlp.conic import dense_rows
+from paretoik.nlp.traced import Rows
+
+RETRACTIONS = 6  # Gauss–Newton steps with one Jacobian
+EQUALITY_TOLERANCE = 1e-13  # of an equality that holds
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DenseProgram:
+    """Equalities and inequalities of unknowns z, and objectives F = costs · z."""
+
+    rows: Rows
+    costs: Float[np.ndarray, "objectives unknowns"]
+    objective_names: tuple[str, ...] = ()
+    inequality_names: tuple[str, ...] = ()
+    kernel: Any = None
+
+    @property
+    def upper(self) -> Float[np.ndarray, " objectives"]:
+        """Upper bounds of the objectives: none."""
+        return np.full(len(self.costs), np.inf)
+
+    def evaluate(
+        self, x: Float[np.ndarray, " unknowns"]
+    ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
+        """Return F, h and c."""
+        equalities, inequalities = self.rows.rows(x)
+        return self.costs @ x, equalities, inequalities
+
+    def linearise(self, x: Float[np.ndarray, " unknowns"]) -> DenseLinearisation:
+        """Return the program to first order at a point.
+
+        Raises EvaluationFailed where a row or a derivative is not finite, or too few unknowns move the equalities.
+        """
+        equalities, inequalities = self.rows.rows(x)
+        jacobian = self.rows.jacobian(x)
+        if not all(np.isfinite(part).all() for part in (equalities, inequalities, jacobian)):
+            raise EvaluationFailed("program: finite rows and derivatives wanted, got others")
+        basis, pseudoinverse = null_space(jacobian[: len(equalities)])
+        return DenseLinearisation(
+            program=self,
+            x=x,
+            objectives=self.costs @ x,
+            equalities=equalities,
+            inequalities=inequalities,
+            basis=basis,
+            pseudoinverse=pseudoinverse,
+            gradients=self.costs @ basis,
+            inequality_jacobian=jacobian[len(equalities) :],
+            jacobian=dense_rows(jacobian[len(equalities) :] @ basis),
+        )
+
+    def distance(
+        self, x: Float[np.ndarray, " unknowns"], others: Float[np.ndarray, "others unknowns"]
+    ) -> Float[np.ndarray, " others"]:
+        """Return the Euclidean distance of a point from others."""
+        return np.asarray(np.linalg.norm(others - x, axis=-1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DenseLinearisation:
+    """A dense program to first order at z: a step y leads along ``basis`` (unknowns, columns), to z + basis · y."""
+
+    program: DenseProgram
+    x: Float[np.ndarray, " unknowns"]
+    objectives: Float[np.ndarray, " objectives"]
+    equalities: Float[np.ndarray, " equalities"]
+    inequalities: Float[np.ndarray, " inequalities"]
+    basis: Float[np.ndarray, "unknowns columns"]
+    pseudoinverse: Float[np.ndarray, "unknowns equalities"]
+    gradients: Float[np.ndarray, "objectives columns"]
+    inequality_jacobian: Float[np.ndarray, "inequalities unknowns"]
+    jacobian: sparse.csr_array
+    cones: tuple[()] = ()
+    unit: float = 1.0
+
+    @property
+    def columns(self) -> int:
+        """Number of entries of a step."""
+        return self.basis.shape[1]
+
+    @property
+    def unknowns(self) -> int:
+        """Number of entries of a step that the trust region bounds: all."""
+        return self.basis.shape[1]
+
+    @property
+    def elastic(self) -> int:
+        """Number of inequalities that may be violated on the way: all."""
+        return len(self.inequalities)
+
+    def hessian(
+        self,
+        weights: Float[np.ndarray, " objectives"],
+        multipliers: Float[np.ndarray, " inequalities"],
+        cone_multipliers: Sequence[np.ndarray] = (),
+    ) -> sparse.csr_array:
+        """Return the Hessian (columns, columns) of the Lagrangian along the basis."""
+        assert not cone_multipliers, "dense programs have no cones"
+        gradient = weights @ self.program.costs - multipliers @ self.inequality_jacobian
+        equality_multipliers = -self.pseudoinverse.T @ gradient
+        hessian = self.program.rows.curvature(self.x, np.concatenate([equality_multipliers, -multipliers]))
+        return dense_rows(self.basis.T @ hessian @ self.basis)
+
+    def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:
+        """Return the point that a step leads to, back on the equalities, or nearer to them; None if not finite."""
+        x = self.x + self.basis @ step
+        for _ in range(RETRACTIONS):
+            equalities = self.program.rows.rows(x)[0]
+            if not np.isfinite(equalities).all():
+                return None
+            if float(np.abs(equalities).max(initial=0.0)) < EQUALITY_TOLERANCE:
+                break
+            x = x - self.pseudoinverse @ equalities
+        return x if np.isfinite(x).all() else None
+
+    def corrected_inequalities(
+        self, step: Float[np.ndarray, " columns"], x: Float[np.ndarray, " unknowns"]
+    ) -> Float[np.ndarray, " inequalities"]:
+        """Return c at the point x that a step led to."""
+        return self.program.rows.rows(x)[1]
+
+
+def null_space(
+    jacobian: Float[np.ndarray, "equalities unknowns"],
+) -> tuple[Float[np.ndarray, "unknowns columns"], Float[np.ndarray, "unknowns equalities"]]:
+    """Return an orthonormal basis of the null space and the pseudoinverse, by QR decomposition.
+
+    Unknowns in no equality stay by themselves. Raises EvaluationFailed where too few unknowns move the equalities.
+    """
+    rows, size = jacobian.shape
+    used = jacobian.any(axis=0)
+    count = int(np.count_nonzero(used))
+    if count < rows:
+        raise EvaluationFailed(f"program: {rows} unknowns that move its equalities wanted, got {count}")
+    orthogonal, upper = np.linalg.qr(jacobian[:, used].T, mode="complete")
+    basis, pseudoinverse = np.zeros((size, size - rows)), np.zeros((size, rows))
+    basis[used, : count - rows] = orthogonal[:, rows:]
+    basis[~used, count - rows :] = np.eye(size - count)
+    pseudoinverse[used] = np.linalg.lstsq(upper[:rows], orthogonal[:, :rows].T, rcond=None)[0].T
+    return basis, pseudoinverse
