@@ -19,7 +19,7 @@ from paretoik.search.compiled.sorted_points import first_front, locate, merge_ch
 from paretoik.search.compiled.two_objectives import insertion_distances, keep_farthest, select_by_rank
 
 
-@compiled
+@compiled(what="the search of a control step", seconds=15)
 def search(seed, step, generations, options, start, objectives, constraints, w, warm_start):
     """Search one step; return how many of the last population in the workspace have not failed.
 

@@ -13,7 +13,7 @@ from paretoik.closed_loop.step_minimisers import minimise_along, nelder_mead, ne
 from paretoik.compilation import compiled
 
 
-@compiled
+@compiled(what="the exact control step", seconds=10)
 def best_steps(targets, weight, options, s, q):
     """Write the joint positions (time, dof) of the best steps from the first; return how many samples they reach."""
     for k in range(1, targets.shape[0]):

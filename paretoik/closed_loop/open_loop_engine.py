@@ -10,7 +10,7 @@ from paretoik.search.compiled.random_streams import next_bits, seed_stream, unif
 from paretoik.search.compiled.sorted_points import merge_sort
 
 
-@compiled
+@compiled(what="the search for a start posture", seconds=5)
 def search_posture(seed, options, lower, upper, evaluator, w):
     """Search joint positions with the least task error; return the violation of the clearance of the best.
 

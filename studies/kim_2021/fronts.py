@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.capability.timing import timed
+from paretoik.capability.timing import minimum_timing
 from paretoik.nlp.dense_sqp import Caps
 from paretoik.pareto.refine import least
 from paretoik.review.palette import PAPER
@@ -84,7 +84,7 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
     genes = np.array(front.genes)
     q, sliders, _ = problem.profiles(genes)
     fine = problem.ways.finer(AGAIN)
-    again = timed(problem.arm, problem.actuation, fine @ q, fine @ sliders)
+    again = minimum_timing(problem.arm, problem.actuation, fine @ q, fine @ sliders)
     sketch, near = problem.sketch(), problem.unknowns(genes)
     arrival = printed()["Figure 8", name[:3], "arrival"]
     caps = Caps(rows=sketch.costs[:1], most=np.array([arrival]))
