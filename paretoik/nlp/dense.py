@@ -30,6 +30,11 @@ class DenseProgram:
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()
     kernel: Any = None
+    rounding: float = 0.0
+
+    def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
+        """Return the points as they are."""
+        return x
 
     @property
     def upper(self) -> Float[np.ndarray, " objectives"]:

@@ -34,6 +34,7 @@ class Goal:
     upper: Float[np.ndarray, " bounds"]
 
 
+@runtime_checkable
 class Linearisation(Protocol):
     """A program to first order at a point, in columns: a step along the equalities, then auxiliary variables.
 
@@ -79,12 +80,20 @@ class Linearisation(Protocol):
 
 @runtime_checkable
 class Program(Protocol):
-    """A nonlinear program; ``kernel`` is what compiled solvers take, None where F or c has kinks."""
+    """A nonlinear program.
+
+    ``upper`` are its own bounds on F, ``kernel`` is what compiled solvers take, None where F or c has kinks;
+    stationarity up to ``rounding`` cannot be told from none.
+    """
 
     objective_names: tuple[str, ...]
     inequality_names: tuple[str, ...]
     upper: Float[np.ndarray, " objectives"]
     kernel: Any
+    rounding: float
+
+    def project(self, x: Points) -> Points:
+        """Return points with what no step changes put right: a given start, a last step at rest."""
 
     def evaluate(
         self, x: Point

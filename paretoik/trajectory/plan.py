@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.nlp.minimise import check_solver
+from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import STATUSES, Solutions
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
@@ -49,6 +51,7 @@ def find_optima(
     starts: int,
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None = None,
+    solver: Solver = "auto",
     observe: Observe | None = None,
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
@@ -69,12 +72,13 @@ def find_optima(
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
     programs = level_programs(task, objective_scales(task, q))
+    check_solver(programs[-1], solver)
     policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
     solutions, levels = refine_levels(
-        programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy
+        programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
-        solutions = disturb_best(programs[-1], solutions)
+        solutions = disturb_best(programs[-1], solutions, solver)
     return Plan(optima=_optima(task, solutions), levels=levels)
 
 

@@ -49,7 +49,7 @@ class Slopes:
 class MotionProgram:
     """Everything that a solver needs of a MotionTask.
 
-    ``totals`` are the numbers of a whole motion: the objectives, divided by their divisors, then bounded ones.
+    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones.
     ``inputs`` (rows, time) has a row for each input of the programs: u first, then what is known, and at
     ``multipliers`` those of path equations, sums and rows. ``variables`` says which rows u, v and σ are: there are
     ``slacks`` v and ``peaks`` σ. ``slack`` gives v where it is what it stands for. ``value`` gives sums and rows;
@@ -60,6 +60,7 @@ class MotionProgram:
     """
 
     task: MotionTask
+    scales: Float[np.ndarray, " n_obj"]
     stencil: Stencil
     totals: tuple[Total, ...]
     inputs: Float[np.ndarray, "inputs time"]
@@ -165,14 +166,15 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
     return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
-def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
-    """Return the nonlinear program of a task, its objectives divided by ``divisors``.
+def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
+    """Return the nonlinear program of a task, its objectives divided by ``scales``.
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
     if task.stops and task.differences == "central":
         raise InvalidInput("end_velocity=0: differences='backward' is wanted where motions are polished, got 'central'")
-    shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
+    divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
+    shares = 1.0 / divisors
     asked = functions(task, shares)
     path = _path(asked)
     known = _derived(asked, path)
@@ -187,6 +189,7 @@ def motion_program(task: MotionTask, divisors: Sequence[float] | np.ndarray | No
     limited, sides, limits, ranges = _limits(task, orders, extra, bounds)
     return MotionProgram(
         task=task,
+        scales=divisors,
         stencil=stencil(task, orders),
         totals=tuple(asked.totals),
         inputs=inputs,
