@@ -28,13 +28,11 @@ from .front.front import Front as Front
 from .front.preferences import Weights as Weights
 from .resolution import methods as methods
 from .resolution.resolve import resolve as resolve
-from .resolution.traces import ResolvedMotion as ResolvedMotion
 from .robot import arms as arms
 from .robot.arm import Arm as Arm
 from .robot.pose import Pose as Pose
 from .robot.urdf import check_robot as check_robot
 from .search.ask_tell import Search as Search
-from .search.maximin import MaxiMin as MaxiMin
 from .search.nsga2 import MaxiMinNSGA2 as MaxiMinNSGA2
 from .task import obstacles as obstacles
 from .task.limits import Limits as Limits

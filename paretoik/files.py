@@ -1,4 +1,4 @@
-"""Files that no reader ever sees half of."""
+"""Files that are replaced whole, so that no reader sees a part of one."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from paretoik.errors import InvalidInput
 
 
 def replace_file(file: Path, content: bytes) -> None:
-    """Write ``content`` beside ``file`` and put it in its place; missing folders are made.
+    """Write ``content`` into a temporary file and rename it to ``file``; create missing folders.
 
     Raises
     ------
     InvalidInput
-        The system refuses, for instance because the disk is full; what was there before is untouched.
+        The system refuses, for instance because the disk is full; the former file is unchanged.
     """
     part = file.with_name(f".{file.name}.{os.getpid()}")
     try:

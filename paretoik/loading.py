@@ -35,11 +35,11 @@ def load_problem(reference: str) -> Any:
         raise InvalidInput(
             f"problem: wanted FILE.py:NAME or package.module:NAME, got {reference!r} ('paretoik list' shows names)"
         )
-    module = _module(place)
-    found = getattr(module, name, None)
-    if found is None:
-        raise InvalidInput(f"problem {reference!r}: wanted one that {place} has, {_choices(module, name)}")
-    problem = found if _is_problem(found) or not callable(found) else _made(found, module, reference)
+    module = _import_module(place)
+    value = getattr(module, name, None)
+    if value is None:
+        raise InvalidInput(f"problem {reference!r}: wanted one that {place} has, {_list_names(module, name)}")
+    problem = value if _is_problem(value) or not callable(value) else _call(value, module, reference)
     if not _is_problem(problem):
         raise InvalidInput(
             f"problem {reference!r}: wanted a pymoo problem or a function that returns one, got {problem!r}"
@@ -57,10 +57,12 @@ def problems_in(place: str) -> dict[str, str]:
     InvalidInput
         As in ``load_problem``.
     """
-    return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in _offered(_module(place)).items()}
+    return {
+        name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in _offers(_import_module(place)).items()
+    }
 
 
-def _module(place: str) -> ModuleType:
+def _import_module(place: str) -> ModuleType:
     path = Path(place)
     root, dotted = Path.cwd(), place
     if path.suffix == ".py":
@@ -81,7 +83,7 @@ def _module(place: str) -> ModuleType:
         raise InvalidInput(f"problem file {place}: wanted to load it, got no module {missing!r} installed") from error
     except (Exception, SystemExit) as error:  # a user's file may raise anything
         file = str(path.resolve()) if path.suffix == ".py" else None
-        raise InvalidInput(f"problem file {place}: wanted to load it, got {_said(error, file)}") from error
+        raise InvalidInput(f"problem file {place}: wanted to load it, got {_summary(error, file)}") from error
 
 
 def _root_and_name(path: Path) -> tuple[Path, str]:
@@ -104,20 +106,20 @@ def _refuse_clash(root: Path, package: str) -> None:
         )
 
 
-def _choices(module: ModuleType, name: str) -> str:
-    offered = list(_offered(module))
+def _list_names(module: ModuleType, name: str) -> str:
+    offered = list(_offers(module))
     near = get_close_matches(name, offered, n=1)
-    meant = f"; did you mean {near[0]!r}?" if near else ""
-    return f"{', '.join(offered) or 'none'}, got {name!r}{meant}"
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"{', '.join(offered) or 'none'}, got {name!r}{hint}"
 
 
-def _offered(module: ModuleType) -> dict[str, Any]:
+def _offers(module: ModuleType) -> dict[str, Any]:
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     return {name: value for name, value in public.items() if _is_problem(value) or _makes_problem(value, module)}
 
 
 def _makes_problem(value: object, module: ModuleType) -> bool:
-    if not inspect.isfunction(value) or value.__module__ != module.__name__ or _required(value):
+    if not inspect.isfunction(value) or value.__module__ != module.__name__ or _required_arguments(value):
         return False
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
@@ -126,8 +128,8 @@ def _makes_problem(value: object, module: ModuleType) -> bool:
     return inspect.isclass(returned) and (hasattr(returned, "evaluate") or timeline(returned) == "step")
 
 
-def _made(function: Any, module: ModuleType, reference: str) -> Any:
-    required = _required(function)
+def _call(function: Any, module: ModuleType, reference: str) -> Any:
+    required = _required_arguments(function)
     if required:
         raise InvalidInput(
             f"problem {reference!r}: wanted a function without arguments, got one that needs {', '.join(required)}"
@@ -137,14 +139,14 @@ def _made(function: Any, module: ModuleType, reference: str) -> Any:
     except ParetoikError:
         raise
     except Exception as error:  # a user's function may raise anything
-        said = _said(error, getattr(module, "__file__", None))
-        raise InvalidInput(f"problem {reference!r}: wanted to build it, got {said}") from error
+        summary = _summary(error, getattr(module, "__file__", None))
+        raise InvalidInput(f"problem {reference!r}: wanted to build it, got {summary}") from error
 
 
-def _required(function: Any) -> list[str]:
+def _required_arguments(function: Any) -> list[str]:
     try:
         parameters = inspect.signature(function).parameters.values()
-    except (TypeError, ValueError):  # compiled functions may not tell
+    except (TypeError, ValueError):  # compiled functions may have no signature
         return []
     optional = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     return [p.name for p in parameters if p.default is p.empty and p.kind not in optional]
@@ -155,15 +157,15 @@ def _is_problem(value: object) -> bool:
     return not inspect.isclass(value) and all(hasattr(value, name) for name in parts)
 
 
-def _said(error: BaseException, file: str | None) -> str:
-    """Return an error in one line, with the last line of ``file`` that it came through."""
+def _summary(error: BaseException, file: str | None) -> str:
+    """Return an error in one line, with the last line of ``file`` in its traceback."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
     return f"{type(error).__name__}{where}: {' '.join(str(error).split())}"
 
 
 def fingerprint(problem: Any) -> str:
-    """Return a digest of what makes a problem itself: equal genes mean equal objectives."""
+    """Return a digest of everything that gives a problem's genes their objectives."""
     parts = problem.fingerprint_parts() if hasattr(problem, "fingerprint_parts") else [problem.xl, problem.xu]
     digest = hashlib.sha256(f"{type(problem).__name__} {problem.n_var} {problem.n_obj}".encode())
     for part in parts:

@@ -17,7 +17,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
 from rich.table import Table
 
-from paretoik.review.plots import STYLE
+from paretoik.review.palette import PAPER
 
 REPORTED = Path(__file__).parent / "reported"
 WIDTH = 180  # of what is printed into a file or a pipe
@@ -65,7 +65,7 @@ def _record(row: Row) -> dict[str, str | float | None]:
 @contextmanager
 def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
     """Give a figure of so many inches, and write it into a file."""
-    with matplotlib.rc_context({**STYLE, "font.size": 9.5, "axes.titlesize": 9.5}):
+    with matplotlib.rc_context({**PAPER.style, "font.size": 9.5, "axes.titlesize": 9.5}):
         figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
         FigureCanvasAgg(figure)
         yield figure

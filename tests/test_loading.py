@@ -41,13 +41,15 @@ _hidden = ZDT1(n_var=7)
 
 
 @pytest.fixture(autouse=True)
-def as_before(monkeypatch):
-    """Forget what a test puts on sys.path and into sys.modules."""
+def as_before(monkeypatch, tmp_path):
+    """Forget what a test puts on sys.path, and the modules of its own files."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     known = set(sys.modules)
     yield
     for name in set(sys.modules) - known:
-        if not name.startswith(("pymoo", "paretoik", "problems", "scipy", "numpy")):
+        module = sys.modules[name]
+        places = [getattr(module, "__file__", None) or "", *getattr(module, "__path__", ())]
+        if any(Path(place).is_relative_to(tmp_path) for place in places):
             del sys.modules[name]
 
 

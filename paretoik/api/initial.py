@@ -1,4 +1,4 @@
-"""Genes to start from: as given, or of motions, or of a former front."""
+"""Genes to start from: a user's own, those of motions, or those of a former front."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def plan(
         raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
     shown = _level_observer(observe, len(task.times))
     return find_optima(
-        task, starts=starts, seed=seed, initial=_initial_paths(task, initial), solver=solver, observe=shown
+        task, starts=starts, seed=seed, initial=_initial_motions(task, initial), solver=solver, observe=shown
     )
 
 
@@ -101,7 +101,7 @@ def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int,
     return show
 
 
-def _initial_paths(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
+def _initial_motions(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
     if initial is None:
         return None
     q = initial.q if initial.q.ndim == 3 else initial.q[None]
@@ -110,7 +110,7 @@ def _initial_paths(task: MotionTask, initial: Motion | None) -> np.ndarray | Non
             f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {initial.arm.name} with "
             f"{q.shape[1]}"
         )
-    off = float(task.motion(q).tracking_error.max())
-    if off > 1e-6:
-        raise InvalidInput(f"initial: motions on the path wanted, got one that is {off:.3g} m or rad off")
+    deviation = float(task.motion(q).tracking_error.max())
+    if deviation > 1e-6:
+        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
     return np.array(q)

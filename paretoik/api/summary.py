@@ -1,4 +1,4 @@
-"""What came out, in words for people and as entries for machines."""
+"""Summaries of fronts and choices: text for people, entries for machines."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
     from paretoik.front.front import Choice, Front
 
-UNIQUE = 1e-3  # relative: an interval of exchange rates no wider is one rate
+RATE_TOLERANCE = 1e-3  # relative width up to which an interval of exchange rates is printed as one rate
 
 
 def result_text(front: Front, out: Path) -> str:
-    """Return what a search found, or a closed loop did, what is known of it, and what to do with it next."""
+    """Return a summary of a front, or of a closed loop's motion, and the commands that choose from it and replay it."""
     lines = _loop_lines(front) if "drift" in front.provenance else _front_lines(front)
     weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
     lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
@@ -28,11 +28,12 @@ def result_text(front: Front, out: Path) -> str:
 
 
 def _loop_lines(front: Front) -> list[str]:
-    told = front.provenance
-    counts, weights = told["counts"], told["settings"]["weights"]
+    provenance = front.provenance
+    counts, weights = provenance["counts"], provenance["settings"]["weights"]
     lines = [
-        f"{counts['steps']} of {counts['of']} steps in {counts['seconds']:.1f} s (ended by {told['status']})",
-        f"position error {told['position_error']:.6g} m (mean over the steps), drift {told['drift']:.6g} rad",
+        f"{counts['steps']} of {counts['of']} steps in {counts['seconds']:.1f} s (ended by {provenance['status']})",
+        f"position error {provenance['position_error']:.6g} m (mean over the steps), "
+        f"drift {provenance['drift']:.6g} rad",
     ]
     rows = [("objective", "unit", "weight", "mean over the steps")]
     for name, unit, value in zip(front.names, front.units, front.objectives[0], strict=True):
@@ -58,14 +59,14 @@ def _front_lines(front: Front) -> list[str]:
         rows.append((name, unit, f"{best:.6g}", f"{worst:.6g}"))
     lines.append(columns(rows))
     if front.certificates is not None:
-        lines.append(certified_text(front.certificates))
+        lines.append(certificate_text(front.certificates))
     if counts["failed"]:
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     return lines
 
 
 def choice_text(front: Front, choice: Choice) -> str:
-    """Return a chosen point, why it was chosen, what is certified of it and how its objectives trade there."""
+    """Return a chosen point, the reason of the choice, its certificate and its exchange rates."""
     rows = [
         (f"  {name}", f"{value:.6g} {unit}")
         for name, unit, value in zip(front.names, front.units, choice.objectives, strict=True)
@@ -73,16 +74,16 @@ def choice_text(front: Front, choice: Choice) -> str:
     lines = [f"point {choice.id}", columns(rows), choice.reason]
     if front.certificates is not None:
         certificate = front.certificates[[choice.index]]
-        lines += [certified_text(certificate), *_prices(front, certificate)]
+        lines += [certificate_text(certificate), *_exchange_rates(front, certificate)]
     return "\n".join(lines)
 
 
-def certified_text(certificates: Certificates) -> str:
+def certificate_text(certificates: Certificates) -> str:
     """Return in a line how many points have which status, and the worst residual and violations."""
-    found, counts = np.unique(certificates.status, return_counts=True)
-    statuses = ", ".join(f"{count} {status}" for status, count in zip(found, counts, strict=True))
+    values, counts = np.unique(certificates.status, return_counts=True)
+    statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True))
     worst = (certificates.kkt_residual, certificates.violation, certificates.violation_between)
-    residual, violation, between = (f"{values.max(initial=0.0):.1e}" for values in worst)
+    residual, violation, between = (f"{column.max(initial=0.0):.1e}" for column in worst)
     return (
         f"certified: {statuses or 'no point'}; criticality at most {residual}, limits violated by at most {violation} "
         f"at the samples and {between} between them"
@@ -91,15 +92,15 @@ def certified_text(certificates: Certificates) -> str:
 
 def entries(front: Front) -> list[dict[str, Any]]:
     """Return all points as data: id, objectives by name, certificate by name."""
-    found: list[dict[str, Any]] = [
+    rows: list[dict[str, Any]] = [
         {"id": int(number), "objectives": dict(zip(front.names, values, strict=True))}
         for number, values in zip(front.ids, front.objectives, strict=True)
     ]
-    known = front.certificates
-    if known is not None:
-        for row, entry in enumerate(found):
-            entry["certificate"] = {part.name: getattr(known, part.name)[row] for part in fields(known)}
-    return found
+    certificates = front.certificates
+    if certificates is not None:
+        for index, entry in enumerate(rows):
+            entry["certificate"] = {part.name: getattr(certificates, part.name)[index] for part in fields(certificates)}
+    return rows
 
 
 def columns(rows: Sequence[tuple[str, ...]]) -> str:
@@ -110,16 +111,16 @@ def columns(rows: Sequence[tuple[str, ...]]) -> str:
     )
 
 
-def _prices(front: Front, certificate: Certificates) -> list[str]:
-    """Return what one unit of each objective costs of every other, where that is known."""
+def _exchange_rates(front: Front, certificate: Certificates) -> list[str]:
+    """Return how much of every other objective one unit of each costs, where that is certified."""
     lines = []
     for i, j in permutations(range(len(front.names)), 2):
         low, high = np.sort(np.abs(certificate.exchange_intervals[0, i, j]))
         if np.isfinite(high):
-            price = f"{low:.4g}" if np.isclose(low, high, rtol=UNIQUE) else f"{low:.4g} to {high:.4g}"
+            rate = f"{low:.4g}" if np.isclose(low, high, rtol=RATE_TOLERANCE) else f"{low:.4g} to {high:.4g}"
             gain, cost = ("more" if front.maximised[i] else "less"), ("less" if front.maximised[j] else "more")
             lines.append(
-                f"  1 {front.units[i]} {gain} of {front.names[i]} costs {price} {front.units[j]} {cost} of "
+                f"  1 {front.units[i]} {gain} of {front.names[i]} costs {rate} {front.units[j]} {cost} of "
                 f"{front.names[j]}"
             )
     return lines

@@ -1,1 +1,1 @@
-"""How work runs: the folder of a run and its lock, and how a run is interrupted. Knows no robot."""
+"""The folder of a run with its lock, and the signals that interrupt a run. Knows no robot."""

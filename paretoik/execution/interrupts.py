@@ -1,4 +1,4 @@
-"""Stopping a run from outside, so that it can end in order and keep what it has."""
+"""Signals that stop a run from outside, so that it can end in order and keep its result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
-    """Whether a run was asked to stop, and by which signal; true once it was."""
+    """The signal that asked a run to stop, if any; true once there was one."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
@@ -22,13 +22,13 @@ class Interruption:
 
     @property
     def exit_code(self) -> int:
-        """130 after Ctrl-C, 143 after a termination, 0 when nothing came."""
+        """130 after Ctrl-C, 143 after a termination, 0 without a signal."""
         return 0 if self.signal is None else 128 + self.signal
 
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Note the first SIGINT or SIGTERM instead of dying of it; the handlers found are put back at the end.
+    """Record the first SIGINT or SIGTERM instead of ending the process; restore the former handlers at the end.
 
     With the first signal the former handlers return at once, so a second Ctrl-C raises KeyboardInterrupt. Outside the
     main thread, where Python allows no handlers, nothing is caught.
@@ -38,7 +38,7 @@ def interruptible() -> Iterator[Interruption]:
         yield interruption
         return
 
-    def note(number: int, frame: FrameType | None) -> None:
+    def record(number: int, frame: FrameType | None) -> None:
         interruption.signal = signal.Signals(number)
         restore()
 
@@ -50,7 +50,7 @@ def interruptible() -> Iterator[Interruption]:
     former = {which: signal.getsignal(which) for which in SIGNALS}
     try:
         for which in SIGNALS:
-            signal.signal(which, note)
+            signal.signal(which, record)
         yield interruption
     finally:
         restore()

@@ -1,4 +1,4 @@
-"""What comes out: the front, how good it is, what a user prefers of it, and how it is kept."""
+"""The Pareto front: its points and certificates, indicators, preferences and storage."""
 
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.indicators import hypervolume, ideal_and_nadir, non_dominated

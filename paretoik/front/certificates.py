@@ -1,4 +1,4 @@
-"""What is known of every point of a front: that it keeps its limits, is critical, and how its objectives trade."""
+"""Certificates of a front's points: violation, criticality, curvature and exchange rates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 
-WEAK = 1e-6  # share of all objectives' weight below which one has none
+WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal
 STATUSES = ("minimum", "saddle", "undetermined")
 
 
@@ -20,11 +20,11 @@ class Certificates:
     """Certificates of points, each an array with a row a point; "optimal" is meant locally.
 
     ``violation`` is the worst of all limits at the samples, ``violation_between`` on a grid four times finer, as shares
-    of a limit's range; ``kkt_residual`` is the criticality χ, what all objectives could still gain at once, as shares
-    of their ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over their ranges, their sum
-    1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others held, in natural units, NaN where f_j does not count,
-    and ``exchange_intervals`` [p, i, j] its least and largest value where multipliers are not unique; ``status`` is
-    "minimum", "saddle" or "undetermined".
+    of a limit's range; ``kkt_residual`` is the criticality χ, the improvement that all objectives can still gain at
+    once, as shares of their ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over their
+    ranges, their sum 1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units, NaN where
+    f_j has no weight, and ``exchange_intervals`` [p, i, j] its smallest and largest value where multipliers are not
+    unique; ``status`` is "minimum", "saddle" or "undetermined".
     """
 
     violation: Values
@@ -36,7 +36,7 @@ class Certificates:
     status: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check that all have as many rows."""
+        """Check that all arrays have as many rows, and that every status is one of ``STATUSES``."""
         points = len(self.violation)
         for part in fields(self):
             if len(getattr(self, part.name)) != points:
@@ -50,7 +50,7 @@ class Certificates:
     @property
     def weak(self) -> np.ndarray:
         """Which points (points,) may be only weakly optimal: some objective has no weight there."""
-        return np.asarray(self.weights.min(axis=1) < WEAK)
+        return np.asarray(self.weights.min(axis=1) < WEIGHT_TOLERANCE)
 
     def __len__(self) -> int:
         return len(self.violation)

@@ -1,4 +1,4 @@
-"""The front: every trade-off that was found, as named arrays."""
+"""The Pareto front as named arrays."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """One point of a front: its ``id``, its row ``index``, its motion and objectives, and why it was chosen."""
+    """One point of a front: its ``id``, its row ``index``, its motion and objectives, and the reason of the choice."""
 
     id: int
     index: int
@@ -36,7 +36,7 @@ class Choice:
 
 @runtime_checkable
 class Preference(Protocol):
-    """What a user wants, able to choose one point of a front that has at least one."""
+    """A preference, which chooses one point of a front that has at least one."""
 
     def choose(self, front: Front) -> Choice:
         """Return the preferred point of `front`."""
@@ -47,14 +47,14 @@ class Front:
     """Mutually non-dominated points, sorted by the first objective.
 
     Points may be handed in in any order; they are checked, sorted, copied and made read-only. An empty front is a
-    result too: nothing feasible was found.
+    result too: no feasible point.
 
     ``ids`` (points,) are unique and never reused; ``objectives`` (points, n_obj) stand in the user's own sign, with
     ``names``, ``units`` and ``maximised`` one an objective; ``genes`` (points, genes) and ``motions`` (a batch of
     points) may be missing; ``violation`` (points,) is the largest as a share of its limit's range; ``certificates``
-    say of polished points what is known of them; ``ranges`` (n_obj, 2) are the lower and upper value that preferences
-    measure against, by default those of the front itself; ``provenance`` is what the run says of itself (problem,
-    settings, seed, status), kept in ``run.json``; ``problem`` is the problem itself where it is at hand, not kept.
+    are those of refined points; ``ranges`` (n_obj, 2) are the lower and upper value that preferences
+    measure against, by default those of the front itself; ``provenance`` describes the run (problem,
+    settings, seed, status) and is stored in ``run.json``; ``problem`` is the problem itself, not stored.
 
     Raises
     ------
@@ -79,20 +79,20 @@ class Front:
     def __post_init__(self) -> None:
         objectives = np.asarray(self.objectives, dtype=float)
         _check_names(self.names, self.units, self.maximised, objectives)
-        ids = _checked_ids(self.ids, len(objectives))
+        ids = _check_ids(self.ids, len(objectives))
         order = np.lexsort((ids, *objectives.T[::-1]))
-        settle = object.__setattr__
-        settle(self, "names", tuple(self.names))
-        settle(self, "units", tuple(self.units))
-        settle(self, "maximised", tuple(bool(flag) for flag in self.maximised))
-        settle(self, "ids", _read_only(ids[order]))
-        settle(self, "objectives", _read_only(objectives[order]))
-        settle(self, "genes", _rows_in_order("genes", self.genes, order, dimensions=2))
-        settle(self, "violation", _rows_in_order("violation", self.violation, order, dimensions=1))
-        settle(self, "motions", _motions_in_order(self.motions, order))
-        settle(self, "certificates", _certificates_in_order(self.certificates, order))
-        settle(self, "ranges", _checked_ranges(self.ranges, objectives))
-        settle(self, "provenance", MappingProxyType(dict(self.provenance)))
+        assign = object.__setattr__
+        assign(self, "names", tuple(self.names))
+        assign(self, "units", tuple(self.units))
+        assign(self, "maximised", tuple(bool(flag) for flag in self.maximised))
+        assign(self, "ids", _read_only(ids[order]))
+        assign(self, "objectives", _read_only(objectives[order]))
+        assign(self, "genes", _sort_rows("genes", self.genes, order, dimensions=2))
+        assign(self, "violation", _sort_rows("violation", self.violation, order, dimensions=1))
+        assign(self, "motions", _sort_motions(self.motions, order))
+        assign(self, "certificates", _sort_certificates(self.certificates, order))
+        assign(self, "ranges", _check_ranges(self.ranges, objectives))
+        assign(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_non_dominated(self)
 
     def __len__(self) -> int:
@@ -103,13 +103,13 @@ class Front:
         points = "1 point" if len(self) == 1 else f"{len(self)} points"
         if len(self) == 0:
             return f"Front of {points}: {', '.join(self.names)}"
-        spans = (
+        ranges = (
             f"{name} {low:.4g} to {high:.4g} {unit}".rstrip() + (" (maximised)" if maximised else "")
             for name, unit, maximised, low, high in zip(
                 self.names, self.units, self.maximised, self.objectives.min(0), self.objectives.max(0), strict=True
             )
         )
-        return f"Front of {points}: {', '.join(spans)}"
+        return f"Front of {points}: {', '.join(ranges)}"
 
     @property
     def minimised(self) -> Objectives:
@@ -124,13 +124,13 @@ class Front:
         Marcos et al. (2012), Eq. 19, on the stored ranges.
         """
         low, high = self.ranges.T
-        span = high - low
+        width = high - low
         distance = np.where(self.maximised, high - self.objectives, self.objectives - low)
-        shares: Objectives = np.divide(distance, span, out=np.zeros_like(distance), where=span > 0)
+        shares: Objectives = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
         return shares
 
     def select(self, preference: Preference) -> Choice:
-        """Return the point that `preference` chooses; a closed loop is followed anew with it.
+        """Return the point that `preference` chooses; a closed loop is followed again with it.
 
         Raises
         ------
@@ -138,7 +138,7 @@ class Front:
             The front is empty.
         """
         if len(self) == 0:
-            raise Infeasible("select: wanted a front of at least one point, got none: nothing feasible was found")
+            raise Infeasible("select: wanted a front of at least one point, got none: no point was feasible")
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
         return preference.choose(self) if select is None else select(self, preference)
 
@@ -150,7 +150,7 @@ class Front:
 
     @staticmethod
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
-        """Read a front that was saved; `motions` makes motions of the stored times, joint positions and joint names.
+        """Read a saved front; `motions` builds motions from the stored times, joint positions and joint names.
 
         Raises
         ------
@@ -169,9 +169,9 @@ def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence
         bad = int((~np.isfinite(objectives).all(axis=1)).sum())
         raise InvalidInput(f"front objectives: wanted finite numbers, got {bad} of {len(objectives)} points without")
     n_obj = objectives.shape[1]
-    for what, given in (("names", names), ("units", units), ("maximised", maximised)):
-        if isinstance(given, str) or len(given) != n_obj:
-            raise InvalidInput(f"front {what}: wanted one for each of {n_obj} objectives, got {given!r}")
+    for field_name, values in (("names", names), ("units", units), ("maximised", maximised)):
+        if isinstance(values, str) or len(values) != n_obj:
+            raise InvalidInput(f"front {field_name}: wanted one for each of {n_obj} objectives, got {values!r}")
     if len(set(names)) != n_obj:
         raise InvalidInput(f"front names: wanted each objective named once, got {list(names)}")
     for name in names:
@@ -187,8 +187,8 @@ def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence
             raise InvalidInput(f"front units: wanted printable text, got {unit!r}")
 
 
-def _checked_ids(given: np.ndarray, points: int) -> Ids:
-    ids = np.asarray(given)
+def _check_ids(values: np.ndarray, points: int) -> Ids:
+    ids = np.asarray(values)
     if ids.size == 0:
         ids = ids.astype(np.int64)
     if ids.shape != (points,) or ids.dtype.kind not in "iu":
@@ -201,16 +201,16 @@ def _checked_ids(given: np.ndarray, points: int) -> Ids:
     return ids.astype(np.int64)
 
 
-def _rows_in_order(what: str, given: np.ndarray | None, order: np.ndarray, *, dimensions: int) -> np.ndarray | None:
-    if given is None:
+def _sort_rows(name: str, values: np.ndarray | None, order: np.ndarray, *, dimensions: int) -> np.ndarray | None:
+    if values is None:
         return None
-    rows = np.asarray(given, dtype=float)
+    rows = np.asarray(values, dtype=float)
     if rows.ndim != dimensions or len(rows) != len(order) or not np.isfinite(rows).all():
-        raise InvalidInput(f"front {what}: wanted finite numbers for {len(order)} points, got shape {rows.shape}")
+        raise InvalidInput(f"front {name}: wanted finite numbers for {len(order)} points, got shape {rows.shape}")
     return _read_only(rows[order])
 
 
-def _motions_in_order(motions: JointMotions | None, order: np.ndarray) -> Any:
+def _sort_motions(motions: JointMotions | None, order: np.ndarray) -> Any:
     if motions is None:
         return None
     if np.ndim(motions.q) != 3 or len(motions) != len(order):
@@ -218,7 +218,7 @@ def _motions_in_order(motions: JointMotions | None, order: np.ndarray) -> Any:
     return motions if (order == np.arange(len(order))).all() else motions[order]
 
 
-def _certificates_in_order(certificates: Certificates | None, order: np.ndarray) -> Certificates | None:
+def _sort_certificates(certificates: Certificates | None, order: np.ndarray) -> Certificates | None:
     if certificates is None:
         return None
     if len(certificates) != len(order):
@@ -226,9 +226,9 @@ def _certificates_in_order(certificates: Certificates | None, order: np.ndarray)
     return certificates[order]
 
 
-def _checked_ranges(given: np.ndarray, objectives: Objectives) -> Ranges:
+def _check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
     n_obj = objectives.shape[1]
-    ranges = np.array(given, dtype=float)
+    ranges = np.array(values, dtype=float)
     if ranges.size == 0:
         empty = len(objectives) == 0
         ranges = np.zeros((n_obj, 2)) if empty else np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1)
@@ -242,7 +242,7 @@ def _check_non_dominated(front: Front) -> None:
     dominated = first[~non_dominated(unique)]
     if dominated.size:
         raise InvalidInput(
-            f"front: wanted points of which none dominates another, got {dominated.size} dominated ones, "
+            f"front: wanted mutually non-dominated points, got {dominated.size} dominated ones, "
             f"the first with id {front.ids[dominated.min()]}"
         )
 

@@ -1,4 +1,4 @@
-"""How good a front is and what belongs to it, always in the minimised sense.
+"""Hypervolume, non-domination, ideal and nadir of objectives, all minimised.
 
 Rows with a NaN or an infinity count nowhere: a failed evaluation is no point.
 """
@@ -42,7 +42,7 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     """Mark the rows of `F` that no other row dominates; of equal rows the first.
 
     With a `tolerance` (a share of each objective's range over the non-dominated rows) a row is also dropped where an
-    earlier kept one lies within it in every objective.
+    earlier marked one lies within it in every objective.
 
     Raises
     ------
@@ -56,9 +56,9 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     mask = np.zeros(len(F), dtype=bool)
     finite = np.flatnonzero(np.isfinite(F).all(axis=1))
     if finite.size:
-        # With keep_weakly every copy stays in, so that which one survives is decided below: the first.
-        kept = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
-        mask[_first_of_each(F, kept, tolerance)] = True
+        # With keep_weakly every copy stays, so that the first of them can be chosen below.
+        rows = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
+        mask[_first_of_each(F, rows, tolerance)] = True
     return mask
 
 
@@ -76,14 +76,14 @@ def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
     return front.min(axis=0), front.max(axis=0)
 
 
-def _first_of_each(F: Objectives, kept: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the indices `kept` without those that repeat an earlier one within `tolerance` of the range."""
+def _first_of_each(F: Objectives, rows: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the indices `rows` without those that repeat an earlier one within `tolerance` of the range."""
     if tolerance == 0.0:
-        first: np.ndarray = kept[np.unique(F[kept], axis=0, return_index=True)[1]]
+        first: np.ndarray = rows[np.unique(F[rows], axis=0, return_index=True)[1]]
         return first
-    near = tolerance * np.ptp(F[kept], axis=0)
+    near = tolerance * np.ptp(F[rows], axis=0)
     chosen: list[int] = []
-    for index in kept:
+    for index in rows:
         if not (np.abs(F[chosen] - F[index]) <= near).all(axis=1).any():
             chosen.append(int(index))
     return np.array(chosen, dtype=int)

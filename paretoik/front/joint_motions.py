@@ -1,4 +1,4 @@
-"""What a front needs to know of the motions it carries: little, so that it depends on no robot."""
+"""The part of a motion that a front relies on, so that it depends on no robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @runtime_checkable
 class NamedJoints(Protocol):
-    """Whatever says how the joints are called, in the order of the columns of q."""
+    """Named joints, in the order of the columns of q."""
 
     @property
     def joint_names(self) -> Sequence[str]:
@@ -41,14 +41,14 @@ class JointMotions(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredJoints:
-    """The joint names of a stored motion, all that its file knows of the arm."""
+    """The joint names of a stored motion, the only part of the arm in its file."""
 
     joint_names: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredMotions:
-    """Motions as read from a run folder, where nobody said what arm they belong to."""
+    """Motions as read from a run folder, without their arm."""
 
     arm: StoredJoints
     time: np.ndarray

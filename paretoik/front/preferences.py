@@ -1,4 +1,4 @@
-"""Preferences: what a user wants of a front, each answering with one point and a reason in words."""
+"""Preferences: each chooses one point of a front and says why."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from paretoik.front.front import Choice, Front
 
 @dataclass(frozen=True, init=False, eq=False)
 class Weights:
-    """How much each objective matters, by name; what is not named does not matter.
+    """Weights of the objectives, by name; an objective that is not named has weight 0.
 
-    Chooses as in Marcos et al. (2012), Eqs. 19 and 20: each objective is brought to its share of the front's stored
-    range, the shares are summed with the weights (brought to sum 1), and the least sum wins, the lower id on a tie.
-    The weights have no unit and need not sum to anything: ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a
-    mapping where a name is no identifier.
+    Chooses as in Marcos et al. (2012), Eqs. 19 and 20: each objective is normalised by the front's stored range, and
+    the point with the smallest weighted sum (weights scaled to sum 1) wins, the lower id on a tie. The weights have no
+    unit and need not sum to anything: ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no
+    identifier.
 
     Raises
     ------
@@ -32,23 +32,23 @@ class Weights:
     weights: Mapping[str, float]
 
     def __init__(self, mapping: Mapping[str, float] | None = None, /, **weights: float) -> None:
-        given = dict(mapping or {})
-        twice = sorted(given.keys() & weights.keys())
+        merged = dict(mapping or {})
+        twice = sorted(merged.keys() & weights.keys())
         if twice:
             raise InvalidInput(f"weights: wanted each objective once, got {twice[0]} twice")
-        given.update(weights)
-        for name, weight in given.items():
+        merged.update(weights)
+        for name, weight in merged.items():
             if not _is_weight(weight):
                 raise InvalidInput(f"weights: wanted a finite number >= 0 for {name}, got {weight!r}")
-        if not any(given.values()):
-            raise InvalidInput(f"weights: wanted at least one above zero, got {given}")
-        object.__setattr__(self, "weights", MappingProxyType({name: float(weight) for name, weight in given.items()}))
+        if not any(merged.values()):
+            raise InvalidInput(f"weights: wanted at least one above zero, got {merged}")
+        object.__setattr__(self, "weights", MappingProxyType({name: float(weight) for name, weight in merged.items()}))
 
     def __repr__(self) -> str:
         return f"Weights({', '.join(f'{name}={weight:g}' for name, weight in self.weights.items())})"
 
     def choose(self, front: Front) -> Choice:
-        """Return the point of least weighted share.
+        """Return the point with the smallest weighted sum.
 
         Raises
         ------
@@ -61,7 +61,7 @@ class Weights:
         weights = np.array([self.weights.get(name, 0.0) for name in front.names])
         weights /= weights.max()  # so that the sum of huge weights stays finite
         weights /= weights.sum()
-        index = least(front.shares @ weights, front)
+        index = argmin_by_id(front.shares @ weights, front)
         return Choice(
             id=int(front.ids[index]),
             index=index,
@@ -71,24 +71,24 @@ class Weights:
         )
 
 
-def _is_weight(given: object) -> bool:
-    return isinstance(given, Real) and 0.0 <= float(given) < np.inf
+def _is_weight(value: object) -> bool:
+    return isinstance(value, Real) and 0.0 <= float(value) < np.inf
 
 
-def least(values: Values, front: Front) -> int:
-    """Return the row of the least of `values` (points,), of equal ones that with the lowest id."""
+def argmin_by_id(values: Values, front: Front) -> int:
+    """Return the row of the smallest of `values` (points,), on a tie the one with the lowest id."""
     return int(np.lexsort((front.ids, values))[0])
 
 
 def _reason(front: Front, index: int, weights: Values) -> str:
-    weighed = ", ".join(f"{name} {weight:.0%}" for name, weight in zip(front.names, weights, strict=True) if weight)
-    stands = "; ".join(
+    weight_text = ", ".join(f"{name} {weight:.0%}" for name, weight in zip(front.names, weights, strict=True) if weight)
+    values = "; ".join(
         f"{quantity(front, axis, front.objectives[index, axis])}, "
         + (f"{share:.0%} of the range from the best" if low < high else "the same at every point")
         for axis, (share, (low, high)) in enumerate(zip(front.shares[index], front.ranges, strict=True))
     )
     return (
-        f"Of {len(front)} points point {front.ids[index]} has the least weighted sum ({weighed}): {stands}. "
+        f"Of {len(front)} points point {front.ids[index]} has the least weighted sum ({weight_text}): {values}. "
         + _nearest_alternative(front, index)
     )
 
@@ -98,15 +98,15 @@ def _nearest_alternative(front: Front, index: int) -> str:
         return "There is no alternative."
     distance = np.linalg.norm(front.shares - front.shares[index], axis=1)
     distance[index] = np.inf
-    other = least(distance, front)
+    other = argmin_by_id(distance, front)
     better = front.minimised[other] - front.minimised[index]
     steps = np.abs(front.objectives[other] - front.objectives[index])
     gains = [quantity(front, axis, steps[axis]) for axis in range(len(steps)) if better[axis] < 0]
     costs = [quantity(front, axis, steps[axis]) for axis in range(len(steps)) if better[axis] > 0]
-    named = f"The nearest alternative is point {front.ids[other]}"
+    start = f"The nearest alternative is point {front.ids[other]}"
     if not gains:
-        return f"{named}, equal in every objective."
-    return f"{named}: it gains {' and '.join(gains)} and costs {' and '.join(costs)}."
+        return f"{start}, equal in every objective."
+    return f"{start}: it gains {' and '.join(gains)} and costs {' and '.join(costs)}."
 
 
 def quantity(front: Front, axis: int, value: float) -> str:

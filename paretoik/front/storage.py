@@ -118,9 +118,12 @@ def _table_bytes(front: Front) -> bytes:
     columns = {"id": pa.array(front.ids)}
     columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
     columns["violation"] = missing if front.violation is None else pa.array(front.violation)
-    known = front.certificates
-    columns |= {name: missing if known is None else pa.array(getattr(known, name)) for name in CERTIFICATE_COLUMNS}
-    columns["status"] = pa.nulls(len(front), pa.string()) if known is None else pa.array(known.status.tolist())
+    certificates = front.certificates
+    if certificates is None:
+        columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing) | {"status": pa.nulls(len(front), pa.string())}
+    else:
+        columns |= {name: pa.array(getattr(certificates, name)) for name in CERTIFICATE_COLUMNS}
+        columns["status"] = pa.array(certificates.status.tolist())
     units = dict(zip(front.names, front.units, strict=True))
     schema = pa.schema(
         [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]

@@ -38,6 +38,14 @@ class Entries(NamedTuple):
         return cls(index + offset, index, np.full(size, value))
 
 
+def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
+    """Return a dense matrix as a sparse one that has every entry: its pattern follows from its shape alone."""
+    rows, columns = matrix.shape
+    return sparse.csr_array(
+        (matrix.ravel(), np.tile(np.arange(columns), rows), columns * np.arange(rows + 1)), shape=matrix.shape
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
     """d[column] + ‖values‖ ≥ ‖values + rows d‖: at d = 0 the column stands for the length itself."""

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.errors import EvaluationFailed
+from paretoik.nlp.conic import dense_rows
 from paretoik.nlp.traced import Rows
 
 RETRACTIONS = 6  # Gauss–Newton steps with one Jacobian
@@ -33,6 +34,10 @@ class DenseProgram:
     rounding: float = 0.0
 
     def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
+        """Return the points as they are."""
+        return x
+
+    def pin(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
         """Return the points as they are."""
         return x
 
@@ -147,7 +152,7 @@ def null_space(
 ) -> tuple[Float[np.ndarray, "unknowns columns"], Float[np.ndarray, "unknowns equalities"]]:
     """Return an orthonormal basis of the null space and the pseudoinverse, by QR decomposition.
 
-    Unknowns that no equality has stay by themselves. Raises EvaluationFailed where too few unknowns move the equalities.
+    Unknowns in no equality stay by themselves. Raises EvaluationFailed where too few unknowns move the equalities.
     """
     rows, size = jacobian.shape
     used = jacobian.any(axis=0)
@@ -160,11 +165,3 @@ def null_space(
     basis[~used, count - rows :] = np.eye(size - count)
     pseudoinverse[used] = np.linalg.lstsq(upper[:rows], orthogonal[:, :rows].T, rcond=None)[0].T
     return basis, pseudoinverse
-
-
-def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
-    """Return a dense matrix as a sparse one that has every entry: its pattern follows from its shape alone."""
-    rows, columns = matrix.shape
-    return sparse.csr_array(
-        (matrix.ravel(), np.tile(np.arange(columns), rows), columns * np.arange(rows + 1)), shape=matrix.shape
-    )

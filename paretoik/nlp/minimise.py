@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -47,7 +48,7 @@ def minimise(
     # Below the program's own rounding no step makes a point better.
     near = (solutions.status == STUCK) & (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near] = CONVERGED
-    return solutions
+    return replace(solutions, x=program.pin(solutions.x))
 
 
 def check_solver(program: Program, solver: str) -> None:

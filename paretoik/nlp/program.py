@@ -19,7 +19,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.arrays import Point, Points
-from paretoik.nlp.conic import Cone, Constraints
+from paretoik.nlp.conic import Cone, Constraints, dense_rows
 
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
 """Which solver refines: interior points where F and c are smooth, else sequential quadratic programming, if "auto"."""
@@ -38,22 +38,52 @@ class Goal:
 class Linearisation(Protocol):
     """A program to first order at a point, in columns: a step along the equalities, then auxiliary variables.
 
-    ``gradients`` are those of F; ``inequalities`` and their ``jacobian`` are c, divided by their ranges, and, after the
-    first ``elastic`` of them, those that tie auxiliary columns and hold exactly at any step that a solver may take.
-    ``cones`` tie an auxiliary column to a length. A step of RMS length one has the Euclidean length ``unit``.
+    The inequalities that tie auxiliary columns hold exactly at any step that a solver may take.
     """
 
-    x: Point
-    columns: int
-    unknowns: int
-    unit: float
-    objectives: Float[np.ndarray, " objectives"]
-    equalities: Float[np.ndarray, " equalities"]
-    inequalities: Float[np.ndarray, " inequalities"]
-    elastic: int
-    gradients: Float[np.ndarray, "objectives columns"]
-    jacobian: sparse.csr_array
-    cones: tuple[Cone, ...]
+    @property
+    def x(self) -> Point:
+        """The point."""
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+
+    @property
+    def unknowns(self) -> int:
+        """Number of columns that are steps along the equalities; the others are auxiliary."""
+
+    @property
+    def unit(self) -> float:
+        """Euclidean length of a step of RMS length one."""
+
+    @property
+    def objectives(self) -> Float[np.ndarray, " objectives"]:
+        """F."""
+
+    @property
+    def equalities(self) -> Float[np.ndarray, " equalities"]:
+        """The equalities h."""
+
+    @property
+    def inequalities(self) -> Float[np.ndarray, " inequalities"]:
+        """The inequalities c, divided by their ranges, then those that tie auxiliary columns."""
+
+    @property
+    def elastic(self) -> int:
+        """Number of inequalities that may be violated on the way: the first ones."""
+
+    @property
+    def gradients(self) -> Float[np.ndarray, "objectives columns"]:
+        """The gradients of F."""
+
+    @property
+    def jacobian(self) -> sparse.csr_array:
+        """The Jacobian of the inequalities (inequalities, columns)."""
+
+    @property
+    def cones(self) -> tuple[Cone, ...]:
+        """The cones that tie auxiliary columns to lengths."""
 
     def hessian(
         self,
@@ -80,25 +110,38 @@ class Linearisation(Protocol):
 
 @runtime_checkable
 class Program(Protocol):
-    """A nonlinear program.
+    """A nonlinear program."""
 
-    ``upper`` are its own bounds on F, ``kernel`` is what compiled solvers take, None where F or c has kinks;
-    stationarity up to ``rounding`` cannot be told from none.
-    """
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of F."""
 
-    objective_names: tuple[str, ...]
-    inequality_names: tuple[str, ...]
-    upper: Float[np.ndarray, " objectives"]
-    kernel: Any
-    rounding: float
+    @property
+    def inequality_names(self) -> tuple[str, ...]:
+        """Names of c, its elastic part."""
+
+    @property
+    def upper(self) -> Float[np.ndarray, " objectives"]:
+        """The program's own upper bounds of F, inf where there is none."""
+
+    @property
+    def kernel(self) -> Any:
+        """What compiled solvers take, None where F or c has kinks."""
+
+    @property
+    def rounding(self) -> float:
+        """Stationarity that cannot be told from none."""
 
     def project(self, x: Points) -> Points:
-        """Return points with what no step changes put right: a given start, a last step at rest."""
+        """Return starts with what no step changes put right: a given start, a last step at rest."""
+
+    def pin(self, x: Points) -> Points:
+        """Return points whose given parts are what they were given as, to the bit."""
 
     def evaluate(
         self, x: Point
     ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
-        """Return F, h and c, c divided by its ranges."""
+        """Return F, h and c, its elastic part alone, divided by its ranges."""
 
     def linearise(self, x: Point) -> Linearisation:
         """Return the program to first order at a point."""
@@ -114,7 +157,7 @@ def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
     """
     finite = np.isfinite(goal.upper)
     rows, elastic = goal.rows[finite], at.elastic
-    bounds = sparse.csr_array(-rows @ at.gradients)
+    bounds = dense_rows(-rows @ at.gradients)
     ties = np.maximum(at.inequalities[elastic:], 0.0)  # negative by rounding alone
     constraints = Constraints(
         unknowns=at.unknowns,

@@ -19,7 +19,7 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
-from paretoik.nlp.program import Goal, Linearisation, Program, bounded
+from paretoik.nlp.program import Goal, Program, bounded
 from paretoik.nlp.subproblem import Step, solve_subproblem
 
 
@@ -88,7 +88,6 @@ class _Iterate:
 class _Model:
     """The program about an iterate: the constraints of a step, the first ``elastic`` elastic, gradient and Hessian."""
 
-    at: Linearisation
     constraints: Constraints
     elastic: int
     gradient: Float[np.ndarray, " columns"]
@@ -124,8 +123,9 @@ class _Search:
         finite = np.isfinite(goal.upper)
         self.program, self.options = program, options
         self.goal = Goal(weights=goal.weights, rows=goal.rows[finite], upper=goal.upper[finite])
-        self.iterate, self.last = self._evaluate(x), None
-        gradient = goal.weights @ program.linearise(x).gradients
+        self.iterate, self.at = self._evaluate(x), program.linearise(x)
+        self.last: Step | None = None
+        gradient = goal.weights @ self.at.gradients
         value = float(np.abs(goal.weights * self.iterate.objectives).sum())
         self.size = max(value, float(np.linalg.norm(gradient))) or 1.0
         self.penalty, self.radius, self.share = options.penalty * self.size, options.radius, 1.0
@@ -139,12 +139,13 @@ class _Search:
             self.status = CAPPED
             return
         self.iterations += 1
-        model = self._linearise()
+        model = self._model()
         attempt = self._accepted_step(model)
         if attempt is None or attempt.trial is None:
             self._end(model, settled=attempt is not None)
             return
         self.iterate, self.last = attempt.trial, attempt.step
+        self.at = self.program.linearise(self.iterate.x)
         if attempt.gain > options.excess * attempt.predicted:
             self.share = max(self.share / 4, options.smallest_share)
         elif attempt.gain < options.agreement * attempt.predicted:
@@ -155,7 +156,7 @@ class _Search:
     def solution(self) -> Solution:
         """Return where the search has ended."""
         assert self.status is not None
-        multipliers, bound_multipliers = self._split(self.last, self.program.linearise(self.iterate.x))
+        multipliers, bound_multipliers = self._split_multipliers()
         return Solution(
             x=self.iterate.x,
             status=self.status,
@@ -177,27 +178,26 @@ class _Search:
             violation=max(0.0, float(np.abs(equalities).max(initial=0.0)), -float(slack.min(initial=np.inf))),
         )
 
-    def _linearise(self) -> _Model:
-        at = self.program.linearise(self.iterate.x)
+    def _model(self) -> _Model:
+        at = self.at
         constraints, elastic = bounded(at, self.goal)
-        multipliers, bound_multipliers = self._split(self.last, at)
+        multipliers, bound_multipliers = self._split_multipliers()
         weights = self.goal.weights + self.goal.rows.T @ bound_multipliers
         hessian = at.hessian(weights, multipliers, () if self.last is None else self.last.cone_multipliers)
         binding = None if self.last is None else self.last.multipliers
         return _Model(
-            at=at,
             constraints=constraints,
             elastic=elastic,
             gradient=self.goal.weights @ at.gradients,
             hessian=self.share * _convexify(hessian, constraints, binding, self.options),
         )
 
-    def _split(self, step: Step | None, at: Linearisation) -> tuple[np.ndarray, np.ndarray]:
+    def _split_multipliers(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the multipliers of the program's inequalities and those of the goal's bounds."""
-        bounds = len(self.goal.upper)
-        if step is None:
-            return np.zeros(len(at.inequalities)), np.zeros(bounds)
-        parts = np.split(step.multipliers, [at.elastic, at.elastic + bounds])
+        elastic, bounds = self.at.elastic, len(self.goal.upper)
+        if self.last is None:
+            return np.zeros(len(self.at.inequalities)), np.zeros(bounds)
+        parts = np.split(self.last.multipliers, [elastic, elastic + bounds])
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
     def _accepted_step(self, model: _Model) -> _Attempt | None:
@@ -219,19 +219,19 @@ class _Search:
         return None
 
     def _attempt(self, model: _Model, step: Step) -> _Attempt:
-        """Return what a step, corrected where it gains too little, leads to; nothing is tried where it predicts none."""
+        """Return what a step, corrected where it gains too little, leads to; none where none is predicted."""
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), model.hessian @ d
         linear = float(model.gradient @ d) + 0.5 * float(d @ curvature)
         predicted = self.penalty * (self.iterate.violation - step.violation) - linear
-        length = float(np.abs(d[: model.at.unknowns]).max(initial=0.0))
-        self.stationarity = float(np.linalg.norm(curvature[: model.at.unknowns])) * model.at.unit
+        length = float(np.abs(d[: self.at.unknowns]).max(initial=0.0))
+        self.stationarity = float(np.linalg.norm(curvature[: self.at.unknowns])) * self.at.unit
         rounding = options.reduction_tolerance * (self.size + abs(before))
         if predicted <= rounding and length < 0.99 * self.radius:
             return _Attempt(step=step, trial=None, predicted=predicted, gain=0.0, length=length)
         best = _Attempt(step=step, trial=None, predicted=predicted, gain=-np.inf, length=length)
         for correction in range(options.corrections + 1):
-            x = model.at.retract(step.step)
+            x = self.at.retract(step.step)
             trial = None if x is None else self._evaluate(x)
             gain = -np.inf if trial is None else before - trial.merit(self.penalty)
             if np.isfinite(gain) and (not correction or gain > max(best.gain, 0.0)):
@@ -251,8 +251,8 @@ class _Search:
 
     def _corrected(self, model: _Model, step: Step, x: Point, trial: _Iterate) -> Constraints:
         """Return the constraints with the curvature along a step that led to x made up for (Eq. 18.23)."""
-        inequalities = model.at.corrected_inequalities(step.step, x)
-        elastic = model.at.elastic
+        inequalities = self.at.corrected_inequalities(step.step, x)
+        elastic = self.at.elastic
         bounds = self.goal.upper - self.goal.rows @ trial.objectives
         values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
         return replace(model.constraints, values=values - model.constraints.jacobian @ step.step)
@@ -287,7 +287,7 @@ class _Search:
 
     def _is_critical(self, model: _Model) -> bool:
         """Return whether no direction gains more than rounding, to first order."""
-        gain = criticality(model.gradient[None], model.constraints, model.at.unit).value
+        gain = criticality(model.gradient[None], model.constraints, self.at.unit).value
         return gain <= self.options.criticality_tolerance * self.size
 
 

@@ -1,1 +1,1 @@
-"""How it is looked at: the recording of a run, pictures, and the viewer."""
+"""The review of a run: its recording, pictures, and the viewer."""

@@ -12,13 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Mask, Values
-
-Colour = tuple[int, int, int, int]
-
-BACKGROUND = (16, 18, 22)
-GRID: Colour = (46, 50, 58, 255)
-FRAME: Colour = (104, 112, 124, 255)
-TEXT: Colour = (200, 206, 216, 255)
+from paretoik.review.palette import SCREEN
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,26 +41,26 @@ class Canvas:
         inside: Mask = (np.abs(share - 0.5) <= 0.5).all(axis=-1)
         return inside
 
-    def suits(self, points: np.ndarray) -> bool:
+    def fits(self, points: np.ndarray) -> bool:
         """Say whether all `points` (points, 2) lie in the window and fill more than half of either side."""
         return bool(self.shows(points).all() and (np.ptp(points, axis=0) > 0.5 * (self.high - self.low)).all())
 
     def bounds(self) -> rrb.VisualBounds2D:
-        """Return what a view must show: the window and room for its labels."""
+        """Return the bounds of a view: the window and a margin for its labels."""
         x_range = [-6.0 * self.text, self.width + 2.5 * self.text]
         return rrb.VisualBounds2D(x_range=x_range, y_range=[-4.0 * self.text, self.height + 6.5 * self.text])
 
     def log(self, recording: rr.RecordingStream, entity: str, *, static: bool) -> None:
         """Draw frame, grid, ticks and labels."""
         across, along = (
-            nice_ticks(low, high, wanted=int(np.clip(side / (5.5 * self.text), 3, 6)))
+            nice_ticks(low, high, count=int(np.clip(side / (5.5 * self.text), 3, 6)))
             for low, high, side in zip(self.low, self.high, (self.width, 1.4 * self.height), strict=True)
         )
         upright = [[(x, self.low[1]), (x, self.high[1])] for x in across]
         level = [[(self.low[0], y), (self.high[0], y)] for y in along]
         corners = [self.low, (self.high[0], self.low[1]), self.high, (self.low[0], self.high[1]), self.low]
         strips = [self.place(np.array(strip)) for strip in (*upright, *level, corners)]
-        colours = [GRID] * (len(strips) - 1) + [FRAME]
+        colours = [SCREEN.grid] * (len(strips) - 1) + [SCREEN.frame]
         grid = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(0.5), draw_order=-10.0)
         recording.log(f"{entity}/grid", grid, static=static)
         # A label hangs centred under its point, so those beside the frame are raised by a line.
@@ -75,22 +69,22 @@ class Canvas:
         names = np.array(
             [[self.width / 2, self.height + 3.2 * self.text], [0.3 * len(self.labels[1]) * self.text, -3.2 * self.text]]
         )
-        words = rr.Points2D(
+        text = rr.Points2D(
             np.concatenate([under, beside, names]),
             labels=[f"{tick:.6g}" for tick in (*across, *along)] + list(self.labels),
             show_labels=True,
-            colors=TEXT,
+            colors=SCREEN.text,
             radii=rr.Radius.ui_points(0.0),
             draw_order=-5.0,
         )
-        recording.log(f"{entity}/labels", words, static=static)
+        recording.log(f"{entity}/labels", text, static=static)
 
 
 def window(points: np.ndarray, *, margin: float = 0.06) -> tuple[Values, Values]:
-    """Return the corners around `points` (points, 2), a `margin` of their range wider; never of zero size."""
+    """Return the corners of a window around `points` (points, 2), wider by a `margin` of their range."""
     low, high = points.min(axis=0), points.max(axis=0)
-    span = np.where(high - low > 1e-9 * np.abs(high), high - low, np.maximum(0.1 * np.abs(high), 1e-9))
-    return low - margin * span, high + margin * span
+    width = np.where(high - low > 1e-9 * np.abs(high), high - low, np.maximum(0.1 * np.abs(high), 1e-9))
+    return low - margin * width, high + margin * width
 
 
 def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Values, Values]:
@@ -101,9 +95,9 @@ def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Va
     return (low + high) / 2 - half, (low + high) / 2 + half
 
 
-def nice_ticks(low: float, high: float, *, wanted: int = 5) -> Values:
-    """Return multiples of 1, 2 or 5 times a power of ten inside [low, high], at most about as many as wanted."""
-    rough = (high - low) / wanted
+def nice_ticks(low: float, high: float, *, count: int = 5) -> Values:
+    """Return multiples of 1, 2 or 5 times a power of ten inside [low, high], about `count` at most."""
+    rough = (high - low) / count
     power = 10.0 ** np.floor(np.log10(rough))
     step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= 0.999 * rough)
     ticks: Values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step

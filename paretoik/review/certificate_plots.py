@@ -1,7 +1,9 @@
-"""Pictures of what is certified: how objectives trade at every point, what is left to gain, who weighs how much."""
+"""Pictures of certificates: exchange rates, residuals and weights of every point of a front."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -14,23 +16,40 @@ from matplotlib.figure import Figure
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
-from paretoik.review.plots import ACCENTS, QUIET, STYLE, label, save
+from paretoik.review.palette import PAPER
+from paretoik.review.plots import label, save
 
-TANGENT = 0.06  # half its length, as a share of the picture's width or height
-FLOOR = 1e-16  # where nothing is drawn that is smaller
-CRITICAL, HOLDS = 1e-6, 1e-8
-LOOKS: dict[str, Any] = {
-    "minimum": {"color": ACCENTS[1], "marker": "o"},
-    "saddle": {"color": ACCENTS[0], "marker": "X"},
-    "undetermined": {"color": ACCENTS[0], "marker": "o", "markerfacecolor": "white"},
-}
-MOST_PAIRS = 3
+
+@dataclass(frozen=True, kw_only=True)
+class CertificateStyle:
+    """How certificates are drawn.
+
+    ``tangent`` is half the length of an exchange rate's line, as a share of the picture's width or height; residuals
+    below ``floor`` are not drawn; ``critical`` and ``feasible`` are the residual and the violation up to which points
+    are certified; at most ``pairs`` pairs of objectives have a panel; each status has its marker.
+    """
+
+    tangent: float = 0.06
+    floor: float = 1e-16
+    critical: float = 1e-6
+    feasible: float = 1e-8
+    pairs: int = 3
+    markers: Mapping[str, Mapping[str, Any]] = field(
+        default_factory=lambda: {
+            "minimum": {"color": PAPER.accents[1], "marker": "o"},
+            "saddle": {"color": PAPER.accents[0], "marker": "X"},
+            "undetermined": {"color": PAPER.accents[0], "marker": "o", "markerfacecolor": "white"},
+        }
+    )
+
+
+STYLE = CertificateStyle()
 
 
 def certificates_picture(front: Front, file: Path | str) -> None:
     """Write a PNG of a certified front: trade-offs with their exchange rates, residuals and weights of all points.
 
-    The line through a point is the front's slope there, of two objectives with the others held.
+    The line through a point is the front's slope there, of two objectives with the others fixed.
 
     Raises
     ------
@@ -41,8 +60,8 @@ def certificates_picture(front: Front, file: Path | str) -> None:
         raise InvalidInput(
             "certificates_picture: a front with certificates wanted, got one without: pk.refine it first"
         )
-    pairs = list(combinations(range(len(front.names)), 2))[:MOST_PAIRS]
-    with matplotlib.rc_context(STYLE):
+    pairs = list(combinations(range(len(front.names)), 2))[: STYLE.pairs]
+    with matplotlib.rc_context(PAPER.style):
         figure = Figure(figsize=(3.3 * (len(pairs) + 2), 3.2), dpi=125, layout="constrained")
         FigureCanvasAgg(figure)
         panels = np.atleast_1d(figure.subplots(1, len(pairs) + 2))
@@ -54,21 +73,24 @@ def certificates_picture(front: Front, file: Path | str) -> None:
 
 
 def _draw_trade(axes: Axes, front: Front, pair: tuple[int, int]) -> None:
-    known = front.certificates
-    assert known is not None
+    certificates = front.certificates
+    assert certificates is not None
     i, j = pair
     x, y = front.objectives[:, i], front.objectives[:, j]
-    span = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
-    slopes = known.exchange_rates[:, i, j]
-    reach = TANGENT / np.hypot(1.0 / span[0], slopes / span[1])  # as long in the picture, whatever the slope
-    for status, look in LOOKS.items():
-        rows = known.status == status
+    width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
+    slopes = certificates.exchange_rates[:, i, j]
+    # as long in the picture, whatever the slope
+    half_length = STYLE.tangent / np.hypot(1.0 / width[0], slopes / width[1])
+    for status, marker in STYLE.markers.items():
+        rows = certificates.status == status
         if not rows.any():
             continue
-        axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=f"{rows.sum()} {status}", **look)
-    for a, b, slope, step in zip(x, y, slopes, reach, strict=True):
+        axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=f"{rows.sum()} {status}", **marker)
+    for a, b, slope, step in zip(x, y, slopes, half_length, strict=True):
         if np.isfinite(slope):
-            axes.plot([a - step, a + step], [b - slope * step, b + slope * step], color=QUIET, linewidth=0.9, zorder=1)
+            axes.plot(
+                [a - step, a + step], [b - slope * step, b + slope * step], color=PAPER.quiet, linewidth=0.9, zorder=1
+            )
     axes.set(xlabel=label(front, i), ylabel=label(front, j))
     axes.locator_params(nbins=5)
     axes.margins(0.12)
@@ -76,32 +98,44 @@ def _draw_trade(axes: Axes, front: Front, pair: tuple[int, int]) -> None:
 
 
 def _draw_residuals(axes: Axes, front: Front) -> None:
-    known, places = front.certificates, np.arange(len(front))
-    assert known is not None
+    certificates, places = front.certificates, np.arange(len(front))
+    assert certificates is not None
     for values, name, colour in (
-        (known.kkt_residual, "criticality", ACCENTS[1]),
-        (known.violation, "violation", ACCENTS[0]),
-        (known.violation_between, "between samples", QUIET),
+        (certificates.kkt_residual, "criticality", PAPER.accents[1]),
+        (certificates.violation, "violation", PAPER.accents[0]),
+        (certificates.violation_between, "between samples", PAPER.quiet),
     ):
-        shown = values > FLOOR
-        axes.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=_told(name, int(shown.sum())))
-    for goal, colour in ((CRITICAL, ACCENTS[1]), (HOLDS, ACCENTS[0])):
-        axes.axhline(goal, color=colour, linewidth=0.7, linestyle=":")
-    axes.set(yscale="log", xlabel="point", ylabel="share of a range", ylim=(FLOOR, 1.0), xlim=(-0.5, len(front) - 0.5))
+        shown = values > STYLE.floor
+        axes.plot(
+            places[shown],
+            values[shown],
+            ".",
+            color=colour,
+            markersize=6,
+            label=name if shown.any() else f"{name}: none",
+        )
+    for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
+        axes.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
+    axes.set(
+        yscale="log", xlabel="point", ylabel="share of a range", ylim=(STYLE.floor, 1.0), xlim=(-0.5, len(front) - 0.5)
+    )
     axes.legend(frameon=False, handletextpad=0.3)
 
 
-def _told(name: str, shown: int) -> str:
-    return name if shown else f"{name}: none"
-
-
 def _draw_weights(axes: Axes, front: Front) -> None:
-    known, places = front.certificates, np.arange(len(front))
-    assert known is not None
+    certificates, places = front.certificates, np.arange(len(front))
+    assert certificates is not None
     bottom = np.zeros(len(front))
     for k, name in enumerate(front.names):
-        axes.bar(places, known.weights[:, k], bottom=bottom, width=0.9, color=ACCENTS[k % len(ACCENTS)], label=name)
-        bottom = bottom + known.weights[:, k]
+        axes.bar(
+            places,
+            certificates.weights[:, k],
+            bottom=bottom,
+            width=0.9,
+            color=PAPER.accent(k),
+            label=name,
+        )
+        bottom = bottom + certificates.weights[:, k]
     axes.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(front) - 0.5))
     axes.grid(visible=False)
     axes.legend(frameon=True, framealpha=0.9, edgecolor="none", loc="upper center")

@@ -14,7 +14,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Series, Times
-from paretoik.review.canvas import BACKGROUND, TEXT, Canvas, Colour, window
+from paretoik.review.canvas import Canvas, window
+from paretoik.review.palette import SCREEN, Colour
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,17 +35,19 @@ class Chart:
     def view(self) -> rrb.View:
         """Return the chart's view."""
         bounds = self._canvas().bounds()
-        return rrb.Spatial2DView(origin=self.entity, name=self.title, visual_bounds=bounds, background=BACKGROUND)
+        return rrb.Spatial2DView(
+            origin=self.entity, name=self.title, visual_bounds=bounds, background=SCREEN.background
+        )
 
     def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes, curves and names, all of them for good."""
+        """Draw axes, curves and names, at all times."""
         canvas = self._canvas()
         canvas.log(recording, self.entity, static=True)
         strips = [canvas.place(self._points(curve)) for curve in self.curves]
         lines = rr.LineStrips2D(strips, colors=list(self.colours), radii=rr.Radius.ui_points(1.2), draw_order=1.0)
         recording.log(f"{self.entity}/curves", lines, static=True)
         if len(self.curves) > 1:
-            ends = _apart([strip[-1, 1] for strip in strips], gap=1.7 * canvas.text)
+            ends = _spread_labels([strip[-1, 1] for strip in strips], gap=1.7 * canvas.text)
             points = [[canvas.width + 4.0 * canvas.text, end - 1.2 * canvas.text] for end in ends]
             names = rr.Points2D(
                 points,
@@ -62,7 +65,7 @@ class Chart:
         canvas = self._canvas()
         stops = self.instants if instants is None else instants
         edges = np.array([[(instant, canvas.low[1]), (instant, canvas.high[1])] for instant in stops])
-        style = rr.LineStrips2D.from_fields(colors=TEXT, radii=rr.Radius.ui_points(0.8), draw_order=2.0)
+        style = rr.LineStrips2D.from_fields(colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=2.0)
         recording.log(f"{self.entity}/cursor", style, static=True)
         strips = rr.LineStrips2D.columns(strips=list(canvas.place(edges)))
         recording.send_columns(f"{self.entity}/cursor", columns, strips)
@@ -79,8 +82,8 @@ class Chart:
         return Canvas(low=low, high=high, labels=self.labels, width=self.width, height=self.height, text=3.6)
 
 
-def _apart(places: Sequence[float], *, gap: float) -> list[float]:
-    """Return `places` pushed down until neighbours are a `gap` apart, and all up by half of what that took."""
+def _spread_labels(places: Sequence[float], *, gap: float) -> list[float]:
+    """Return `places` moved until neighbours have at least a distance of `gap`, about the same middle."""
     order = np.argsort(places, kind="stable")
     moved = np.array(places, dtype=float)
     for above, below in pairwise(order):

@@ -9,24 +9,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from paretoik.review.canvas import BACKGROUND, Canvas, Colour, equal_window
+from paretoik.review.canvas import Canvas, equal_window
 from paretoik.review.chart import Chart
-
-ARM: Colour = (235, 238, 242, 255)
-GHOST: Colour = (150, 165, 190, 70)
-PATH: Colour = (255, 178, 62, 255)
-TOOL: Colour = (70, 225, 190, 255)
-JOINTS: tuple[Colour, ...] = (
-    (255, 178, 62, 255),
-    (70, 225, 190, 255),
-    (110, 160, 255, 255),
-    (240, 110, 140, 255),
-    (190, 140, 255, 255),
-    (160, 210, 90, 255),
-    (230, 215, 120, 255),
-    (140, 200, 230, 255),
-)
-GHOSTS = 9
+from paretoik.review.palette import SCREEN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,16 +26,18 @@ class MotionScene:
         joints = [*(chart.view() for chart in self._charts()), rrb.TimeSeriesView(origin="joints", name="series")]
         if self.motion.arm.is_planar:
             bounds = self._canvas().bounds()
-            return rrb.Spatial2DView(origin="arm", name=self.title, visual_bounds=bounds, background=BACKGROUND), joints
+            return rrb.Spatial2DView(
+                origin="arm", name=self.title, visual_bounds=bounds, background=SCREEN.background
+            ), joints
         return rrb.Spatial3DView(
-            origin="arm", name=self.title, background=BACKGROUND, eye_controls=_eye(self.motion.links)
+            origin="arm", name=self.title, background=SCREEN.background, eye_controls=_eye(self.motion.links)
         ), joints
 
     def log(self, recording: rr.RecordingStream, row: rr.TimeColumn) -> None:
         """Log the motion; its rows also stand at `row` of the search's timeline, so that neither is half empty."""
         times = np.asarray(self.motion.time, dtype=float)
         columns = [rr.TimeColumn("motion", duration=times), row]
-        self._log_surroundings(recording)
+        self._log_axes_and_path(recording)
         self._send_arm(recording, columns)
         for chart in self._charts():
             chart.log(recording)
@@ -61,34 +48,38 @@ class MotionScene:
             lengths = [len(chart.names)] * len(times)
             recording.send_columns(chart.entity.replace("charts", "joints"), columns, scalars.partition(lengths))
 
-    def _log_surroundings(self, recording: rr.RecordingStream) -> None:
-        links, tool = self._drawn(self.motion.links), self._drawn(self.motion.tool)
-        ghosts = links[np.unique(np.linspace(0, len(links) - 1, GHOSTS).round().astype(int))]
+    def _log_axes_and_path(self, recording: rr.RecordingStream) -> None:
+        links, tool = self._on_view(self.motion.links), self._on_view(self.motion.tool)
+        ghosts = links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))]
         thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
         if self.motion.arm.is_planar:
             self._canvas().log(recording, "arm/axes", static=True)
-            recording.log("arm/ghosts", rr.LineStrips2D(ghosts, colors=GHOST, radii=thin, draw_order=0.0), static=True)
-            recording.log("arm/path", rr.LineStrips2D([tool], colors=PATH, radii=thick, draw_order=1.0), static=True)
+            recording.log(
+                "arm/ghosts", rr.LineStrips2D(ghosts, colors=SCREEN.ghost, radii=thin, draw_order=0.0), static=True
+            )
+            recording.log(
+                "arm/path", rr.LineStrips2D([tool], colors=SCREEN.path, radii=thick, draw_order=1.0), static=True
+            )
         else:
             recording.log("arm", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            recording.log("arm/ghosts", rr.LineStrips3D(ghosts, colors=GHOST, radii=thin), static=True)
-            recording.log("arm/path", rr.LineStrips3D([tool], colors=PATH, radii=thick), static=True)
+            recording.log("arm/ghosts", rr.LineStrips3D(ghosts, colors=SCREEN.ghost, radii=thin), static=True)
+            recording.log("arm/path", rr.LineStrips3D([tool], colors=SCREEN.path, radii=thick), static=True)
 
     def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
-        links = self._drawn(self.motion.links)
+        links = self._on_view(self.motion.links)
         samples, nodes, _ = links.shape
-        rod, colours = rr.Radius.ui_points(3.5), [ARM] * (nodes - 1) + [TOOL]
+        rod, colours = rr.Radius.ui_points(3.5), [SCREEN.arm] * (nodes - 1) + [SCREEN.tool]
         sizes = rr.Radius.ui_points([5.0] * (nodes - 1) + [6.5])
         flat, lengths = links.reshape(samples * nodes, -1), [nodes] * samples
         rods: rr.LineStrips2D | rr.LineStrips3D
         knots: rr.Points2D | rr.Points3D
         if self.motion.arm.is_planar:
-            rods = rr.LineStrips2D.from_fields(colors=ARM, radii=rod, draw_order=5.0)
+            rods = rr.LineStrips2D.from_fields(colors=SCREEN.arm, radii=rod, draw_order=5.0)
             knots = rr.Points2D.from_fields(colors=colours, radii=sizes, draw_order=6.0)
             strips = rr.LineStrips2D.columns(strips=list(links))
             points = rr.Points2D.columns(positions=flat).partition(lengths)
         else:
-            rods = rr.LineStrips3D.from_fields(colors=ARM, radii=rod)
+            rods = rr.LineStrips3D.from_fields(colors=SCREEN.arm, radii=rod)
             knots = rr.Points3D.from_fields(colors=colours, radii=sizes)
             strips = rr.LineStrips3D.columns(strips=list(links))
             points = rr.Points3D.columns(positions=flat).partition(lengths)
@@ -100,7 +91,7 @@ class MotionScene:
     def _charts(self) -> list[Chart]:
         motion, joints = self.motion, self.motion.arm.joint_names
         sliding = np.array([kind == "prismatic" for kind in motion.arm.joint_types])
-        colours = [JOINTS[index % len(JOINTS)] for index in range(len(joints))]
+        colours = [SCREEN.joints[index % len(SCREEN.joints)] for index in range(len(joints))]
         return [
             Chart(
                 entity=f"charts/{name}",
@@ -123,7 +114,7 @@ class MotionScene:
         low, high = equal_window(nodes, width=140.0, height=100.0)
         return Canvas(low=low, high=high, labels=("x [m]", "y [m]"))
 
-    def _drawn(self, points: np.ndarray) -> np.ndarray:
+    def _on_view(self, points: np.ndarray) -> np.ndarray:
         return self._canvas().place(points[..., :2]) if self.motion.arm.is_planar else points
 
 

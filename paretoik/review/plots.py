@@ -18,37 +18,16 @@ from PIL import Image
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
-
-INK, QUIET, GRID = "#1f2933", "#7b8794", "#e4e7eb"
-ACCENTS = ("#d9480f", "#0b7285", "#5f3dc4", "#2b8a3e")
-STYLE: Any = {
-    "font.size": 8.5,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": QUIET,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.titlesize": 8.5,
-    "grid.color": GRID,
-    "grid.linewidth": 0.7,
-    "xtick.color": QUIET,
-    "ytick.color": QUIET,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-}
-POSTURES = 8
+from paretoik.review.palette import PAPER
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
-    """A point that is marked in the front and whose motion is drawn: its row, its colour and why it is shown."""
+class Highlight:
+    """A point that is marked in the front and whose motion is drawn: its row, its colour and the reason."""
 
     index: int
     colour: str
-    why: str
+    reason: str
 
 
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
@@ -62,18 +41,18 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
     InvalidInput
         The file cannot be written.
     """
-    shown = _points_to_show(front, choice)
+    highlights = _highlights(front, choice)
     rows = len(front.names) > 2
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(PAPER.style):
         figure = Figure(figsize=_size(front), dpi=125, layout="constrained")
         FigureCanvasAgg(figure)
-        if front.motions is None or not shown:
-            _draw_front(figure, front, shown)
+        if front.motions is None or not highlights:
+            _draw_front(figure, front, highlights)
         else:
             grid: Any = {"nrows": 2} if rows else {"ncols": 2, "width_ratios": [1.0, 2.0]}
             trade_off, motions = np.ravel(figure.subfigures(**grid))
-            _draw_front(trade_off, front, shown)
-            _draw_motions(motions, front, shown)
+            _draw_front(trade_off, front, highlights)
+            _draw_motions(motions, front, highlights)
         save(figure, file)
 
 
@@ -97,24 +76,24 @@ def label(front: Front, axis: int) -> str:
     return _text(f"{front.names[axis]}{unit}" + (", more is better" if front.maximised[axis] else ""))
 
 
-def stroboscopic(axes: Axes, motion: Any, *, colour: str = ACCENTS[1]) -> None:
-    """Draw a single `motion`: some of its postures, the later the darker, and the way of its tool.
+def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
+    """Draw a single `motion`: some of its postures, the later the darker, and the path of its tool.
 
     The axes must be three-dimensional for an arm that is not planar.
     """
     size = 2 if motion.arm.is_planar else 3
     links, tool = motion.links[..., :size], motion.tool[..., :size]
-    picked = np.unique(np.linspace(0, len(links) - 1, POSTURES).round().astype(int))
+    picked = np.unique(np.linspace(0, len(links) - 1, PAPER.postures).round().astype(int))
     for place, sample in enumerate(picked):
         strength = 0.18 + 0.62 * (place / max(len(picked) - 1, 1)) ** 2
-        axes.plot(*links[sample].T, color=INK, alpha=strength, linewidth=1.3, solid_capstyle="round")
+        axes.plot(*links[sample].T, color=PAPER.ink, alpha=strength, linewidth=1.3, solid_capstyle="round")
     last = links[picked[-1]]
-    axes.plot(*last.T, color=INK, linestyle="none", marker="o", markersize=3.2, markerfacecolor="white")
+    axes.plot(*last.T, color=PAPER.ink, linestyle="none", marker="o", markersize=3.2, markerfacecolor="white")
     axes.plot(*tool.T, color=colour, linewidth=1.8)
     axes.plot(*tool[-1:].T, color=colour, marker="o", markersize=4.5)
 
 
-def _points_to_show(front: Front, choice: Choice | None) -> list[Shown]:
+def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
     if len(front) == 0:
         return []
     reasons: dict[int, str] = {}
@@ -126,7 +105,9 @@ def _points_to_show(front: Front, choice: Choice | None) -> list[Shown]:
     else:
         reasons.setdefault(int(np.linalg.norm(front.shares, axis=1).argmin()), "compromise")
     ordered = sorted(reasons.items())
-    return [Shown(index=index, colour=ACCENTS[n % 4], why=why) for n, (index, why) in enumerate(ordered)]
+    return [
+        Highlight(index=index, colour=PAPER.accents[n % 4], reason=reason) for n, (index, reason) in enumerate(ordered)
+    ]
 
 
 def _size(front: Front) -> tuple[float, float]:
@@ -135,23 +116,23 @@ def _size(front: Front) -> tuple[float, float]:
     return (4.2, 3.4) if front.motions is None else (11.0, 3.3)
 
 
-def _draw_front(figure: Figure | SubFigure, front: Front, shown: Sequence[Shown]) -> None:
+def _draw_front(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
     if len(front) == 0:
-        figure.text(0.5, 0.5, "no feasible point", ha="center", color=QUIET)
+        figure.text(0.5, 0.5, "no feasible point", ha="center", color=PAPER.quiet)
     elif len(front.names) == 1:
-        _draw_values(figure.subplots(), front, shown)
+        _draw_values(figure.subplots(), front, highlights)
     elif len(front.names) <= 3:
         pairs = list(combinations(range(len(front.names)), 2))
         for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
-            _draw_pair(axes, front, pair, shown)
+            _draw_pair(axes, front, pair, highlights)
     else:
-        _draw_parallel(figure.subplots(), front, shown)
+        _draw_parallel(figure.subplots(), front, highlights)
 
 
-def _draw_values(axes: Axes, front: Front, shown: Sequence[Shown]) -> None:
+def _draw_values(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
     places = np.arange(len(front))
-    axes.plot(front.objectives[:, 0], places, color=QUIET, linestyle="none", marker="o", markersize=4)
-    for point in shown:
+    axes.plot(front.objectives[:, 0], places, color=PAPER.quiet, linestyle="none", marker="o", markersize=4)
+    for point in highlights:
         value = front.objectives[point.index, 0]
         axes.plot(value, point.index, color=point.colour, marker="o", markersize=8)
         axes.annotate(f"{value:.4g}", (value, point.index), (0, 9), textcoords="offset points", ha="center")
@@ -159,10 +140,10 @@ def _draw_values(axes: Axes, front: Front, shown: Sequence[Shown]) -> None:
     axes.margins(0.2)
 
 
-def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], shown: Sequence[Shown]) -> None:
+def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequence[Highlight]) -> None:
     x, y = front.objectives[:, pair[0]], front.objectives[:, pair[1]]
-    axes.plot(x, y, color=QUIET, linestyle="none", marker="o", markersize=3.6, markeredgewidth=0)
-    for point in shown:
+    axes.plot(x, y, color=PAPER.quiet, linestyle="none", marker="o", markersize=3.6, markeredgewidth=0)
+    for point in highlights:
         spot = (x[point.index], y[point.index])
         axes.plot(*spot, color=point.colour, marker="o", markersize=7.5, markeredgecolor="white")
         axes.annotate(
@@ -173,19 +154,19 @@ def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], shown: Sequence[
     axes.margins(0.09)
 
 
-def _draw_parallel(axes: Axes, front: Front, shown: Sequence[Shown]) -> None:
+def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
     """Draw a line a point across an axis an objective, the best value of each at the bottom."""
     places = np.arange(len(front.names))
-    axes.plot(places, front.shares.T, color=QUIET, alpha=0.35, linewidth=0.8)
-    for point in shown:
+    axes.plot(places, front.shares.T, color=PAPER.quiet, alpha=0.35, linewidth=0.8)
+    for point in highlights:
         shares = front.shares[point.index]
         axes.plot(
-            places, shares, color=point.colour, linewidth=2.2, label=f"point {front.ids[point.index]}, {point.why}"
+            places, shares, color=point.colour, linewidth=2.2, label=f"point {front.ids[point.index]}, {point.reason}"
         )
     low, high = np.where(front.maximised, front.ranges.T[::-1], front.ranges.T)
     for place, best, worst in zip(places, low, high, strict=True):
-        axes.annotate(f"{best:.3g}", (place, 0.0), (0, -11), textcoords="offset points", ha="center", color=QUIET)
-        axes.annotate(f"{worst:.3g}", (place, 1.0), (0, 5), textcoords="offset points", ha="center", color=QUIET)
+        axes.annotate(f"{best:.3g}", (place, 0.0), (0, -11), textcoords="offset points", ha="center", color=PAPER.quiet)
+        axes.annotate(f"{worst:.3g}", (place, 1.0), (0, 5), textcoords="offset points", ha="center", color=PAPER.quiet)
     axes.set_xticks(places, [label(front, axis) for axis in range(len(places))])
     axes.set(ylabel="worst above, best below", yticks=[], ylim=(-0.02, 1.02))
     axes.spines[["bottom", "left"]].set_visible(False)
@@ -194,15 +175,15 @@ def _draw_parallel(axes: Axes, front: Front, shown: Sequence[Shown]) -> None:
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
-def _draw_motions(figure: Figure | SubFigure, front: Front, shown: Sequence[Shown]) -> None:
+def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
     assert front.motions is not None
-    motions = [front.motions[point.index] for point in shown]
+    motions = [front.motions[point.index] for point in highlights]
     planar = motions[0].arm.is_planar
     kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
-    panels = figure.subplots(1, len(shown), sharex=planar, sharey=planar, subplot_kw=kind)
-    for axes, point, motion in zip(np.atleast_1d(panels), shown, motions, strict=True):
+    panels = figure.subplots(1, len(highlights), sharex=planar, sharey=planar, subplot_kw=kind)
+    for axes, point, motion in zip(np.atleast_1d(panels), highlights, motions, strict=True):
         stroboscopic(axes, motion, colour=point.colour)
-        axes.set_title(f"point {front.ids[point.index]}, {_text(point.why)}", color=point.colour)
+        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
         axes.locator_params(nbins=4)
         axes.set_xlabel("x [m]")
         if not planar:

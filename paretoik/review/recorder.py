@@ -1,4 +1,4 @@
-"""The recorder that a run is handed: it looks on, and never stops the run."""
+"""The recorder of a run, whose failure never stops the run."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from paretoik.review.generation import Generation, Timeline
 class Recorder:
     """Writes ``file`` while a run goes on, a generation at a time, and once more at its end.
 
-    What is finished survives a killed process. A recording is a view of the run and not its archive: whatever goes
-    wrong with it, Rerun missing included, is warned of once and ends the recording, never the run.
+    Finished generations survive a killed process. A recording is a view of the run and not its archive: an error of
+    it, Rerun missing included, gives one warning and ends the recording, never the run.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Recorder:
         self._attempt(lambda: self._recording.finish(front, choice))
 
     def close(self) -> None:
-        """Close the file; what was recorded stays."""
+        """Close the file."""
         self._attempt(lambda: self._recording.close())
 
     def _attempt(self, step: Callable[[], None]) -> None:

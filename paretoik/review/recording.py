@@ -20,10 +20,10 @@ from paretoik.review.search_scene import SearchScene, replay_window
 
 
 class Recording:
-    """An open recording of a search, which raises what goes wrong.
+    """An open recording of a search; errors of Rerun are raised.
 
-    While the search runs, each generation is drawn on axes of its own. Only at its end is it known what is worth
-    seeing, so `finish` writes the file again.
+    While the search runs, each generation is drawn on its own axes. The common axes of all are known only at its end,
+    so `finish` writes the file again.
     """
 
     def __init__(self, file: Path, *, title: str, scene: SearchScene) -> None:
@@ -32,13 +32,13 @@ class Recording:
         self._scene = scene
         self._generations: list[Generation] = []
         self._canvases: list[Canvas] = []
-        self._stream = self._opened(file)
+        self._stream = self._open(file)
 
     def record(self, generation: Generation) -> None:
         """Append a generation and flush, so that it survives a killed process."""
         self._stream.set_time(self._scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
-        if not self._scene.suits(self._canvases, shown):
+        if not self._scene.fits(self._canvases, shown):
             without_panels = not self._canvases
             self._canvases = self._scene.canvases(shown)
             self._scene.log_axes(self._stream, self._canvases, static=False)
@@ -55,7 +55,7 @@ class Recording:
         """
         self._stream.disconnect()
         part = self._file.with_name(f".{self._file.name}.part")
-        self._stream = self._opened(part)
+        self._stream = self._open(part)
         try:
             self._write_all(front, choice)
             self._stream.flush()
@@ -68,7 +68,7 @@ class Recording:
         """Close the file."""
         self._stream.disconnect()
 
-    def _opened(self, file: Path) -> rr.RecordingStream:
+    def _open(self, file: Path) -> rr.RecordingStream:
         # The viewer keeps one layout an application, and each run needs its own.
         application = f"{self._title} in {self._file.resolve().parent.name}"
         stream = rr.RecordingStream(re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-"))

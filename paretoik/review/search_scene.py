@@ -11,20 +11,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Ids, Objectives, Times, Values
-from paretoik.review.canvas import BACKGROUND, Canvas, Colour, window
+from paretoik.review.canvas import Canvas, window
 from paretoik.review.chart import Chart
 from paretoik.review.generation import Generation, Population, Timeline
-
-POPULATION: Colour = (125, 150, 185, 190)
-FRONT: Colour = (255, 178, 62, 255)
-CHOSEN: Colour = (70, 225, 190, 255)
-FAILED: Colour = (225, 95, 95, 255)
+from paretoik.review.palette import SCREEN, Colour
 
 Layer = Literal["population", "front", "chosen"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
-    "population": (POPULATION, 2.2, 1.0),
-    "front": (FRONT, 3.2, 2.0),
-    "chosen": (CHOSEN, 6.5, 3.0),
+    "population": (SCREEN.population, 2.2, 1.0),
+    "front": (SCREEN.front, 3.2, 2.0),
+    "chosen": (SCREEN.chosen, 6.5, 3.0),
 }
 
 
@@ -63,11 +59,11 @@ class SearchScene:
             for (first, second), (low, high) in zip(self.pairs, windows, strict=True)
         ]
 
-    def suits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
+    def fits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
         """Say whether `shown` can be drawn on `canvases` as they are."""
         if self.timeline == "step":
             return bool(canvases)
-        return bool(canvases) and all(canvas.suits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
+        return bool(canvases) and all(canvas.fits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
     @property
     def columns(self) -> int:
@@ -81,7 +77,7 @@ class SearchScene:
                 origin=rr.new_entity_path(self._panel(pair)),
                 name=f"{self.names[pair[0]]} against {self.names[pair[1]]}",
                 visual_bounds=canvas.bounds(),
-                background=BACKGROUND,
+                background=SCREEN.background,
             )
             for pair, canvas in self._panels(canvases)
         ]
@@ -102,46 +98,48 @@ class SearchScene:
         ]
 
     def charts(self, generations: Sequence[Generation]) -> list[Chart]:
-        """Return how the hypervolume went, and with a single objective first how its best value did.
+        """Return the hypervolume over the generations, with a single objective its best value first.
 
-        Of steps, how each objective of what was chosen went.
+        Of steps, each objective of the chosen points.
         """
-        told = [generation for generation in generations if len(generation.front)]
-        if not told:
+        with_front = [generation for generation in generations if len(generation.front)]
+        if not with_front:
             return []
-        numbers = np.array([generation.number for generation in told], dtype=float)
+        numbers = np.array([generation.number for generation in with_front], dtype=float)
         if self.timeline == "step":
-            values = np.array([generation.chosen for generation in told])
+            values = np.array([generation.chosen for generation in with_front])
             return [
                 self._chart(f"chosen_{axis}", f"chosen {self._label(axis)}", numbers, values[:, axis], height=30.0)
                 for axis in range(len(self.names))
             ]
-        volumes = np.array([generation.hypervolume for generation in told])
+        volumes = np.array([generation.hypervolume for generation in with_front])
         charts = [self._chart("hypervolume", "hypervolume", numbers, volumes, height=30.0)]
         if len(self.names) == 1:
-            best = np.array([self._best(generation.front)[0] for generation in told])
+            best = np.array([self._best(generation.front)[0] for generation in with_front])
             charts.insert(0, self._chart("best", f"best {self._label(0)}", numbers, best, height=100.0))
         return charts
 
     def log_styles(self, recording: rr.RecordingStream) -> None:
         """Give the time series their names and colours."""
         recording.log(
-            "search/hypervolume", rr.SeriesLines(names="hypervolume", colors=FRONT[:3], widths=2.0), static=True
+            "search/hypervolume",
+            rr.SeriesLines(names="hypervolume", colors=SCREEN.front[:3], widths=2.0),
+            static=True,
         )
         recording.log(
             "search/counts",
-            rr.SeriesLines(names=["front", "failed"], colors=[FRONT[:3], FAILED[:3]], widths=2.0),
+            rr.SeriesLines(names=["front", "failed"], colors=[SCREEN.front[:3], SCREEN.failed[:3]], widths=2.0),
             static=True,
         )
         for axis, name in enumerate(self.names):
-            style = rr.SeriesLines(names=f"best {self._label(axis)}", colors=CHOSEN[:3], widths=2.0)
+            style = rr.SeriesLines(names=f"best {self._label(axis)}", colors=SCREEN.chosen[:3], widths=2.0)
             recording.log(["search", "best", name], style, static=True)
             if self.timeline == "step":
-                chosen = rr.SeriesLines(names=f"chosen {self._label(axis)}", colors=FRONT[:3], widths=2.0)
+                chosen = rr.SeriesLines(names=f"chosen {self._label(axis)}", colors=SCREEN.front[:3], widths=2.0)
                 recording.log(["search", "chosen", name], chosen, static=True)
 
     def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
-        """Draw the axes of every panel, for good or for the current generation."""
+        """Draw the axes of every panel, for all times (static) or for the current generation."""
         for pair, canvas in self._panels(canvases):
             canvas.log(recording, rr.new_entity_path(self._panel(pair)), static=static)
 
@@ -149,9 +147,11 @@ class SearchScene:
         self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas], *, named: bool = False
     ) -> None:
         """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
-        own = generation.front if self.timeline == "step" else None
-        self.log_points(recording, "population", generation.population, canvases, own=own)
-        self.log_points(recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, own=own)
+        reference = generation.front if self.timeline == "step" else None
+        self.log_points(recording, "population", generation.population, canvases, reference=reference)
+        self.log_points(
+            recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, reference=reference
+        )
         if generation.hypervolume is not None:
             recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
         recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
@@ -159,7 +159,7 @@ class SearchScene:
             for name, best in zip(self.names, self._best(generation.front), strict=True):
                 recording.log(["search", "best", name], rr.Scalars(float(best)))
         if generation.chosen is not None:
-            self.log_points(recording, "chosen", generation.chosen[None], canvases, own=own)
+            self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
             for name, value in zip(self.names, generation.chosen, strict=True):
                 recording.log(["search", "chosen", name], rr.Scalars(float(value)))
 
@@ -172,14 +172,14 @@ class SearchScene:
         *,
         ids: Ids | None = None,
         named: bool = False,
-        own: Population | None = None,
+        reference: Population | None = None,
     ) -> None:
-        """Draw points as a layer of every panel, as shares of the ranges of a front of their ``own`` if there is one.
+        """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
-        Those outside a window are left to the exact numbers beside it.
+        Points outside a window are not drawn, but their numbers are kept with the others.
         """
         colour, radius, order = LAYERS[layer]
-        drawn = F if own is None else _shares(F, own)
+        drawn = F if reference is None else _normalise(F, reference)
         for pair, canvas in self._panels(canvases):
             pairwise = drawn[:, list(pair)]
             seen = canvas.shows(pairwise)
@@ -214,7 +214,7 @@ class SearchScene:
             instants=numbers,
             curves=values[None],
             names=[name],
-            colours=[FRONT],
+            colours=[SCREEN.front],
             width=190.0 if height < 100.0 else 140.0,
             height=height,
         )
@@ -227,14 +227,14 @@ class SearchScene:
         return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
 
 
-def _shares(F: Objectives, own: Population) -> Objectives:
-    low, span = own.min(axis=0), np.ptp(own, axis=0)
-    shares: Objectives = (F - low) / np.where(span > 0, span, 1.0)
-    return shares
+def _normalise(F: Objectives, reference: Population) -> Objectives:
+    low, width = reference.min(axis=0), np.ptp(reference, axis=0)
+    normalised: Objectives = (F - low) / np.where(width > 0, width, 1.0)
+    return normalised
 
 
 def replay_window(generations: Sequence[Generation], front: Objectives) -> np.ndarray:
-    """Return corners (2, n_obj) around the final `front` and those before it, as far as they are worth seeing.
+    """Return corners (2, n_obj) around the final `front` and, as far as they are near, those before it.
 
     An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
     """

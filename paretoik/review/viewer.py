@@ -34,9 +34,9 @@ def show(folder: Path | str) -> None:
         check=False,
     )
     if viewer.returncode != 0:
-        # The last line ends with the cause, after the chain of who reported it.
-        said = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]
+        # The last line ends with the cause.
+        message = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]
         raise InvalidInput(
-            f"{recording}: wanted to open it in the Rerun viewer, got {said!r}; without a screen, "
+            f"{recording}: wanted to open it in the Rerun viewer, got {message!r}; without a screen, "
             f"copy the file to a machine that has one, or run: rerun --serve-web --bind 127.0.0.1 {recording}"
         )

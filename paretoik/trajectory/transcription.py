@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -30,6 +30,9 @@ from paretoik.task.retraction import retract, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
+
+if TYPE_CHECKING:
+    pass
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 PROBES = 64  # places at which slopes are looked at for kinks
@@ -92,6 +95,11 @@ class MotionProgram:
         return not (self.slacks or self.peaks or self.wholes)
 
     @property
+    def elastic(self) -> int:
+        """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
+        return len(self.sides) - self.kinks
+
+    @property
     def upper(self) -> Float[np.ndarray, " totals"]:
         """What the totals may not exceed."""
         return np.array([total.upper for total in self.totals])
@@ -102,17 +110,44 @@ class MotionProgram:
         return tuple(total.name for total in self.totals)
 
     @property
+    def inequality_names(self) -> tuple[str, ...]:
+        """Names of the limits, each a function of a sample; see ``limited``."""
+        kinds = [f"{order} of {joint}" for order in ORDERS for joint in self.task.arm.joint_names]
+        simple = kinds[: len(self.stencil.weights) * self.task.arm.dof]
+        names = [*simple, *[""] * (len(self.variables) - len(simple)), *self.rows]
+        return tuple(names[row] for row in self.limited[: self.elastic, 0])
+
+    @property
     def rounding(self) -> float:
         """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
         return 1e-6 if self.task.stops else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-        """Return motions that begin at the start to the bit, and end at rest where they have to."""
-        q = end_at_rest(self.task, x) if self.task.stops else x
-        if self.task.start is not None:
-            q = q.copy()
-            q[:, 0] = self.task.start
+        """Return motions that begin at the start and end at rest, where they have to."""
+        return self.pin(end_at_rest(self.task, x) if self.task.stops else x)
+
+    def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+        """Return motions that begin at the start, where one is given, to the bit."""
+        if self.task.start is None:
+            return x
+        q = x.copy()
+        q[:, 0] = self.task.start  # leading back to the path may have rounded it
         return q
+
+    def evaluate(
+        self, x: Float[np.ndarray, "time dof"]
+    ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
+        """Return F, h, which is empty, motions being on the path, and c, the limits divided by their ranges."""
+        from paretoik.trajectory.evaluation import evaluate  # here: it builds on this file
+
+        values = evaluate(self, x)
+        return values.objectives, np.zeros(0), values.inequalities
+
+    def linearise(self, x: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
+        """Return the program to first order at a motion on the path."""
+        from paretoik.trajectory.linearisation import linearise  # here: it builds on this file
+
+        return linearise(self, x)
 
     def distance(
         self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]

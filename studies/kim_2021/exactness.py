@@ -107,7 +107,7 @@ def random_paths(trajectories: dict[str, Trajectory], count: int, rng: np.random
     """Return how near random paths from p4 to p6, timed finely, come to the fastest: waves about it and a line."""
     rows = []
     for name, one in trajectories.items():
-        model, path = one.found.models["log"], one.geodesic.points
+        model, path = one.found.models["ellipsoids"], one.geodesic.points
         shares = np.linspace(0.0, 1.0, len(path))
         straight = (1 - shares[:, None]) * path[0] + shares[:, None] * path[-1]
         waves = np.sin(np.pi * np.arange(1, 6)[:, None] * shares)

@@ -18,7 +18,7 @@ import paretoik as pk
 from paretoik.capability.timing import timed
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.cold_search import OPTIONS as COLD
-from paretoik.review.plots import ACCENTS, QUIET
+from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
 from studies.kim_2021.motion_program import motion_program
@@ -214,10 +214,10 @@ def drawn_fronts(folder: Path, fronts: Sequence[TimeEnergy]) -> Path:
     file = folder / "time_energy.png"
     with drawing(file, (6.4, 4.2)) as figure:
         axes = figure.subplots()
-        for one, colour in zip(fronts, (ACCENTS[1], ACCENTS[0], QUIET), strict=True):
+        for one, colour in zip(fronts, (PAPER.accents[1], PAPER.accents[0], PAPER.quiet), strict=True):
             rows = one.front.objectives
             axes.plot(rows[:, 0], 1e3 * rows[:, 1], ".-", color=colour, linewidth=1.2, label=one.name)
-        for mechanism, colour in (("JAM", ACCENTS[1]), ("DAM", ACCENTS[0])):
+        for mechanism, colour in (("JAM", PAPER.accents[1]), ("DAM", PAPER.accents[0])):
             known = printed()
             place = known["Figure 8", mechanism, "arrival"], known["Table 4", mechanism, "total"]
             axes.plot(*place, "x", color=colour, markersize=8, label=f"{mechanism}, the paper")

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.speed_models import LogEllipsoids, Polynomials
+from paretoik.capability.polynomials import Polynomials
+from paretoik.capability.speed_models import PolynomialEllipsoids
 from studies.kim_2021.full_program import QUIET, toleranced
 
 LENGTH = 0.1  # m: what points are counted in
@@ -44,14 +45,14 @@ class LookingAhead:
         return float(found["x"][-1]), self.solver.stats()["return_status"] == "Solve_Succeeded"
 
 
-def looking_ahead(model: LogEllipsoids, pieces: int) -> LookingAhead:
+def looking_ahead(model: PolynomialEllipsoids, pieces: int) -> LookingAhead:
     """Return the program of so many pieces, built once."""
     inner, ends, time = ca.SX.sym("inner", 2, pieces - 1), ca.SX.sym("ends", 4), ca.SX.sym("time")
     points = ca.horzcat(ends[:2], inner, ends[2:])
     rows = []
     for k in range(pieces):
         change = LENGTH * (points[:, k + 1] - points[:, k])
-        took = root(model.logs, LENGTH * (points[:, k + 1] + points[:, k]) / 2) @ change
+        took = root(model.polynomials, LENGTH * (points[:, k + 1] + points[:, k]) / 2) @ change
         rows.append((time / pieces) ** 2 - ca.sumsqr(took))
     program = {"x": ca.vertcat(ca.vec(inner), time), "p": ends, "f": time, "g": ca.vertcat(*rows)}
     return LookingAhead(
@@ -62,14 +63,14 @@ def looking_ahead(model: LogEllipsoids, pieces: int) -> LookingAhead:
     )
 
 
-def root(logs: Polynomials, position: Any) -> Any:
-    """Return R = exp(−L/2) in closed form, L's entries polynomials of degree 2 of the position."""
-    x = [1.0, *[(position[a] - logs.center[a]) / logs.scale for a in range(2)]]
+def root(polynomials: Polynomials, position: Any) -> Any:
+    """Return R = Q^(1/2) / s in closed form, log s and Q's entries polynomials of degree 2 of the position."""
+    x = [1.0, *[(position[a] - polynomials.center[a]) / polynomials.scale for a in range(2)]]
     products = [x[i] * x[j] for i in range(3) for j in range(i, 3)]
-    first, aside, _, last = (
-        sum(float(c) * product for c, product in zip(column, products, strict=True)) for column in logs.coefficients.T
+    log_scale, first, mixed, last = (
+        sum(float(c) * product for c, product in zip(column, products, strict=True))
+        for column in polynomials.coefficients.T
     )
-    mean, a, b = -(first + last) / 4, -(first - last) / 4, -aside / 2
-    length = ca.sqrt(a**2 + b**2 + 1e-24)
-    even, odd = ca.cosh(length), ca.sinh(length) / length
-    return ca.exp(mean) * ca.vertcat(ca.horzcat(even + odd * a, odd * b), ca.horzcat(odd * b, even - odd * a))
+    delta = ca.sqrt(first * last - mixed**2)
+    over = 1 / (ca.exp(log_scale) * ca.sqrt(first + last + 2 * delta))
+    return over * ca.vertcat(ca.horzcat(first + delta, mixed), ca.horzcat(mixed, last + delta))

@@ -9,15 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from paretoik.review.plots import ACCENTS, INK, QUIET
+from paretoik.review.palette import PAPER
 from studies.kim_2021.energies import Driven, Postures
 from studies.kim_2021.polygons import Polygons
 from studies.kim_2021.setting import POSITIONS
 from studies.kim_2021.trajectories import Trajectory
 from studies.reporting import drawing
 
-COLOURS = {"DAM": ACCENTS[0], "JAM": ACCENTS[1]}
-JOINTS = (INK, ACCENTS[1], ACCENTS[0])
+COLOURS = {"DAM": PAPER.accents[0], "JAM": PAPER.accents[1]}
+JOINTS = (PAPER.ink, PAPER.accents[1], PAPER.accents[0])
 LENGTH = 0.18  # m in the picture a m/s: polygons of neighbours touch at most
 
 
@@ -48,7 +48,7 @@ def _outlines(figure: Figure, one: Polygons) -> None:
         axes.plot(*_closed(1e3 * polygon.vertices), style, marker=".", color=COLOURS[name], label=name)
     slower = one.gain < 0
     for k, way in enumerate(1e3 * one.jam.vertices[slower]):
-        axes.plot(*way, "o", color=INK, fillstyle="none", markersize=9, label="" if k else "DAM is slower")
+        axes.plot(*way, "o", color=PAPER.ink, fillstyle="none", markersize=9, label="" if k else "DAM is slower")
     axes.set_aspect("equal")
     axes.set_xlabel("x velocity [mm/s]")
     axes.set_ylabel("y velocity [mm/s]")
@@ -64,12 +64,12 @@ def _workspace(figure: Figure, polygons: Sequence[Polygons], trajectories: dict[
             outline = place + 1e3 * LENGTH * polygon.vertices
             axes.fill(*outline.T, color=COLOURS[name], alpha=0.12, linewidth=0)
             axes.plot(*_closed(outline), color=COLOURS[name], linewidth=1.2, label=name if one.name == "p1" else "")
-        axes.annotate(one.name, (place[0], place[1]), xytext=(4, 4), textcoords="offset points", color=INK)
+        axes.annotate(one.name, (place[0], place[1]), xytext=(4, 4), textcoords="offset points", color=PAPER.ink)
     for name, each in trajectories.items():
         axes.plot(*1e3 * each.path.T, ":", color=COLOURS[name], linewidth=1.6, label=f"{name}, Figure 8")
     size = 50.0 * LENGTH
-    axes.plot([66.0, 66.0 + size], [-232.0] * 2, color=INK, linewidth=2)
-    axes.annotate("50 mm/s", (66.0 + size, -232.0), xytext=(5, -3), textcoords="offset points", color=INK)
+    axes.plot([66.0, 66.0 + size], [-232.0] * 2, color=PAPER.ink, linewidth=2)
+    axes.annotate("50 mm/s", (66.0 + size, -232.0), xytext=(5, -3), textcoords="offset points", color=PAPER.ink)
     axes.set_aspect("equal")
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("y [mm]")
@@ -85,9 +85,9 @@ def _arrivals(figure: Figure, trajectories: dict[str, Trajectory]) -> None:
             axes.plot(run.times, 1e3 * run.positions[:, coordinate], color=colour)
             axes.plot(run.arrival, 1e3 * run.positions[-1, coordinate], "o", color=colour, markersize=4)
         panels[2].plot(*1e3 * one.path.T, color=colour, label=f"{name}, {run.arrival:.2f} s")
-        panels[2].plot(*1e3 * one.geodesic.points.T, ":", color=INK, linewidth=1.6)
-    panels[2].plot([], [], ":", color=INK, linewidth=1.6, label="fastest paths")
-    panels[2].plot([100, 200], [-150, -150], color=QUIET, linewidth=0.8, label="straight line")
+        panels[2].plot(*1e3 * one.geodesic.points.T, ":", color=PAPER.ink, linewidth=1.6)
+    panels[2].plot([], [], ":", color=PAPER.ink, linewidth=1.6, label="fastest paths")
+    panels[2].plot([100, 200], [-150, -150], color=PAPER.quiet, linewidth=0.8, label="straight line")
     for axes, (across, up) in zip(
         panels, (("time [s]", "x [mm]"), ("time [s]", "y [mm]"), ("x [mm]", "y [mm]")), strict=True
     ):
@@ -111,7 +111,7 @@ def _efforts(figure: Figure, postures: dict[str, Postures]) -> None:
         panels[0, column].set_title(f"{name}: soonest without a jump, {postures[name].soonest.times[-1]:.2f} s")
         panels[2, column].set_xlabel("time [s]")
     handles = [panels[0, 0].plot([], [], color=colour, label=f"joint {j + 1}")[0] for j, colour in enumerate(JOINTS)]
-    handles.append(panels[0, 0].plot([], [], "--", color=QUIET, label="back slider")[0])
+    handles.append(panels[0, 0].plot([], [], "--", color=PAPER.quiet, label="back slider")[0])
     figure.legend(handles=handles, frameon=False, ncols=4, loc="outside upper center")
 
 

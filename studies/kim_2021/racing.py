@@ -8,7 +8,7 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.speed_models import LogEllipsoids
+from paretoik.capability.speed_models import PolynomialEllipsoids
 from paretoik.capability.time_optimal import Planner
 from studies.kim_2021.full_program import full_program
 from studies.kim_2021.looking_ahead import looking_ahead
@@ -58,8 +58,8 @@ def polygon_race(*, rounds: int) -> list[Row]:
 
 def step_race(one: Trajectory, *, steps: int) -> list[Row]:
     """Return the milliseconds of a step along the trajectory, ours and IPOPT's, both from what the step before left."""
-    model = one.found.models["log"]
-    assert isinstance(model, LogEllipsoids)
+    model = one.found.models["ellipsoids"]
+    assert isinstance(model, PolynomialEllipsoids)
     planner, target = Planner(model, horizon=HORIZON, formulation="midpoint"), one.path[-1]
     ours, theirs, above, failed = list[float](), list[float](), -np.inf, 0
     third = max(1, len(one.path) // 4)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.capability.axes_fits import fit_axes
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.speed_fits import FitErrors, fit_axes, fit_ellipsoids, fit_errors
-from paretoik.capability.speed_models import AxesEllipses, LogEllipsoids
+from paretoik.capability.ellipsoid_fits import ellipsoids_at, fit_ellipsoids
+from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
+from paretoik.capability.speed_samples import FitErrors, fit_errors
 from paretoik.errors import ParetoikError
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper, speeds
 from studies.reporting import Row
@@ -31,11 +33,11 @@ class Sampled:
 class Surrogates:
     """A mechanism's models by name, and the maxima that they are judged by.
 
-    ``seen`` is the grid that "log" was fitted to.
+    ``seen`` is the grid that "ellipsoids" was fitted to.
     """
 
     mechanism: str
-    models: dict[str, LogEllipsoids | AxesEllipses]
+    models: dict[str, PolynomialEllipsoids | AxesEllipses]
     seen: Sampled
     unseen: Sampled
 
@@ -61,11 +63,11 @@ def surrogates(mechanism: str, *, count: int) -> Surrogates:
     """Return all models: on a grid of count × count positions, and the paper's on its nine."""
     seen, nine = sampled(mechanism, grid(count)), sampled(mechanism, np.array(list(POSITIONS.values())))
     fitted, few = ((each.positions, each.directions, each.values) for each in (seen, nine))
-    models: dict[str, LogEllipsoids | AxesEllipses] = {
-        "log": fit_ellipsoids(*fitted),
-        "log, safe": fit_ellipsoids(*fitted, safe=True),
-        "log, degree 4": fit_ellipsoids(*fitted, degree=4),
-        "log, nine positions": fit_ellipsoids(*few),
+    models: dict[str, PolynomialEllipsoids | AxesEllipses] = {
+        "ellipsoids": fit_ellipsoids(*fitted),
+        "ellipsoids, safe": fit_ellipsoids(*fitted, safe=True),
+        "ellipsoids, degree 4": fit_ellipsoids(*fitted, degree=4),
+        "ellipsoids, nine positions": fit_ellipsoids(*few),
         "(a, b, c), grid": fit_axes(*fitted),
         "(a, b, c), nine positions as in the paper": fit_axes(*few),
     }
@@ -91,7 +93,7 @@ def surrogate_rows(found: Surrogates) -> list[Row]:
         rows.append(beside_paper((TABLE, f"{found.mechanism}: {name}", "rms"), "%", 100 * errors.rms))
         largest = (TABLE, f"{found.mechanism}: {name}", "largest overestimate")
         rows.append(beside_paper(largest, "%", 100 * errors.overestimate, note))
-    alone = np.concatenate([_alone(found.unseen, place) for place in range(len(found.unseen.positions))])
+    alone = _errors_at(found.unseen)
     note = f"no model: what ellipses miss whatever their fit; largest overestimate {100 * alone.max():.1f} %"
     place = (TABLE, f"{found.mechanism}: an ellipse fitted at each position", "rms")
     return [*rows, beside_paper(place, "%", 100 * float(np.sqrt(np.mean(alone**2))), note)]
@@ -102,12 +104,12 @@ def all_surrogates(*, count: int) -> dict[str, Surrogates]:
     return {mechanism: surrogates(mechanism, count=count) for mechanism in MECHANISMS}
 
 
-def _alone(every: Sampled, place: int) -> np.ndarray:
-    """Return the relative errors of an ellipse fitted to the maxima of one position."""
-    position, values = every.positions[place : place + 1], every.values[place : place + 1]
-    model = fit_ellipsoids(position, every.directions, values, degree=0)
-    found: np.ndarray = (model.speeds(position, every.directions) / values - 1.0)[0]
-    return found
+def _errors_at(samples: Sampled) -> Float[np.ndarray, "positions directions"]:
+    """Return the relative errors of ellipses each fitted to the maxima of one position."""
+    matrices = ellipsoids_at(samples.directions, samples.values)
+    slowness = np.sqrt(np.einsum("ki,nij,kj->nk", samples.directions, matrices, samples.directions))
+    errors: np.ndarray = 1.0 / (slowness * samples.values) - 1.0
+    return errors
 
 
 def _degrees(errors: FitErrors) -> float:

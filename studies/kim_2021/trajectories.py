@@ -44,7 +44,7 @@ class Trajectory:
 
 def trajectory(found: Surrogates, *, period: float = PERIOD, samples: int = 200) -> Trajectory:
     """Return the trajectory by the ellipsoids fitted to the grid."""
-    model = found.models["log"]
+    model = found.models["ellipsoids"]
     run = time_optimal_control(model, START, TARGET, horizon=HORIZON, period=period)
     arrived = round(run.arrival / period)
     return Trajectory(
@@ -93,7 +93,7 @@ def figure_8(trajectories: dict[str, Trajectory]) -> list[Row]:
 
 
 def _one(one: Trajectory) -> list[Row]:
-    model, name = one.found.models["log"], one.mechanism
+    model, name = one.found.models["ellipsoids"], one.mechanism
     printed = {what: paper()[TABLE, name, what] for what in ("arrival", "sag at x = 150 mm")}
     down = sag(one.path)
     straight = path_time(model, np.stack([START, TARGET]))
@@ -124,7 +124,7 @@ def cheating(trajectories: dict[str, Trajectory]) -> list[Row]:
     """Return what a plan of Eq. 6 claims and what its path takes, as printed and with a common interval."""
     rows = []
     for one in trajectories.values():
-        model, least = one.found.models["log"], one.geodesic.duration
+        model, least = one.found.models["ellipsoids"], one.geodesic.duration
         for name, plan in one.plans.items():
             true = path_time(model, plan.points)
             note = f"fastest path {least:.4f} s"

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from paretoik.review.loop_plots import obstacle_patches
-from paretoik.review.plots import ACCENTS, INK, stroboscopic
+from paretoik.review.palette import PAPER
+from paretoik.review.plots import stroboscopic
 from problems.marcos_2012 import DISTANCES
 from studies.marcos_2012.loops import Cell, Followed
 from studies.reporting import drawing
@@ -57,7 +58,7 @@ def _arms(figure: Figure, pair: Sequence[Followed]) -> None:
 def _joints(figure: Figure, pair: Sequence[Followed]) -> None:
     for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
         for j, joint in enumerate(one.run.q.T):
-            axes.plot(one.run.task.times, joint, color=ACCENTS[j % len(ACCENTS)], label=f"joint {j + 1}")
+            axes.plot(one.run.task.times, joint, color=PAPER.accent(j), label=f"joint {j + 1}")
         axes.set(title=f"w = {one.cell.weight}", xlabel="time [s]")
     figure.axes[0].set_ylabel("joint position [rad]")
     figure.axes[-1].legend(frameon=False)
@@ -66,9 +67,9 @@ def _joints(figure: Figure, pair: Sequence[Followed]) -> None:
 def _fronts(figure: Figure, one: Followed) -> None:
     for axes, taken in zip(figure.subplots(1, 2), (one.run.fronts[1], one.run.fronts[2]), strict=True):
         F = taken.front.F
-        axes.plot(*F.T, linestyle="none", marker=".", markersize=3, color=INK)
+        axes.plot(*F.T, linestyle="none", marker=".", markersize=3, color=PAPER.ink)
         for axis, name in enumerate("ab"):
             best = F[int(np.argmin(F[:, axis]))]
-            axes.plot(*best, marker="o", color=ACCENTS[axis])
-            axes.annotate(name, best, textcoords="offset points", xytext=(5, 5), color=ACCENTS[axis])
+            axes.plot(*best, marker="o", color=PAPER.accents[axis])
+            axes.annotate(name, best, textcoords="offset points", xytext=(5, 5), color=PAPER.accents[axis])
         axes.set(title=f"t = {one.run.task.times[taken.sample]:.3f} s", xlabel="f₁ [rad²/s²]", ylabel="f₂ [m]")

@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from paretoik.review.plots import ACCENTS, INK, QUIET, stroboscopic
+from paretoik.review.palette import PAPER
+from paretoik.review.plots import stroboscopic
 from studies.reporting import drawing
 from studies.tringali_2020.candidates import FITTED_FROM, Decline
 from studies.tringali_2020.reported import paper
@@ -59,17 +60,20 @@ def draw(
 def _candidates(figure: Figure, decline: Decline) -> None:
     axes = figure.subplots()
     counts, above = decline.counts, decline.above
-    axes.fill_between(counts, above.min(axis=0), above.max(axis=0), color=ACCENTS[1], alpha=0.15, linewidth=0)
+    axes.fill_between(counts, above.min(axis=0), above.max(axis=0), color=PAPER.accents[1], alpha=0.15, linewidth=0)
     axes.plot(
-        counts, np.exp(np.log(above).mean(axis=0)), color=ACCENTS[1], label=f"mean and range of {len(above)} seeds"
+        counts,
+        np.exp(np.log(above).mean(axis=0)),
+        color=PAPER.accents[1],
+        label=f"mean and range of {len(above)} seeds",
     )
     reach = counts[counts >= FITTED_FROM]
     exponent, factor = decline.lines.mean(axis=0)
     said = paper()["Figure 1", "least kinetic energy", "logarithm of the factor"]
     rate = paper()["Figure 1", "least kinetic energy", "exponent"]
     for label, power, scale, colour, style in (
-        (f"ours: exponent {exponent:.2f}", exponent, factor, ACCENTS[1], "--"),
-        (f"paper: exponent {rate:.2f}", rate, said, ACCENTS[0], "-."),
+        (f"ours: exponent {exponent:.2f}", exponent, factor, PAPER.accents[1], "--"),
+        (f"paper: exponent {rate:.2f}", rate, said, PAPER.accents[0], "-."),
     ):
         axes.plot(reach, np.exp(scale) * reach**power, color=colour, linestyle=style, label=label)
     axes.set(xscale="log", yscale="log", xlabel="number of candidates")
@@ -83,7 +87,7 @@ def _optima(figure: Figure, simulation: Simulation, names: Mapping[str, str]) ->
     panels = np.atleast_1d(figure.subplots(1, len(optima), sharex=True, sharey=True, subplot_kw={"aspect": "equal"}))
     for axes, optimum in zip(panels, optima, strict=True):
         name = named.pop(optimum.label, None)
-        stroboscopic(axes, optimum.motion, colour=ACCENTS[1] if name else QUIET)
+        stroboscopic(axes, optimum.motion, colour=PAPER.accents[1] if name else PAPER.quiet)
         words = "not in the paper" if name is None else f"the paper's {name}"
         axes.set_title(f"{words}\nbends {optimum.label}, {optimum.objective:.4f} J s")
         axes.set_xlabel("x [m]")
@@ -122,7 +126,7 @@ def _series(axes: Axes, time: np.ndarray, values: np.ndarray, label: str) -> Non
 def _limits(axes: Axes, bounds: np.ndarray, *, unlike: bool) -> None:
     """Draw limits (dof, 2) dashed; where they differ between joints, say whose they are, in degrees."""
     for number, value in enumerate(np.unique(bounds)):
-        dashed = axes.axhline(value, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
+        dashed = axes.axhline(value, color=PAPER.ink, linestyle=(0, (5, 3)), linewidth=0.9)
         if number == 0:
             dashed.set_label("limit")
         if unlike:
@@ -152,13 +156,13 @@ def _energies(figure: Figure, simulation: Simulation) -> None:
     }
     panels = figure.subplots(2, 2, sharex=True)
     for axes, (label, (values, column)) in zip(panels.flat, series.items(), strict=True):
-        axes.plot(motion.time, values, color=ACCENTS[1], linewidth=1.6)
+        axes.plot(motion.time, values, color=PAPER.accents[1], linewidth=1.6)
         axes.set_ylabel(label)
         if column is not None:
             theirs = paper()[table, simulation.name, column]
-            axes.axhline(theirs, color=ACCENTS[0], linestyle="--", linewidth=1.2)
+            axes.axhline(theirs, color=PAPER.accents[0], linestyle="--", linewidth=1.2)
             words = f"the paper's at the end: {theirs:g}"
-            axes.annotate(words, (0.0, theirs), (0, 3), textcoords="offset points", color=ACCENTS[0], va="bottom")
+            axes.annotate(words, (0.0, theirs), (0, 3), textcoords="offset points", color=PAPER.accents[0], va="bottom")
             axes.margins(y=0.1)
             axes.set_xlabel("time [s]")
     figure.align_ylabels()
@@ -176,14 +180,20 @@ def _front(figure: Figure, trade_off: TradeOff) -> None:
     front, axes = trade_off.front, figure.subplots()
     x, y = front.objectives.T
     corners = front.objectives[hull(front)]
-    axes.plot(*corners.T, color=QUIET, linestyle="--", linewidth=0.9, label="convex hull: all that weights find")
+    axes.plot(*corners.T, color=PAPER.quiet, linestyle="--", linewidth=0.9, label="convex hull: all that weights find")
     axes.plot(
-        x, y, color=ACCENTS[1], linestyle="none", marker="o", markersize=5, label=f"{len(front)} certified points"
+        x,
+        y,
+        color=PAPER.accents[1],
+        linestyle="none",
+        marker="o",
+        markersize=5,
+        label=f"{len(front)} certified points",
     )
     for simulation, marker in ((2, "s"), (3, "D")):
         place = [paper()["Table 5", f"simulation {simulation}", what] for what in ("kinetic energy", "torque norm")]
         words = f"paper, simulation {simulation}"
-        axes.plot(*place, color=ACCENTS[0], linestyle="none", marker=marker, markerfacecolor="none", label=words)
+        axes.plot(*place, color=PAPER.accents[0], linestyle="none", marker=marker, markerfacecolor="none", label=words)
     axes.set(xlabel=f"kinetic energy [{front.units[0]}]", ylabel=f"torque norm [{front.units[1]}]")
     axes.legend(frameon=False)
     axes.set_title(f"Figure 14: energy against torque, {trade_off.masses} masses")

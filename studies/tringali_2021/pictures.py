@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from paretoik.review.plots import INK, QUIET, stroboscopic
+from paretoik.review.palette import PAPER
+from paretoik.review.plots import stroboscopic
 from studies.reporting import drawing
 from studies.tringali_2021.trajectories import FAST, METHODS, Trajectory, spectral_radius
 
 JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as the paper has them
-LINES = {"PMKE": (INK, "--"), "LSV": (INK, "-"), "global": ("#c92a2a", "-")}
+LINES = {"PMKE": (PAPER.ink, "--"), "LSV": (PAPER.ink, "-"), "global": ("#c92a2a", "-")}
 
 
 def draw(folder: Path, trajectories: Sequence[Trajectory]) -> list[Path]:
@@ -80,8 +81,8 @@ def _radii(figure: Figure, one: Trajectory) -> None:
     for name, style in (("PMKE", "--"), ("LSV", ":")):
         motion = one.motions[name]
         radii = spectral_radius(motion)
-        axes.plot(motion.time, radii, color=INK, linestyle=style, linewidth=1.3, label=name)
-        axes.plot(motion.time[radii.argmin()], radii.min(), color=QUIET, marker="o", markersize=4)
+        axes.plot(motion.time, radii, color=PAPER.ink, linestyle=style, linewidth=1.3, label=name)
+        axes.plot(motion.time[radii.argmin()], radii.min(), color=PAPER.quiet, marker="o", markersize=4)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("spectral radius of the inertia matrix [kg m²]")
     axes.set_title(one.name)

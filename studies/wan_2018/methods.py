@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 import paretoik as pk
+from paretoik.resolution.traces import ResolvedMotion
 from paretoik.self_motion.postures import sample_postures
 from paretoik.task.motion_task import motion_task
 from problems import wan_2018
@@ -80,7 +81,7 @@ def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
 
-def worst_errors(motion: pk.ResolvedMotion) -> np.ndarray:
+def worst_errors(motion: ResolvedMotion) -> np.ndarray:
     """Return the greatest error (motions, 6) on every axis: position, and half the sum of Eq. 33, in world axes."""
     errors = motion.traces.errors
     turn = motion.tool_rotation @ errors[..., 3:, None]

@@ -1,4 +1,4 @@
-"""What came out, in words: certificates and prices as the command line tells them."""
+"""Summaries: certificates and exchange rates as the command line prints them."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ def front():
     )
 
 
-def test_a_chosen_point_is_told_with_its_certificate_and_its_prices(front):
+def test_a_chosen_point_is_printed_with_its_certificate_and_its_exchange_rates(front):
     choice = front.select(pk.Weights(kinetic_energy=0.5, torque_norm=0.5))
-    said = choice_text(front, choice)
-    assert "certified: 1 minimum; criticality at most" in said
-    price = re.search(r"1 J s less of kinetic_energy costs (\S+) N²m²s more of torque_norm", said)
+    text = choice_text(front, choice)
+    assert "certified: 1 minimum; criticality at most" in text
+    printed = re.search(r"1 J s less of kinetic_energy costs (\S+) N²m²s more of torque_norm", text)
     rate = front.certificates.exchange_rates[choice.index, 0, 1]
-    assert float(price[1]) == pytest.approx(-rate, rel=1e-3)
+    assert float(printed[1]) == pytest.approx(-rate, rel=1e-3)
 
 
-def test_what_has_no_price_is_not_told(front):
+def test_an_unknown_exchange_rate_is_not_printed(front):
     choice = front.select(pk.Weights(kinetic_energy=1.0))
     unknown = np.full_like(front.certificates.exchange_intervals, np.nan)
     silent = replace(front, certificates=replace(front.certificates, exchange_intervals=unknown))
@@ -57,12 +57,12 @@ def test_every_entry_has_its_certificate_by_name(front):
     assert every[2]["certificate"]["kkt_residual"] == front.certificates.kkt_residual[2]
 
 
-def test_a_refined_run_is_told_kept_and_drawn_with_its_certificates(tmp_path, monkeypatch, capsys):
+def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_path, monkeypatch, capsys):
     (tmp_path / "users_refined_problem.py").write_text(MINE)
     out = tmp_path / "run"
     problem = f"{tmp_path / 'users_refined_problem.py'}:good"
 
-    def told(*words):
+    def output(*words):
         monkeypatch.setattr(sys, "argv", ["paretoik", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
             main()
@@ -70,8 +70,8 @@ def test_a_refined_run_is_told_kept_and_drawn_with_its_certificates(tmp_path, mo
         return capsys.readouterr().out
 
     small = ("--population", "8", "--generations", "10", "--quiet", "--refine")
-    assert re.search(r"certified: \d+ minimum; criticality", told("solve", problem, "--out", out, *small))
+    assert re.search(r"certified: \d+ minimum; criticality", output("solve", problem, "--out", out, *small))
     assert (out / "certificates.png").stat().st_size > 1000
-    chosen = json.loads(told("select", out, "--weights", "kinetic_energy=1", "--json"), parse_constant=pytest.fail)
-    kept = load_front(out)
-    assert chosen["certificate"]["kkt_residual"] == kept.certificates.kkt_residual[0]
+    chosen = json.loads(output("select", out, "--weights", "kinetic_energy=1", "--json"), parse_constant=pytest.fail)
+    stored = load_front(out)
+    assert chosen["certificate"]["kkt_residual"] == stored.certificates.kkt_residual[0]

@@ -64,7 +64,7 @@ def test_an_empty_front_exists_and_says_so_when_chosen_from():
     front = plain(np.empty((0, 2)))
     assert len(front) == 0
     assert repr(front) == "Front of 0 points: f0, f1"
-    with pytest.raises(Infeasible, match="nothing feasible was found"):
+    with pytest.raises(Infeasible, match="no point was feasible"):
         front.select(Weights(f0=1.0))
 
 

@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.canvas import Canvas, equal_window, nice_ticks, window
-from paretoik.review.chart import _apart
+from paretoik.review.chart import _spread_labels
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))
 def test_ticks_are_even_round_and_inside(low, span, wanted):
     high = low + span
-    ticks = nice_ticks(low, high, wanted=wanted)
+    ticks = nice_ticks(low, high, count=wanted)
     slack = 1e-8 * span + 1e-12 * abs(low)
     assert ((ticks >= low - slack) & (ticks <= high + slack)).all()
     assert len(ticks) <= wanted + 2
@@ -52,13 +52,13 @@ def test_an_equal_window_keeps_shapes():
 
 def test_a_canvas_is_kept_while_points_fill_half_of_it():
     canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"))
-    assert canvas.suits(np.array([[0.1, 0.1], [0.9, 0.9]]))
-    assert not canvas.suits(np.array([[0.1, 0.1], [0.4, 0.9]]))
-    assert not canvas.suits(np.array([[0.1, 0.1], [1.1, 0.9]]))
+    assert canvas.fits(np.array([[0.1, 0.1], [0.9, 0.9]]))
+    assert not canvas.fits(np.array([[0.1, 0.1], [0.4, 0.9]]))
+    assert not canvas.fits(np.array([[0.1, 0.1], [1.1, 0.9]]))
 
 
 @given(st.lists(st.floats(0, 30), min_size=1, max_size=9))
 def test_names_are_pushed_apart_and_keep_their_order(places):
-    moved = np.array(_apart(places, gap=2.0))
+    moved = np.array(_spread_labels(places, gap=2.0))
     order = np.argsort(places, kind="stable")
     assert (np.diff(moved[order]) >= 2.0 - 1e-9).all()

@@ -8,7 +8,8 @@ from PIL import Image
 
 from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
-from paretoik.review.plots import POSTURES, _points_to_show, front_picture, stroboscopic
+from paretoik.review.palette import PAPER
+from paretoik.review.plots import _highlights, front_picture, stroboscopic
 
 
 @pytest.mark.parametrize(
@@ -34,13 +35,13 @@ def test_an_empty_front_gets_a_picture_that_says_so(tmp_path, make_front):
 def test_the_extremes_and_the_choice_are_shown(make_front):
     front = make_front(2)
     choice = front.select(Weights({front.names[0]: 1.0, front.names[1]: 1.0}))
-    shown = {point.index: point.why for point in _points_to_show(front, choice)}
+    shown = {point.index: point.reason for point in _highlights(front, choice)}
     assert shown == {0: "best kinetic_energy", choice.index: "chosen", len(front) - 1: "best torque_norm"}
 
 
 def test_without_a_choice_a_compromise_is_shown(make_front):
     front = make_front(2)
-    shown = {point.why: point.index for point in _points_to_show(front, None)}
+    shown = {point.reason: point.index for point in _highlights(front, None)}
     assert shown["compromise"] == np.linalg.norm(front.shares, axis=1).argmin()
 
 
@@ -51,7 +52,7 @@ def test_a_stroboscopic_view_draws_postures_and_the_way_of_the_tool(planar, make
     axes = figure.add_subplot(projection=None if planar else "3d")
     motion = make_front(2, planar=planar).motions[0]
     stroboscopic(axes, motion)
-    assert len(axes.lines) == POSTURES + 3
+    assert len(axes.lines) == PAPER.postures + 3
     lines = [np.stack(line.get_data() if planar else line.get_data_3d(), axis=-1) for line in axes.lines]
     np.testing.assert_array_equal(lines[0], motion.links[0][:, : 2 if planar else 3])
     np.testing.assert_array_equal(lines[-2], motion.tool)

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.linearisation import Linearised, evaluated, linearised
+from paretoik.trajectory.linearisation import MotionLinearisation, linearise
 from paretoik.trajectory.transcription import joint_distance
 from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, judged
 from studies.reporting import Row
@@ -105,7 +105,7 @@ def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
 
 def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
     """Return what so many random smooth steps gain; every other one changes no objective to first order."""
-    at = linearised(subject.program, subject.q[point])
+    at = linearise(subject.program, subject.q[point])
     tries = []
     for k in range(steps):
         size, level = SIZES[k % len(SIZES)], bool(k // len(SIZES) % 2)
@@ -120,9 +120,9 @@ def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Gener
     return tries
 
 
-def random_step(at: Linearised, size: float, rng: np.random.Generator) -> np.ndarray:
+def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) -> np.ndarray:
     """Return a smooth random step of the self-motion, as unknowns, of this length (RMS over time)."""
-    samples, dof = at.q.shape
+    samples, dof = at.x.shape
     knots = np.linspace(0.0, samples - 1.0, int(rng.choice(KNOTS)))
     smooth = CubicSpline(knots, rng.normal(size=(len(knots), dof)))(np.arange(samples))
     own, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.place
@@ -132,20 +132,20 @@ def random_step(at: Linearised, size: float, rng: np.random.Generator) -> np.nda
     return step * (size / np.sqrt(np.mean(np.sum(moved**2, axis=1))))
 
 
-def within(at: Linearised, step: np.ndarray, *, level: bool) -> np.ndarray | None:
+def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndarray | None:
     """Return the motion that a step leads to, bent back within the limits; None where that fails."""
-    task, short = at.program.task, np.zeros(len(at.gaps), dtype=bool)
+    task, short = at.program.task, np.zeros(len(at.inequalities), dtype=bool)
     flat = at.gradients if level else at.gradients[:0]
     step = step - np.linalg.pinv(flat) @ (flat @ step) if level else step
     for _ in range(ROUNDS):
-        found = led_back(task, at.q + at.displacement(step))
+        found = led_back(task, at.x + at.displacement(step))
         if found is None:
             return None
         if violation(task, found) <= HOLDS:
             return found
-        gaps = evaluated(at.program, found).gaps
+        gaps = at.program.evaluate(found)[2]
         short |= gaps < 0
-        rows = np.concatenate([at.slopes[np.flatnonzero(short)].toarray(), flat])
+        rows = np.concatenate([at.jacobian[np.flatnonzero(short)].toarray(), flat])
         step = step + np.linalg.lstsq(rows, np.concatenate([-gaps[short], np.zeros(len(flat))]))[0]
     return None
 

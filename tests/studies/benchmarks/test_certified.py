@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.trajectory.linearisation import linearised
+from paretoik.trajectory.linearisation import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
 from studies.benchmarks.certified import cases
@@ -81,7 +81,7 @@ def honest(subject, middle):
 @pytest.fixture(scope="module")
 def spoiled(subject, middle):
     """The same point, moved along the self-motion by a hundredth of a radian."""
-    at = linearised(subject.program, subject.q[middle])
+    at = linearise(subject.program, subject.q[middle])
     found = within(at, random_step(at, 1e-2, np.random.default_rng(1)), level=False)
     assert found is not None
     return point_of(subject, found)
@@ -125,7 +125,7 @@ def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, mo
         asked.append(ceilings[1])
         return (subject_end if len(asked) == 1 else better), 1
 
-    at = linearised(honest.program, honest.q[0])
+    at = linearise(honest.program, honest.q[0])
     steps = (within(at, random_step(at, 1e-4, np.random.default_rng(k)), level=False) for k in range(20))
     subject_end = next(q for q in steps if objectives(honest.task, q)[1] > honest.values[0, 1])
     monkeypatch.setattr(type(honest.peer), "solve", solve)
@@ -137,32 +137,32 @@ def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, mo
 
 
 def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subject, middle):
-    at = linearised(subject.program, subject.q[middle])
+    at = linearise(subject.program, subject.q[middle])
     assert subject.said.violation_between[middle] >= 0
     for k, size in enumerate(SIZES):
         step = random_step(at, size, np.random.default_rng(k))
         moved = at.displacement(step)
         assert np.sqrt(np.mean(np.sum(moved**2, axis=1))) == pytest.approx(size)
-        assert np.abs(np.einsum("trj,tj->tr", at.jacobian, moved)).max() < 1e-12
+        assert np.abs(np.einsum("trj,tj->tr", at.path_jacobian, moved)).max() < 1e-12
     found = perturbations(subject, middle, 40, np.random.default_rng(0))
     assert sum(one.counts for one in found) > 20
 
 
 def test_steps_that_leave_the_limits_are_bent_back(subject):
     """At a point that a limit holds, half of all small steps would leave it."""
-    held = next(p for p in range(len(subject.q)) if linearised(subject.program, subject.q[p]).gaps.min() < 1e-6)
-    at, rng, left = linearised(subject.program, subject.q[held]), np.random.default_rng(3), 0
+    held = next(p for p in range(len(subject.q)) if linearise(subject.program, subject.q[p]).inequalities.min() < 1e-6)
+    at, rng, left = linearise(subject.program, subject.q[held]), np.random.default_rng(3), 0
     for _ in range(10):
         step = random_step(at, 1e-3, rng)
         found = within(at, step, level=False)
         assert found is not None
         assert violation(subject.task, found) <= 1e-8
-        left += violation(subject.task, subject.task.motion(at.q + at.displacement(step)).at(subject.task.times)) > 1e-8
+        left += violation(subject.task, subject.task.motion(at.x + at.displacement(step)).at(subject.task.times)) > 1e-8
     assert left >= 3
 
 
 def test_level_steps_change_no_objective_to_first_order(subject, middle):
-    at = linearised(subject.program, subject.q[middle])
+    at = linearise(subject.program, subject.q[middle])
     for level, order, sizes in ((False, 1, (1e-5, 1e-6)), (True, 2, (1e-3, 1e-4))):
         tries = (
             [within(at, random_step(at, size, np.random.default_rng(seed)), level=level) for size in sizes]

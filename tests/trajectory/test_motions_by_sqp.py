@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from paretoik.trajectory.certificates import certify
+from paretoik.trajectory.polish import within_limits
 
 import paretoik as pk
 from paretoik.nlp.compiled.interior_point import Rules
-from paretoik.trajectory.certificates import certify
+from paretoik.nlp.program import Goal
+from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.trajectory.initial_motions import initial_motions
-from paretoik.trajectory.linearisation import evaluated, linearised
-from paretoik.trajectory.polish import within_limits
-from paretoik.trajectory.sequential import sequential
+from paretoik.trajectory.linearisation import linearise
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 
@@ -45,8 +46,9 @@ def problem_of(*objectives, samples=26, **settings):
 
 def solved(task, q, **settings):
     program = motion_program(task)
-    rules = {"radius": 0.3, "iterations": 150, "tolerance": 1e-8} | settings
-    return sequential(program, q, np.ones(len(program.totals)), program.upper, **rules)
+    count = len(program.totals)
+    goal = Goal(weights=np.ones(count), rows=np.eye(count), upper=program.upper)
+    return minimise(program, q, goal, SqpOptions(**settings))
 
 
 @pytest.mark.parametrize("name", ["simulation_1", "simulation_2", "simulation_4", "simulation_5"])
@@ -55,7 +57,7 @@ def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     best = pk.plan(problem, starts=12).best
     found = solved(problem.task, best.motion.q, radius=0.01)
     assert found.status == 0
-    assert found.totals[0] == pytest.approx(best.objective, rel=1e-8)
+    assert found.objectives[0] == pytest.approx(best.objective, rel=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +80,7 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
 def nearby(task, q, count):
     """Motions on the path near one, by smooth steps of the self-motion of many sizes."""
     rng = np.random.default_rng(0)
-    at = linearised(motion_program(task), q)
+    at = linearise(motion_program(task), q)
     for _ in range(count):
         waves = np.cumsum(rng.normal(size=at.unknowns)) / at.unknowns
         step = np.pad(10 ** rng.uniform(-6, -1) * waves, (0, at.gradients.shape[1] - at.unknowns))
@@ -93,13 +95,13 @@ def nearby(task, q, count):
 def test_values_are_the_motions_and_slopes_those_of_differences(objectives):
     task = problem_of(*objectives).task
     program, q = motion_program(task), initial_motions(task, starts=3, seed=2)[1]
-    at, step = linearised(program, q), 1e-8
-    assert at.values.totals == pytest.approx([float(o(task.motion(q))) for o in objectives], rel=1e-12)
+    at, step = linearise(program, q), 1e-8
+    assert at.objectives == pytest.approx([float(o(task.motion(q))) for o in objectives], rel=1e-12)
     rng = np.random.default_rng(1)
     for _ in range(5):
         along = np.pad(rng.normal(size=at.unknowns), (0, at.gradients.shape[1] - at.unknowns))
         ahead, behind = (
-            evaluated(program, task.motion(q + sign * step * at.displacement(along)).at(task.times)).totals
+            program.evaluate(task.motion(q + sign * step * at.displacement(along)).at(task.times))[0]
             for sign in (1, -1)
         )
         assert first_order(at, along) == pytest.approx((ahead - behind) / (2 * step), rel=1e-4, abs=1e-4)
@@ -109,9 +111,9 @@ def first_order(at, along):
     """How the totals change along a step of the self-motion, slacks and tops going where they have to."""
     from scipy.optimize import linprog
 
-    unknowns, ties = at.unknowns, len(at.gaps) - at.kinks
+    unknowns, ties = at.unknowns, at.elastic
     columns = at.gradients.shape[1]
-    slopes, gaps = at.slopes[ties:].toarray(), at.gaps[ties:]
+    slopes, gaps = at.jacobian[ties:].toarray(), at.inequalities[ties:]
     tight = gaps < 1e-9
     found = []
     if unknowns == columns:

@@ -1,0 +1,124 @@
+"""Ellipsoids fitted to directional maxima: one convex program for all positions, free or from below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.polynomials import empty_polynomials, orthogonal_design
+from paretoik.capability.speed_models import PolynomialEllipsoids
+from paretoik.capability.speed_samples import Directions, Positions, Speeds, check_determined, checked_samples
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.nlp.ellipsoid_fit import fit_inverse_squares, symmetric_basis
+from paretoik.robot.pose import finite_array
+
+
+@dataclass(frozen=True, kw_only=True)
+class EllipsoidFitOptions:
+    """Settings of the fits of ellipsoids; measured on the data of ``studies.kim_2021``."""
+
+    longest: float = 30.0
+    """Radius of an ellipsoid within the box, at most, in radii of the ball of equal volume."""
+    needle: float = 10.0
+    """Radius at a sample, in the largest speed given there, from which on the directions do not determine it."""
+    clearance: float = 1e-12
+    """By which log speeds of a safe fit stay below their bounds, so that rounding does not matter."""
+
+
+OPTIONS = EllipsoidFitOptions()
+
+
+def fit_ellipsoids(
+    positions: Positions,
+    directions: Directions,
+    speeds: Speeds,
+    *,
+    degree: int = 2,
+    safe: bool = False,
+    margin: float = 0.0,
+) -> PolynomialEllipsoids:
+    """Return the model of least Σ (fitted / true − true / fitted)², four times the squared relative errors.
+
+    To first order, that is, and symmetric in over- and underestimates. The program is convex, so that the fit is
+    the best of its kind: in P, the inverse square of the ellipsoid, both errors and bounds are
+    (``nlp.ellipsoid_fit``). The scale s(p) of the model is fitted first, by linear least squares: log s is that of the
+    ball with the volume of the directional maxima. It takes cvxpy some two seconds to load.
+
+    Parameters
+    ----------
+    positions
+        Where the speeds were found (samples, task) [m], task 2 or 3.
+    directions
+        Along which (directions, task), unit vectors, evenly spread; opposite ones tell nothing new. Safe fits want many
+        (32, planar).
+    speeds
+        Directional maxima (samples, directions) [m/s].
+    degree
+        Total degree of the polynomials.
+    safe
+        Whether no sample may be overestimated: log(fitted / true) ≤ −margin then holds at every one, and nowhere else
+        for sure.
+    margin
+        What safe fits stay below the samples by, in log speed: 0.02 for about 2 %.
+
+    Raises InvalidInput for arrays that do not fit together, speeds that are not positive, positions or directions
+    that do not determine the model; SolverFailed where the program has no solution that directions determine.
+    Source: Kim, Choi & Jang 2021, Eq. 5, with P in place of radii and an angle.
+    """
+    if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
+        raise InvalidInput(f"margin: a finite number from 0 on wanted, and 0 unless safe, got {margin!r}")
+    positions, directions, speeds = checked_samples(positions, directions, speeds)
+    empty = empty_polynomials(positions, degree)
+    design, triangular = orthogonal_design(empty, positions)
+    check_determined(directions)
+    log_scale = design.T @ log_volume_radii(speeds, directions.shape[1]) / len(positions)
+    lower, upper = positions.min(axis=0), positions.max(axis=0)
+    parts = fit_inverse_squares(
+        design,
+        directions,
+        speeds / np.exp(design @ log_scale)[:, None],
+        np.linalg.solve(triangular.T, empty.bernstein(lower, upper).T).T,
+        floor=OPTIONS.longest**-2,
+        bound=np.exp(2 * margin) if safe else None,
+    )
+    task = directions.shape[1]
+    entries = np.tensordot(parts, symmetric_basis(task), 1)[:, *np.triu_indices(task)]
+    columns = np.linalg.solve(triangular, np.column_stack([log_scale, entries]))
+    model = PolynomialEllipsoids(polynomials=replace(empty, coefficients=columns), lower=lower, upper=upper)
+    check_needles(np.linalg.svd(model.roots(positions)[0])[1].min(axis=1), speeds)
+    if safe:  # to rounding, where the solver is exact to its tolerance
+        excess = float(np.log(model.speeds(positions, directions) / speeds).max())
+        model = model.scaled(np.exp(-margin - OPTIONS.clearance - excess))
+    return model
+
+
+def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "samples task task"]:
+    """Return the inverse square P [s²/m²] of the ellipsoid of every position, each fitted to its speeds alone.
+
+    Raises InvalidInput unless the directions determine an ellipsoid; SolverFailed as ``fit_ellipsoids`` does.
+    """
+    check_determined(directions)
+    task, each = directions.shape[1], np.eye(len(speeds))
+    scale = np.exp(log_volume_radii(speeds, task))
+    parts = fit_inverse_squares(each, directions, speeds / scale[:, None], each, floor=OPTIONS.longest**-2)
+    matrices = np.tensordot(parts, symmetric_basis(task), 1) / scale[:, None, None] ** 2
+    check_needles(np.sqrt(np.linalg.eigvalsh(matrices)[:, 0]), speeds)
+    return matrices
+
+
+def log_volume_radii(speeds: Speeds, task: int) -> Float[np.ndarray, " samples"]:
+    """Return the logarithm of the radius of the ball with the volume within speeds along evenly spread directions."""
+    largest = speeds.max(axis=1, keepdims=True)  # whose power may overflow
+    return np.asarray(np.log(np.mean((speeds / largest) ** task, axis=1)) / task + np.log(largest[:, 0]))
+
+
+def check_needles(slowness: Float[np.ndarray, " samples"], speeds: Speeds) -> None:
+    """Raise SolverFailed where the longest radius, 1 / slowness [m/s], is far longer than the speeds given."""
+    ratio = 1.0 / (slowness * speeds.max(axis=1))
+    if not ratio.max() <= OPTIONS.needle:
+        raise SolverFailed(
+            f"speeds: ellipsoids within {OPTIONS.needle:g} times the speeds given wanted, at position "
+            f"{np.argmax(ratio)} one grew to {ratio.max():.3g}: give more directions"
+        )

@@ -1,0 +1,78 @@
+"""Colours and sizes of what is drawn: one record for pictures on paper, one for recordings on a screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+Colour: TypeAlias = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PicturePalette:
+    """Colours of pictures; ``accents`` are taken in turn, ``postures`` is how many of a motion are drawn."""
+
+    ink: str = "#1f2933"
+    quiet: str = "#7b8794"
+    grid: str = "#e4e7eb"
+    accents: tuple[str, ...] = ("#d9480f", "#0b7285", "#5f3dc4", "#2b8a3e")
+    postures: int = 8
+
+    def accent(self, number: int) -> str:
+        """Return the accent of a number, from the first again after the last."""
+        return self.accents[number % len(self.accents)]
+
+    @property
+    def style(self) -> Any:
+        """Settings of Matplotlib."""
+        return {
+            "font.size": 8.5,
+            "text.color": self.ink,
+            "axes.labelcolor": self.ink,
+            "axes.edgecolor": self.quiet,
+            "axes.linewidth": 0.7,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.grid": True,
+            "axes.axisbelow": True,
+            "axes.titlesize": 8.5,
+            "grid.color": self.grid,
+            "grid.linewidth": 0.7,
+            "xtick.color": self.quiet,
+            "ytick.color": self.quiet,
+            "xtick.labelcolor": self.ink,
+            "ytick.labelcolor": self.ink,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingPalette:
+    """Colours of recordings (RGBA); ``joints`` are taken in turn, ``ghosts`` is how many postures stay visible."""
+
+    background: tuple[int, int, int] = (16, 18, 22)
+    grid: Colour = (46, 50, 58, 255)
+    frame: Colour = (104, 112, 124, 255)
+    text: Colour = (200, 206, 216, 255)
+    population: Colour = (125, 150, 185, 190)
+    front: Colour = (255, 178, 62, 255)
+    chosen: Colour = (70, 225, 190, 255)
+    failed: Colour = (225, 95, 95, 255)
+    arm: Colour = (235, 238, 242, 255)
+    ghost: Colour = (150, 165, 190, 70)
+    path: Colour = (255, 178, 62, 255)
+    tool: Colour = (70, 225, 190, 255)
+    joints: tuple[Colour, ...] = (
+        (255, 178, 62, 255),
+        (70, 225, 190, 255),
+        (110, 160, 255, 255),
+        (240, 110, 140, 255),
+        (190, 140, 255, 255),
+        (160, 210, 90, 255),
+        (230, 215, 120, 255),
+        (140, 200, 230, 255),
+    )
+    ghosts: int = 9
+
+
+PAPER = PicturePalette()
+SCREEN = RecordingPalette()

@@ -1,0 +1,120 @@
+"""The Hessian of the Lagrangian of a motion's program, along the self-motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+
+from paretoik.trajectory.evaluation import whole_inputs
+from paretoik.trajectory.transcription import MotionProgram
+
+
+def lagrangian_hessian(
+    program: MotionProgram,
+    inputs: Float[np.ndarray, "inputs time"],
+    basis: sparse.csr_array,
+    function_gradients: Float[np.ndarray, "functions variables time"],
+    path_jacobian: Float[np.ndarray, "time rows dof"],
+    weights: Float[np.ndarray, " objectives"],
+    multipliers: Float[np.ndarray, " inequalities"],
+    cone_multipliers: tuple[np.ndarray, ...],
+) -> sparse.csr_array:
+    """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
+
+    The path's multipliers ν are those that leave no gradient in the row space of its Jacobian.
+    """
+    p, (functions, variables, samples) = program, function_gradients.shape
+    orders, n = len(p.stencil.weights), p.task.arm.dof
+    by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
+    factors, by_variable = _function_weights(p, weights, by_limit, functions, variables)
+    by_variable += np.einsum("fs,fvs->vs", factors, function_gradients)
+    gradient = by_variable[: orders * n].reshape(orders, n, samples).swapaxes(1, 2).ravel()
+    u = whole_inputs(p, inputs)
+    for each, part in zip(p.wholes, by_part, strict=True):
+        gradient = gradient + (each.slopes(u).T @ part)[: len(gradient)]
+    by_position = _by_positions(p, gradient.reshape(orders, samples, n).swapaxes(1, 2))
+    right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
+    square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
+    inputs = inputs.copy()
+    inputs[p.multipliers[0] : p.multipliers[1]] = np.linalg.solve(square, right[..., None])[..., 0].T
+    inputs[p.multipliers[1] :] = factors
+    hessian = basis.T @ (_by_variables(p, p.curvature(inputs), variables, samples) @ basis)
+    if p.wholes:
+        unknowns = p.stencil.unknowns
+        directions = whole_basis(p, basis)[:, :unknowns]
+        for each, part in zip(p.wholes, by_part, strict=True):
+            dense = each.second(u, directions, part)
+            hessian = hessian + sparse.csr_array(np.pad(dense, (0, basis.shape[1] - unknowns)))
+    return sparse.csr_array(hessian)
+
+
+def whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
+    """Return how the inputs of functions of the whole motion change with the columns."""
+    orders, n, samples = len(program.stencil.weights), program.task.arm.dof, len(program.task.times)
+    order = np.arange(orders * n * samples).reshape(orders, n, samples).swapaxes(1, 2).ravel()
+    rows = basis[order]
+    rows.resize((4 * n * samples, basis.shape[1]))
+    return rows
+
+
+def _part_multipliers(
+    program: MotionProgram, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the multipliers of limits and ties of samples, in their own units, and of the parts of every whole."""
+    count, elastic = len(program.sides), program.elastic
+    by_limit = np.concatenate([multipliers[:elastic] / program.ranges[:elastic], multipliers[elastic:count]])
+    by_part, tie, cone = list[np.ndarray](), count, 0
+    totals = {
+        total.index: weight for total, weight in zip(program.totals, weights, strict=True) if total.kind == "whole"
+    }
+    for k, each in enumerate(program.wholes):
+        part = np.zeros(each.parts)
+        for span in each.spans if len(each.groups) else ():
+            if span.stop - span.start == 1:
+                part[span] = totals[k]
+                continue
+            part[span] = multipliers[tie : tie + span.stop - span.start]
+            tie += span.stop - span.start
+        if not len(each.groups):
+            part = each.factor * np.asarray(cone_multipliers[cone]) if cone_multipliers else part
+            cone += 1
+        by_part.append(part)
+    return by_limit, by_part
+
+
+def _function_weights(
+    program: MotionProgram, weights: np.ndarray, by_limit: np.ndarray, functions: int, variables: int
+) -> tuple[Float[np.ndarray, "functions time"], Float[np.ndarray, "variables time"]]:
+    """Return the Lagrangian's weights of all functions of a sample, and those of the variables that limits bound."""
+    samples = len(program.task.times)
+    factors, by_variable = np.zeros((functions, samples)), np.zeros((variables, samples))
+    for total, weight in zip(program.totals, weights, strict=True):
+        if total.kind == "sum":
+            factors[total.index] += weight * program.task.weights
+    which, at = program.limited.T
+    rows = which >= variables
+    np.add.at(factors, (program.sums + which[rows] - variables, at[rows]), -program.sides[rows] * by_limit[rows])
+    np.add.at(by_variable, (which[~rows], at[~rows]), -program.sides[~rows] * by_limit[~rows])
+    return factors, by_variable
+
+
+def _by_positions(program: MotionProgram, by_u: Float[np.ndarray, "orders dof time"]) -> Float[np.ndarray, "time dof"]:
+    """Return what a gradient by positions and rates of all samples is by positions."""
+    shares = np.einsum("oik,oji->ikj", program.stencil.weights, by_u)
+    gradient = np.zeros((by_u.shape[2], by_u.shape[1]))
+    np.add.at(gradient, program.stencil.window, shares)
+    return gradient
+
+
+def _by_variables(
+    program: MotionProgram, seconds: Float[np.ndarray, "entries time"], variables: int, samples: int
+) -> sparse.csr_array:
+    """Return second derivatives by the variables of all samples as a symmetric matrix."""
+    i, j = program.second.function, program.second.variable
+    s = np.arange(samples)
+    row, column = (i[:, None] * samples + s).ravel(), (j[:, None] * samples + s).ravel()
+    off = np.repeat(i != j, samples)
+    places = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
+    entries = np.concatenate([seconds.ravel(), seconds.ravel()[off]])
+    return sparse.coo_array((entries, places), shape=(variables * samples,) * 2).tocsr()
