@@ -30,7 +30,6 @@ class DenseProgram:
     costs: Float[np.ndarray, "objectives unknowns"]
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()
-    kernel: Any = None
     rounding: float = 0.0
 
     def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
@@ -40,6 +39,11 @@ class DenseProgram:
     def pin(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
         """Return the points as they are."""
         return x
+
+    @property
+    def kernel(self) -> Any:
+        """The rows."""
+        return self.rows
 
     @property
     def upper(self) -> Float[np.ndarray, " objectives"]:

@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
-from paretoik.errors import InvalidInput
+from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
 from paretoik.nlp import sqp
 from paretoik.nlp.compiled.interior_point import CONVERGED, STUCK, Rules
+from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Goal, Program, Solver
 from paretoik.nlp.solutions import Solutions
 
@@ -67,6 +68,8 @@ def _interior_point(
     from paretoik.nlp.compiled.interior_point import minimise as search
 
     count = len(x)
+    if isinstance(program, DenseProgram):
+        return _filter_interior_point(program, x, weights, upper)
 
     def one(i: int) -> tuple[Any, ...]:
         return search(program.kernel, np.ascontiguousarray(x[i]), weights[i].copy(), upper[i].copy(), options[i])
@@ -79,6 +82,31 @@ def _interior_point(
         objectives=np.array([end[3] for end in ends]).reshape(count, len(program.upper)),
         stationarity=np.array([end[5] for end in ends], dtype=float),
         violation=np.array([end[6] for end in ends], dtype=float),
+    )
+
+
+def _filter_interior_point(program: DenseProgram, x: np.ndarray, weights: np.ndarray, upper: np.ndarray) -> Solutions:
+    from paretoik.nlp.dense_sqp import Caps
+    from paretoik.nlp.filter_interior_point import approached
+
+    ends = list[tuple[Any, ...]]()
+    for one, factors, bounds in zip(x, weights, upper, strict=True):
+        finite = np.isfinite(bounds)
+        caps = Caps(rows=program.costs[finite], most=bounds[finite]) if finite.any() else None
+        try:
+            end = approached(program.rows, factors @ program.costs, one, caps=caps)
+            good = end.converged and end.violation <= 1e-8
+            ends.append((end.z, CONVERGED if good else STUCK, end.iterations, end.violation))
+        except (SolverFailed, EvaluationFailed):
+            ends.append((one, STUCK, 0, np.inf))
+    z = np.array([end[0] for end in ends]).reshape(x.shape)
+    return Solutions(
+        x=z,
+        status=np.array([end[1] for end in ends], dtype=int),
+        iterations=np.array([end[2] for end in ends], dtype=int),
+        objectives=z @ program.costs.T,
+        stationarity=np.where([end[1] == CONVERGED for end in ends], 0.0, np.inf),
+        violation=np.array([end[3] for end in ends], dtype=float),
     )
 
 

@@ -29,8 +29,8 @@ class CertificateOptions:
     ``critical`` is χ up to which a point counts as critical, so that its curvature says something; ``curvature`` the
     second derivative along a direction of length one, below which it is taken for none; ``multiplier`` the share of all
     multipliers from which on one counts; ``active`` the slack up to which a limit is active; ``violation`` what counts
-    as none; ``descent_steps`` the lengths that are tried along a direction of negative curvature, with at most
-    ``restoration_iterations`` of SQP to keep all limits.
+    as none; ``descent_steps`` the lengths that are tried along a direction of negative curvature. From the first,
+    at most so many iterations of SQP lead back within all limits as ``restorations`` says.
     """
 
     critical: float = 1e-6
@@ -39,7 +39,7 @@ class CertificateOptions:
     active: float = 1e-7
     violation: float = 1e-8
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)
-    restoration_iterations: int = 10
+    restorations: int = 30
 
 
 OPTIONS = CertificateOptions()
@@ -201,23 +201,20 @@ def _is_dominated(
     program: Program, at: Linearisation, direction: np.ndarray, count: int, options: CertificateOptions
 ) -> bool:
     """Return whether a step along a direction leads to a feasible point that is better in every objective."""
-    better = np.full(len(program.upper), np.inf)
-    better[:count] = at.objectives[:count]
-    goal = Goal(weights=np.where(np.isfinite(better), 1.0, 0.0), rows=np.eye(len(better)), upper=better)
-    for length in options.descent_steps:
-        x = at.retract(length * direction)
-        if x is None:
-            continue
-        if _is_better(program, x, at.objectives[:count], options):
-            return True
-        settings = SqpOptions(iterations=options.restoration_iterations, radius=length)
-        try:
-            x = minimise(program, x, goal, settings).x
-        except (SolverFailed, EvaluationFailed):
-            continue
-        if _is_better(program, x, at.objectives[:count], options):
-            return True
-    return False
+    values, steps = at.objectives[:count], [at.retract(length * direction) for length in options.descent_steps]
+    if any(x is not None and _is_better(program, x, values, options) for x in steps):
+        return True
+    if steps[0] is None:
+        return False
+    upper = np.full(len(program.upper), np.inf)
+    upper[:count] = values
+    goal = Goal(weights=np.where(np.isfinite(upper), 1.0, 0.0), rows=np.eye(len(upper)), upper=upper)
+    settings = SqpOptions(iterations=options.restorations, radius=options.descent_steps[0], corrections=3)
+    try:
+        x = minimise(program, steps[0], goal, settings).x
+    except (SolverFailed, EvaluationFailed):
+        return False
+    return _is_better(program, x, values, options)
 
 
 def _is_better(program: Program, x: np.ndarray, values: np.ndarray, options: CertificateOptions) -> bool:

@@ -34,6 +34,9 @@ from paretoik.trajectory.whole_functions import Whole
 if TYPE_CHECKING:
     pass
 
+if TYPE_CHECKING:
+    from paretoik.trajectory.linearisation import MotionLinearisation
+
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 PROBES = 64  # places at which slopes are looked at for kinks
 REMEMBERED = 16  # programs: levels of samples and scalings of objectives share them
