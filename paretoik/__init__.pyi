@@ -53,10 +53,10 @@ from .task.objectives import peak_velocity as peak_velocity
 from .task.objectives import torque_norm as torque_norm
 from .task.objectives import velocity_limit_nearness as velocity_limit_nearness
 from .task.path import Path as Path
-from .task.path import circle as circle
-from .task.path import line as line
-from .task.path import poses as poses
-from .task.path import waypoints as waypoints
+from .task.path_shapes import circle as circle
+from .task.path_shapes import line as line
+from .task.path_shapes import poses as poses
+from .task.path_shapes import waypoints as waypoints
 from .task.task import Task as Task
 from .trajectory.plan import Plan as Plan
 

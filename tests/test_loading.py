@@ -5,9 +5,12 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from pymoo.problems.multi.zdt import ZDT1
 
+import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.loading import load_problem, problems_in
+from paretoik.loading import fingerprint, load_problem, problems_in
+from tests.api.problems import PATH, tracking
 
 ROOT = Path(__file__).parents[1]
 SIMPLE = '''
@@ -152,3 +155,24 @@ def test_a_package_of_the_same_name_that_is_loaded_already_is_named(file, name):
     place = file(name, SIMPLE)
     with pytest.raises(InvalidInput, match=f"package '{package}': .*already imported from {loaded}"):
         load_problem(f"{place}:small")
+
+
+def test_the_fingerprint_tells_what_makes_genes_mean_something_else():
+    problem = tracking(velocity=6.0)
+    assert fingerprint(problem) == fingerprint(tracking(velocity=6.0))
+    others = [
+        tracking(velocity=6.1),
+        tracking(velocity=6.0, torque=5.0),
+        tracking(pk.kinetic_energy, pk.jerk, velocity=6.0),
+        pk.Tracking(
+            pk.arms.tringali_3r("fitted"),
+            PATH,
+            objectives=(pk.kinetic_energy, pk.torque_norm),
+            limits=pk.Limits(velocity=6.0),
+            coefficients=4,
+            bases=2,
+        ),
+        ZDT1(n_var=5),
+    ]
+    prints = [fingerprint(other) for other in (problem, *others)]
+    assert len(set(prints)) == len(prints)

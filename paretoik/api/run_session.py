@@ -86,6 +86,10 @@ class RunSession:
         if self._observe is not None:
             self._observe(progress)
 
+    def show_stage(self, stage: str) -> None:
+        """Show the observer that a stage without counts begins."""
+        self.show(RunProgress(stage=stage, done=0, total=0, seconds=0.0))
+
     def save_draft(self, front: Front) -> None:
         """Keep a front that is worth having should what follows fail."""
         if self.folder is not None:
@@ -96,6 +100,7 @@ class RunSession:
         """Keep the final front."""
         self._finished = True
         if self.folder is not None:
+            self.show_stage("saving")
             front.save(self.folder)
 
     def fail(self, error: Exception) -> None:

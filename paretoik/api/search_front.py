@@ -163,9 +163,12 @@ class _GenerationObserver:
 
 def _refinement_observer(session: RunSession) -> Callable[[RunProgress], bool]:
     """Return an observer of refined points that also says when a signal came."""
+    start = session.seconds
 
     def observe(progress: RunProgress) -> bool:
-        session.show(progress)
+        session.show(replace(progress, seconds=session.seconds - start))
+        if progress.done == progress.total or session.signal is not None:
+            session.show_stage("certification")
         return session.signal is not None
 
     return observe

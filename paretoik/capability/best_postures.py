@@ -20,7 +20,8 @@ from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import reach_error, sample_postures, wrap_difference
 from paretoik.task.curves import Line
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.path import Path
 

@@ -62,7 +62,7 @@ def show_progress(time_limit: float | None, quiet: bool) -> Iterator[Observer | 
             yield lambda progress: bar.update(
                 job,
                 completed=progress.done,
-                total=progress.total,
+                total=progress.total or None,
                 description=progress_text(progress, time_limit),
             )
     else:
@@ -89,6 +89,8 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))
     'step 3/12, front 9, at most 3:00 left'
     """
+    if progress.total == 0:
+        return progress.stage
     left = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
     if time_limit is not None:
         left = min(left, max(time_limit - progress.seconds, 0.0))

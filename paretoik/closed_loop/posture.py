@@ -62,7 +62,7 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
             motion = Motion(
                 arm=task.arm, time=np.arange(3.0), q=held, obstacles=task.obstacles, link_radius=task.link_radius
             )
-            out["G"] = (task.least_clearance - motion.clearance[:, 0])[:, None]
+            out["G"] = (task.min_clearance - motion.clearance[:, 0])[:, None]
 
 
 class OneElite(Survival):  # type: ignore[misc]  # pymoo is not typed

@@ -17,9 +17,9 @@ from paretoik.closed_loop.obstacles import round_scene, scene
 from paretoik.closed_loop.step import HISTORY, reaches, turning_rows
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
-from paretoik.task.derivatives import TracedMotion, local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.path import Path
+from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 
 ORDERS = 4  # positions, velocities, accelerations, jerks
 
@@ -59,7 +59,7 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
 
     Raises InvalidInput, naming the objective and what it did, where that cannot be written down.
     """
-    motion, dof = traced_sample(_window(task, dt)), task.arm.dof
+    motion, dof = trace_sample(_window(task, dt)), task.arm.dof
     trace = motion.trace
     home, target = trace.inputs(dof), trace.inputs(task.targets.shape[1])
     error, turns = _errors(motion, task, target), turning_rows(task)
@@ -72,7 +72,7 @@ def step_programs(task: MotionTask, objectives: Sequence[StepObjective], dt: flo
     )
     outputs = []
     for given in objectives:
-        value = local(motion, f"objective {given.name}", _of(given, step))
+        value = trace_sample_function(motion, f"objective {given.name}", _of(given, step))
         if value is None:
             raise InvalidInput(f"objective {given.name}: looks at more than the end of the step")
         outputs.append(as_entry(trace.tape, given.sign * Expression(trace.tape, as_entry(trace.tape, value))))
@@ -107,15 +107,15 @@ def _errors(motion: TracedMotion, task: MotionTask, target: TracedArray) -> np.n
     wanted, links, begun = list(target.entries), link_frames(task.arm, list(motion.q.entries)), 0
     found = []
     for each in task.tasks:
-        found += each.errors(task.arm, links, wanted[begun : begun + each.numbers])[0]
-        begun += each.numbers
+        found += each.errors(task.arm, links, wanted[begun : begun + each.target_size])[0]
+        begun += each.target_size
     table = np.empty(len(found), dtype=object)
     table[:] = found
     return table
 
 
 def _nodes(task: MotionTask) -> Evaluator:
-    motion = traced_sample(task)
+    motion = trace_sample(task)
     return compile_evaluator(
         motion.trace.tape, [as_entry(motion.trace.tape, node) for node in motion.links.entries.ravel()]
     )

@@ -96,7 +96,7 @@ class StepSearch:
             self._polyline,
             self.programs.obstacles,
             self.programs.enclosing,
-            task.least_clearance + task.link_radius,
+            task.min_clearance + task.link_radius,
             self.programs.reach,
             np.array(instant.lower),
             np.array(instant.upper),

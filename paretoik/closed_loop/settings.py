@@ -59,7 +59,7 @@ def settled_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Floa
             f"start: {task.arm.joint_names[k]} must lie within {low[k]:.6g} to {high[k]:.6g}, got {q[k]:.6g}"
         )
     if task.obstacles:
-        gap = float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.least_clearance
+        gap = float(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)) - task.min_clearance
         if gap <= 0:
             raise InvalidInput(f"start: must be clear of obstacles, got {gap:.3g} m from {nearest_obstacle(task, q)}")
     return q

@@ -130,7 +130,7 @@ class Instant:
             obstacles=task.obstacles,
             link_radius=task.link_radius,
         )
-        return motion.clearance[:, 0] - task.least_clearance
+        return motion.clearance[:, 0] - task.min_clearance
 
 
 class ControlStep(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -261,7 +261,7 @@ def _drawn(problem: ControlStep, count: int, rng: np.random.Generator) -> Genes:
 
 def turning_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
     """Return which rows of the task errors are rotations [rad]."""
-    return np.concatenate([np.arange(each.rows) >= each.positions for each in task.tasks])
+    return np.concatenate([np.arange(each.rows) >= each.position_rows for each in task.tasks])
 
 
 def reaches(task: MotionTask) -> Float[np.ndarray, " dof"]:

@@ -1,1 +1,1 @@
-"""Where they meet: each method as a pymoo problem, one method a file."""
+"""Formulations: each method as a pymoo problem, one method a file; ``protocol`` says what verbs ask of them."""

@@ -32,7 +32,7 @@ from paretoik.front.preferences import Weights
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, joint_drift
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -199,7 +199,7 @@ class ClosedLoop:
         """Return what makes the loop itself, but for weights and the settings of its search."""
         task = self.task
         parts: list[object] = [task.targets, task.times, task.arm.joint_names, self.names, self.signs, self.longest]
-        parts += [task.obstacles, task.link_radius, task.least_clearance]
+        parts += [task.obstacles, task.link_radius, task.min_clearance]
         return parts + [bounds for _, bounds in sorted(task.bounds.items())]
 
     @cached_property

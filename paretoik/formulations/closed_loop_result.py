@@ -15,14 +15,14 @@ from paretoik.closed_loop.searching import Population
 from paretoik.front.front import Choice, Front
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.objectives import Found, Moving, joint_drift, objective
+from paretoik.task.objectives import AnyMotion, AnyValues, joint_drift, objective
 
 if TYPE_CHECKING:
     from paretoik.formulations.closed_loop import ClosedLoop
 
 
 @objective(unit="m", form="general")
-def mean_position_error(motion: Moving) -> Found:
+def mean_position_error(motion: AnyMotion) -> AnyValues:
     """Mean over the steps of the distance of the tool from its target. Source: Marcos et al. 2012, Eq. 23."""
     return motion.position_error[..., 1:].mean(axis=-1)
 
@@ -60,7 +60,7 @@ class ClosedLoopRun:
     @cached_property
     def task(self) -> MotionTask:
         """The task, as far as the loop came."""
-        return self.loop.task.until(len(self.q))
+        return self.loop.task.truncate(len(self.q))
 
     @cached_property
     def motion(self) -> Motion:

@@ -36,7 +36,7 @@ from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import wrap_difference
-from paretoik.task.retraction import ACCEPTED, retract
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 BESIDE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
 MIXED = 1.0  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
@@ -135,7 +135,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             low, high = self.actuation.front_bounds.T
             front = low + part["front"] * (high - low)
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
-        return self.stances.moving(led.q, front, part["pace"], mixed, led.error > ACCEPTED)
+        return self.stances.moving(led.q, front, part["pace"], mixed, led.error > ON_PATH_TOLERANCE)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""

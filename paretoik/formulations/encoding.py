@@ -85,10 +85,10 @@ def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
     if task.cyclic:
         basis = _periodic(t, coefficients + given)
         return _vanishing_at_start(basis) if given else basis
-    inner = np.linspace(0, 1, coefficients + given + task.stops - DEGREE + 1)
+    inner = np.linspace(0, 1, coefficients + given + task.ends_at_rest - DEGREE + 1)
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
     basis = BSpline.design_matrix(t, knots, DEGREE).toarray()
-    if task.stops:
+    if task.ends_at_rest:
         basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
     return _vanishing_at_start(basis) if given else basis
 

@@ -14,9 +14,10 @@ from paretoik.capability.timing import timed
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.starts import rollout_starts, travelling_starts
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
-from paretoik.task.path import line, waypoints
+from paretoik.task.path_shapes import line, waypoints
 from paretoik.task.retraction import task_errors
 
 ROLL_OUTS = 256

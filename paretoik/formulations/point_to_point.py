@@ -35,7 +35,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ACCEPTED, retract
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 BESIDE = 1.5  # rad or m: how far from its base a coefficient may be
 ROUNDING = 1e-9  # rad, m or shares: of limits
@@ -259,7 +259,9 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             timing = timed(self.arm, self.actuation, q, front)
             past = self.ways.past(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
-        G = np.stack([missed / ACCEPTED - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - ROUNDING)], axis=1)
+        G = np.stack(
+            [missed / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - ROUNDING)], axis=1
+        )
         bad = ~np.isfinite(F).all(axis=1)
         out["F"] = np.where(bad[:, None], 1e6, F)
         out["G"] = np.where(np.isnan(G), 1.0, np.where(bad[:, None], np.maximum(G, 1e-3), G))

@@ -23,7 +23,8 @@ from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.path import Path
 from paretoik.task.task import Task

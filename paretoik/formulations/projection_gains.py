@@ -26,7 +26,8 @@ from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, joint_limit_nearness, joint_travel
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path

@@ -127,7 +127,7 @@ def restore_motions(problem: Any, front: Front) -> Any:
     if hasattr(problem, "task"):
         q, names = np.asarray(front.motions.q), list(front.motions.arm.joint_names)
         order = [names.index(name) for name in problem.task.arm.joint_names]
-        return problem.task.until(q.shape[-2]).motion(q[..., order])
+        return problem.task.truncate(q.shape[-2]).motion(q[..., order])
     decodes = hasattr(problem, "decode") and front.genes is not None
     return problem.decode(np.array(front.genes)) if decodes else front.motions
 

@@ -27,7 +27,8 @@ from paretoik.self_motion.starts import rollout_starts
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
@@ -260,7 +261,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         reasons = []
         for i, arrived in enumerate(on_path):
             if arrived.all():
-                reasons.append(self.task.binding(motions[i]))
+                reasons.append(self.task.describe_violation(motions[i]))
             else:
                 sample = int(np.argmin(arrived))
                 reasons.append(

@@ -22,9 +22,9 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
-from paretoik.task.derivatives import TracedMotion, local
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.traced_motion import TracedMotion, trace_sample_function
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,17 +93,17 @@ def horizon(task: MotionTask, objective: Objective, ahead: int, interval: float,
         ddq = (dq - rate) * (1.0 / interval)
         before, rate = q, dq
         motion = TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
-        value = local(motion, what, objective.function)
+        value = trace_sample_function(motion, what, objective.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
         term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * (1.0 if left else 1.0 + terminal))
         total = as_entry(tape, Expression(tape, total) + term)
         links, begun = link_frames(task.arm, list(q.entries)), 0
         for each in task.tasks:
-            found = each.equations(task.arm, links, wanted[begun : begun + each.numbers])
+            found = each.equations(task.arm, links, wanted[begun : begun + each.target_size])
             equations += [as_entry(tape, one) for one in found]
-            slopes += [as_entry(tape, one) for row in each.slopes(task.arm, links) for one in row]
-            begun += each.numbers
+            slopes += [as_entry(tape, one) for row in each.jacobian(task.arm, links) for one in row]
+            begun += each.target_size
         lagrangian += list(multiplier.entries)
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:

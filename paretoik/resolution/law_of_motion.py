@@ -107,9 +107,9 @@ def _written(task: MotionTask, arm: Arm) -> Evaluator:
     q, dq, *course = parts
     links, equations, begun = link_frames(arm, q), list[int](), 0
     for one in task.tasks:
-        wanted = course[0][begun : begun + one.numbers]
+        wanted = course[0][begun : begun + one.target_size]
         equations += [as_entry(tape, value) for value in one.equations(arm, links, wanted)]
-        begun += one.numbers
+        begun += one.target_size
     joints, rates = ([value.index for value in values] for values in (q, dq))
     targets, moved, bent = ([value.index for value in values] for values in course)
     jacobian = [slope for equation in equations for slope in gradient(tape, equation, joints)]

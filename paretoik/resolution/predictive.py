@@ -23,10 +23,9 @@ from paretoik.resolution.horizon import Found, horizon
 from paretoik.resolution.methods import PredictiveKineticEnergy
 from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import ResolvedMotion, Traces, resolved
-from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 DEGREE = 4
 
@@ -201,7 +200,7 @@ class Lookout:
         guess, here = np.empty((len(targets), len(q))), q
         for j, target in enumerate(targets):
             slopes = task_errors(self.task.arm, self.task.tasks, here[None], target[None])[1]
-            led = retract(self.task.arm, self.task.tasks, here[None], target[None], steepest(slopes))
+            led = retract(self.task.arm, self.task.tasks, here[None], target[None], row_space_basis(slopes))
             guess[j] = here = led.q[0] if led.on_path[0] else here
         return guess
 

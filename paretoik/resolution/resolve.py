@@ -30,7 +30,8 @@ from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import reach_error as out_of_reach
 from paretoik.self_motion.postures import sample_postures
 from paretoik.task.limits import Limits
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path

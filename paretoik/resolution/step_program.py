@@ -14,9 +14,9 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
-from paretoik.task.derivatives import local, traced_sample
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.traced_motion import trace_sample, trace_sample_function
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,25 +38,25 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
 
     Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
     """
-    motion = traced_sample(task, duration=1.0)  # means over time are then what they are of one sample
+    motion = trace_sample(task, duration=1.0)  # means over time are then what they are of one sample
     trace, tape = motion.trace, motion.trace.tape
-    travels = np.concatenate([each.travels(task.times) for each in task.tasks], axis=1)
+    travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
     targets, going = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
     links = link_frames(task.arm, list(motion.q.entries))
     outputs, along, slopes = list[Any](), list[Any](), list[Any]()
     for each in task.tasks:
-        error, rows = each.errors(task.arm, links, targets[: each.numbers])
+        error, rows = each.errors(task.arm, links, targets[: each.target_size])
         outputs += error
-        along += each.travelled(task.arm, links, going[: each.travel])
+        along += each.displacement_components(task.arm, links, going[: each.displacement_size])
         slopes += [slope for row in rows for slope in row]
-        targets, going = targets[each.numbers :], going[each.travel :]
+        targets, going = targets[each.target_size :], going[each.displacement_size :]
     places = [as_entry(tape, value) for value in (*outputs, *along, *slopes)]
     inputs = [
         [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
     ]
     for one in criteria:
         what = f"criterion {one.name}"
-        value = local(motion, what, one.function)
+        value = trace_sample_function(motion, what, one.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)

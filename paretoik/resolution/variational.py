@@ -23,9 +23,10 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.law_of_motion import Law, law_of_motion
 from paretoik.robot import dynamics
 from paretoik.self_motion.charts import build_charts
-from paretoik.task.motion import Motion, steepest
-from paretoik.task.motion_task import START_TOLERANCE, MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import START_TOLERANCE
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 TOLERANCE = 1e-8  # of positions and velocities (relative past 1), each step
 FINEST, COARSEST = 1e-13, 1e-3  # tolerances that mean something
@@ -189,7 +190,7 @@ def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) 
 def _shifted(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Return postures near the path led onto it the shortest way; those that don't arrive are NaN."""
     slopes = task_errors(task.arm, task.tasks, q, targets)[1]
-    found = retract(task.arm, task.tasks, q, targets, steepest(slopes))
+    found = retract(task.arm, task.tasks, q, targets, row_space_basis(slopes))
     return np.where(found.on_path[:, None], found.q, np.nan)
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.self_motion.starts import LONGEST_JUMP
-from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +64,9 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
         null_space[:, i] = null_space[:, i] @ (left @ right)
     if task.cyclic:
         null_space = _close_frames(null_space, task.times / task.times[-1])
-    return Charts(base=base, null_space=null_space, row_space=steepest(slopes).reshape(count, times, dof, task.rows))
+    return Charts(
+        base=base, null_space=null_space, row_space=row_space_basis(slopes).reshape(count, times, dof, task.rows)
+    )
 
 
 def _close_frames(null_space: np.ndarray, share: np.ndarray) -> np.ndarray:

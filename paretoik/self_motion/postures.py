@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ACCEPTED, TOLERANCE, eliminate, task_errors
+from paretoik.task.retraction import NEWTON_TOLERANCE, ON_PATH_TOLERANCE, solve_small_systems, task_errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ def sample_postures(
     Damped least squares (Nakamura & Hanafusa 1986), then Newton; those that don't arrive are left out.
     """
     q, error = _solve_from_random_starts(task, np.full(count, sample), rng)
-    return q[np.abs(error).max(axis=1) <= ACCEPTED]
+    return q[np.abs(error).max(axis=1) <= ON_PATH_TOLERANCE]
 
 
 def _solve_from_random_starts(
@@ -63,9 +63,9 @@ def _solve_from_random_starts(
         if step >= OPTIONS.iterations:
             damping = size  # out of reach, perhaps: with less damping it would oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
-        step_taken = (np.swapaxes(jacobian, -1, -2) @ eliminate(square, error.T)[0][..., None])[..., 0]
+        step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error.T)[0][..., None])[..., 0]
         q[active] += step_taken / np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
-        active = active[size > TOLERANCE]
+        active = active[size > NEWTON_TOLERANCE]
         if len(active) == 0:
             break
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
@@ -83,12 +83,12 @@ def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
 def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
     """Return the error that says why no motion gets past sample ``near``."""
     _, error = _solve_from_random_starts(task, np.repeat(np.arange(len(task.times)), OPTIONS.quick_starts), rng)
-    unreached = np.abs(error).max(axis=1).reshape(-1, OPTIONS.quick_starts).min(axis=1) > ACCEPTED
+    unreached = np.abs(error).max(axis=1).reshape(-1, OPTIONS.quick_starts).min(axis=1) > ON_PATH_TOLERANCE
     for sample in np.flatnonzero(unreached).tolist():  # by few starts; more are tried before it counts as out of reach
         _, error = _solve_from_random_starts(
             task, np.full(OPTIONS.thorough_starts, sample), rng, iterations=5 * OPTIONS.iterations
         )
-        if np.abs(error).max(axis=1).min() > ACCEPTED:
+        if np.abs(error).max(axis=1).min() > ON_PATH_TOLERANCE:
             nearest = error[int(np.argmin(np.sum(error**2, axis=1)))]
             where = f"sample {sample} ({task.times[sample]:.3g} s)"
             return OutOfReach(f"path leaves reach at {where}: {_describe_error(task, sample, nearest)}", sample=sample)
@@ -111,7 +111,7 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
         size = 2 if part.axes in ("xy", "xy+angle") else 3
         target, left = task.targets[sample, column : column + size], error[row : row + part.rows]
         errors.append((float(np.linalg.norm(left)), target, left[:size], left[size:]))
-        row, column = row + part.rows, column + part.numbers
+        row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
     turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
     return (

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.self_motion.postures import reach_error, sample_postures
-from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import eliminate, retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
 
 LONGEST_JUMP = 0.7  # rad or m: no joint of a start moves further than this from one sample to the next
 
@@ -95,7 +94,7 @@ def perturbed_starts(
     else:
         displacement = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
     slopes = task_errors(task.arm, task.tasks, q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1)))[1]
-    rows = steepest(slopes).reshape(*q.shape, task.rows)
+    rows = row_space_basis(slopes).reshape(*q.shape, task.rows)
     retracted, on_path = _retract_to_path(
         task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement)
     )
@@ -129,9 +128,9 @@ def _integrate(
         jacobian = np.moveaxis(slopes, -1, 0)
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
-            move = (spread @ eliminate(jacobian @ spread, error.T)[0][..., None])[..., 0]
+            move = (spread @ solve_small_systems(jacobian @ spread, error.T)[0][..., None])[..., 0]
         if pace.any():
-            heading[alive] = _project_to_self_motion(steepest(slopes), heading[alive])
+            heading[alive] = _project_to_self_motion(row_space_basis(slopes), heading[alive])
             move += pace[alive, i - 1, None] * heading[alive]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= LONGEST_JUMP

@@ -1,4 +1,4 @@
-"""Newton's method back onto the path, compiled."""
+"""Newton's method onto the path, compiled."""
 
 from __future__ import annotations
 
@@ -9,72 +9,89 @@ from paretoik.compilation import compiled
 
 
 @compiled
-def newton(parts, targets, directions, limits, q, left, upright):
-    """Lead postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
+def newton(arrays, targets, directions, settings, q, errors, same_sheet):
+    """Move postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
 
-    ``parts`` is the program of errors and Jacobian entries at (q, targets); ``limits`` (tolerance, longest step,
-    steps). Writes q, the largest error that was ``left`` when it was last looked at, and whether the Newton matrix was
-    ``upright`` there: its determinant positive. A posture that has arrived makes room for the next.
+    ``arrays`` are those of the evaluator of errors and Jacobian entries at (q, targets); ``settings``: tolerance,
+    max_step and max_iterations. Writes q, the largest error where it was last evaluated, and whether the determinant of
+    the Newton matrix was positive there: the sheet that the posture started from. Samples share the lanes of the
+    evaluator's workspace; a sample that has finished leaves its lane to the next.
     """
-    code, constants, inputs, outputs, space = parts
+    code, constants, inputs, outputs, workspace = arrays
     samples, n, rows = directions.shape
-    tolerance, longest, steps = limits
-    width, loaded = space.shape[1], inputs.shape[0]
+    tolerance, max_step, max_iterations = settings
+    width, loaded = workspace.shape[1], inputs.shape[0]
     for j in range(constants.shape[0]):
         for lane in range(width):
-            space[loaded + j, lane] = constants[j]
-    who, taken = np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
-    matrix, right = np.empty((rows, rows)), np.empty(rows)
-    begun = going = 0
+            workspace[loaded + j, lane] = constants[j]
+    sample_of, iterations = np.empty(width, dtype=np.int64), np.empty(width, dtype=np.int64)
+    matrix, step = np.empty((rows, rows)), np.empty(rows)
+    next_sample = active = 0
     while True:
-        while going < width and begun < samples:
-            who[going], taken[going] = begun, 0
-            begun += 1
-            going += 1
-        if going == 0:
+        while active < width and next_sample < samples:
+            sample_of[active], iterations[active] = next_sample, 0
+            next_sample += 1
+            active += 1
+        if active == 0:
             break
         for j in range(loaded):
-            for lane in range(going):
-                place = inputs[j]
-                space[j, lane] = q[who[lane], place] if place < n else targets[who[lane], place - n]
-        run_block(code, space, going)
-        kept = 0
-        for lane in range(going):
-            s = who[lane]
-            size = 0.0
-            for i in range(rows):
-                right[i] = space[outputs[i], lane]
-                size = max(size, abs(right[i])) if right[i] == right[i] else np.nan
-                for k in range(rows):
-                    total = 0.0
-                    for j in range(n):
-                        total += space[outputs[rows + i * n + j], lane] * directions[s, j, k]
-                    matrix[i, k] = total
-            upright[s] = _eliminated(matrix, right) > 0
-            left[s] = size
-            taken[lane] += 1
+            for lane in range(active):
+                column = inputs[j]
+                s = sample_of[lane]
+                workspace[j, lane] = q[s, column] if column < n else targets[s, column - n]
+        run_block(code, workspace, active)
+        unfinished = 0
+        for lane in range(active):
+            s = sample_of[lane]
+            size = _newton_system(workspace, outputs, lane, directions[s], matrix, step)
+            same_sheet[s] = _solve(matrix, step) > 0
+            errors[s] = size
+            iterations[lane] += 1
             if not size > tolerance:
                 continue
-            for k in range(rows):
-                move = min(max(right[k], -longest), longest) if right[k] == right[k] else 0.0
-                for j in range(n):
-                    q[s, j] += directions[s, j, k] * move
-            if taken[lane] < steps:
-                who[kept], taken[kept] = s, taken[lane]
-                kept += 1
-        going = kept
+            _move(q[s], directions[s], step, max_step)
+            if iterations[lane] < max_iterations:
+                sample_of[unfinished], iterations[unfinished] = s, iterations[lane]
+                unfinished += 1
+        active = unfinished
 
 
 @compiled
-def eliminate(matrices, right, determinants):
-    """Overwrite matrices (count, size, size), and right (count, size) with what solves each; write determinants."""
+def _newton_system(workspace, outputs, lane, directions, matrix, right):
+    """Write J · directions and the errors of one lane; return the largest error, NaN where one is."""
+    n, rows = directions.shape
+    size = 0.0
+    for i in range(rows):
+        right[i] = workspace[outputs[i], lane]
+        size = max(size, abs(right[i])) if right[i] == right[i] else np.nan
+        for k in range(rows):
+            total = 0.0
+            for j in range(n):
+                total += workspace[outputs[rows + i * n + j], lane] * directions[j, k]
+            matrix[i, k] = total
+    return size
+
+
+@compiled
+def _move(posture, directions, step, max_step):
+    """Add the step along the directions, each entry at most ``max_step``; entries that are NaN count as 0."""
+    n, rows = directions.shape
+    for k in range(rows):
+        length = min(max(step[k], -max_step), max_step) if step[k] == step[k] else 0.0
+        for j in range(n):
+            posture[j] += directions[j, k] * length
+
+
+@compiled
+def solve_small_systems(matrices, right, determinants):
+    """Overwrite matrices (count, size, size), and right (count, size) with the solutions; write determinants."""
     for i in range(len(matrices)):
-        determinants[i] = _eliminated(matrices[i], right[i])
+        determinants[i] = _solve(matrices[i], right[i])
 
 
 @compiled
-def _eliminated(matrix, right):
-    """Overwrite ``right`` with matrix⁻¹ right; return the determinant. By elimination without exchange of rows.
+def _solve(matrix, right):
+    """Overwrite ``right`` with matrix⁻¹ right; return the determinant. Gaussian elimination without pivoting.
 
     Directions are ordered so that the matrix starts lower triangular with a positive diagonal; a pivot that vanishes
     gives inf or NaN.

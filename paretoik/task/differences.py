@@ -1,4 +1,4 @@
-"""From samples to rates and integrals: the two discretisations of a motion.
+"""Finite differences and quadrature: the two discretisations of a motion.
 
 "backward" as in Tringali & Cocuzza 2020: v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
 rectangle at the right end. "central": second order, integrals by the trapezoid rule. On a cycle v₀ = v_N.
@@ -18,37 +18,38 @@ Samples: TypeAlias = Float[np.ndarray, "*batch time columns"]
 Instants: TypeAlias = Float[np.ndarray, "*#batch time"]
 
 
-def rate(values: Samples, time: Instants, differences: Differences, *, cyclic: bool) -> Samples:
-    """Return the rates of change of values (*batch, time, columns) at their samples."""
+def first_derivative(values: Samples, time: Instants, differences: Differences, *, cyclic: bool) -> Samples:
+    """Return the first time derivatives of values (*batch, time, columns) at their samples."""
     if differences == "central":
-        return _central_first(values, time, cyclic=cyclic)
-    found = np.empty_like(values)
-    found[..., 1:, :] = np.diff(values, axis=-2) / np.diff(time)[..., None]
-    found[..., 0, :] = found[..., -1, :] if cyclic else 0.0
-    return found
+        return _central_first_derivative(values, time, cyclic=cyclic)
+    velocity = np.empty_like(values)
+    velocity[..., 1:, :] = np.diff(values, axis=-2) / np.diff(time)[..., None]
+    velocity[..., 0, :] = velocity[..., -1, :] if cyclic else 0.0
+    return velocity
 
 
-def second_rate(values: Samples, time: Instants, differences: Differences, *, cyclic: bool) -> Samples:
-    """Return the second rates of change of values (*batch, time, columns) at their samples."""
+def second_derivative(values: Samples, time: Instants, differences: Differences, *, cyclic: bool) -> Samples:
+    """Return the second time derivatives of values (*batch, time, columns) at their samples."""
     if differences == "backward":
-        return rate(rate(values, time, differences, cyclic=cyclic), time, differences, cyclic=cyclic)
-    change, step = _changes(values, time, cyclic=cyclic)
+        first = first_derivative(values, time, differences, cyclic=cyclic)
+        return first_derivative(first, time, differences, cyclic=cyclic)
+    change, step = _steps(values, time, cyclic=cyclic)
     inner: Samples = 2 * np.diff(change / step, axis=-2) / (step[..., :-1, :] + step[..., 1:, :])
     if cyclic:
         return inner
     return np.concatenate([inner[..., :1, :], inner, inner[..., -1:, :]], axis=-2)
 
 
-def quadrature(time: Series, differences: Differences) -> Series:
+def quadrature_weights(time: Series, differences: Differences) -> Series:
     """Return the weights (*batch, time) [s] of an integral over the samples."""
     step = np.diff(time)
-    nothing = np.zeros((*step.shape[:-1], 1))
-    after, before = np.concatenate([nothing, step], axis=-1), np.concatenate([step, nothing], axis=-1)
-    return after if differences == "backward" else (after + before) / 2
+    zero = np.zeros((*step.shape[:-1], 1))
+    left, right = np.concatenate([zero, step], axis=-1), np.concatenate([step, zero], axis=-1)
+    return left if differences == "backward" else (left + right) / 2
 
 
-def _central_first(values: Samples, time: Instants, *, cyclic: bool) -> Samples:
-    change, step = _changes(values, time, cyclic=cyclic)
+def _central_first_derivative(values: Samples, time: Instants, *, cyclic: bool) -> Samples:
+    change, step = _steps(values, time, cyclic=cyclic)
     slope = change / step
     before, after = step[..., :-1, :], step[..., 1:, :]
     inner: Samples = (slope[..., :-1, :] * after + slope[..., 1:, :] * before) / (before + after)
@@ -59,10 +60,10 @@ def _central_first(values: Samples, time: Instants, *, cyclic: bool) -> Samples:
     return np.concatenate([first, inner, last], axis=-2)
 
 
-def _changes(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return changes from sample to sample and their times, those of a cycle continued round its seam."""
+def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the changes of values and time from sample to sample; a cycle is continued by one step at each end."""
     change, step = np.diff(values, axis=-2), np.diff(time)[..., None]
     if not cyclic:
         return change, step
-    around = [np.concatenate([part[..., -1:, :], part, part[..., :1, :]], axis=-2) for part in (change, step)]
-    return around[0], around[1]
+    change, step = (np.concatenate([part[..., -1:, :], part, part[..., :1, :]], axis=-2) for part in (change, step))
+    return change, step

@@ -1,4 +1,4 @@
-"""What a motion may not exceed: limits on joints, and constraints that users define."""
+"""Limits on joints, and constraints that users define."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from jaxtyping import Float
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
-from paretoik.task.objectives import Form, Function, check_form, series
+from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
-KINDS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
+LIMIT_UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
@@ -25,8 +25,8 @@ class Limits:
     Units are rad, s, N m and W; m and N for sliding joints. Each is a tuple (lower, upper), or a number or array
     taken as symmetric; arrays are (dof,), or (time, dof) to vary along the path; a mapping goes by joint name, joints
     not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
-    the least distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
-    joint limit inwards by that share of its range: limits hold at the samples, and between them a motion may go a
+    the smallest distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
+    joint limit inwards by that fraction of its range: limits hold at the samples, and between them a motion may go a
     little further.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
@@ -41,21 +41,21 @@ class Limits:
     clearance: float = 0.0
     margin: float = 0.0
 
-    def settled(self, arm: Arm, samples: int) -> dict[str, Bounds]:
-        """Return every limit that binds something as (1 or time, dof, 2) arrays of (lower, upper).
+    def bounds(self, arm: Arm, samples: int) -> dict[str, Bounds]:
+        """Return every limit that has a finite side as (1 or time, dof, 2) arrays of (lower, upper).
 
         Raises InvalidInput, naming limit and joint, for wrong shapes, NaN, or a lower limit above the upper.
         """
         if not np.isfinite(self.clearance):
             raise InvalidInput(f"clearance limit wants a distance in m, got {self.clearance}")
         if not 0 <= self.margin < 0.5:
-            raise InvalidInput(f"margin wants a share of 0 or more and less than 0.5, got {self.margin}")
-        own = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
-        found = {kind: _bounds(kind, getattr(self, kind), own.get(kind), arm, samples) for kind in KINDS}
+            raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {self.margin}")
+        declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
+        every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMIT_UNITS}
         inwards = self.margin * np.array([1.0, -1.0])
         return {
-            kind: bounds + inwards * ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
-            for kind, bounds in found.items()
+            kind: bounds + inwards * limit_ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
+            for kind, bounds in every.items()
             if np.isfinite(bounds).any()
         }
 
@@ -73,15 +73,15 @@ class Constraint:
     scale: float
 
     def violation(self, motion: Motion) -> np.ndarray:
-        """Return the worst violation (*batch,) as a share of the limit's range; not positive where it holds.
+        """Return the largest violation (*batch,) as a fraction of the limit's range; not positive where it holds.
 
         Raises InvalidInput, naming the constraint, where the function returns another shape or something not real.
         """
-        values = series(f"constraint {self.name}", self.function, motion, self.form)
+        values = evaluate_function(f"constraint {self.name}", self.function, motion, self.form)
         if self.form == "integral":
             values = motion.integral(values)
-        excess = np.maximum(values - self.upper, self.lower - values) / self.scale
-        return np.asarray(excess.max(axis=-1) if self.form == "peak" else excess)
+        violation = np.maximum(values - self.upper, self.lower - values) / self.scale
+        return np.asarray(violation.max(axis=-1) if self.form == "peak" else violation)
 
 
 def constraint(
@@ -109,8 +109,8 @@ def constraint(
     check_form(form)
     if not lower <= upper or not (np.isfinite(lower) or np.isfinite(upper)):
         raise InvalidInput(f"constraint wants at least one finite bound and lower ≤ upper, got {lower} and {upper}")
-    span = upper - lower if np.isfinite(upper - lower) else abs(upper if np.isfinite(upper) else lower)
-    size = float(scale if scale is not None else span or 1.0)
+    width = upper - lower if np.isfinite(upper - lower) else abs(upper if np.isfinite(upper) else lower)
+    size = float(scale if scale is not None else width or 1.0)
     if not size > 0 or not np.isfinite(size):
         raise InvalidInput(f"constraint: scale wants a positive number, got {scale}")
 
@@ -128,8 +128,8 @@ def constraint(
     return wrap
 
 
-def excess(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
-    """Return by how much each sample exceeds a joint limit, as a share of its range; not positive where it holds."""
+def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
+    """Return the violation of a joint limit at each sample as a fraction of its range; not positive where it holds."""
     values = {
         "position": lambda: motion.q,
         "velocity": lambda: motion.dq,
@@ -138,32 +138,33 @@ def excess(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*bat
         "power": lambda: motion.power,
     }[kind]()
     lower, upper = bounds[..., 0], bounds[..., 1]
-    return np.maximum(values - upper, lower - values) / ranges(lower, upper)
+    return np.maximum(values - upper, lower - values) / limit_ranges(lower, upper)
 
 
-def ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Return the ranges of limits: their width, or the size of the only bound, or 1 where that is zero."""
+def limit_ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return the ranges of limits: their width, or the magnitude of the only bound, or 1 where that is zero."""
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 1.0))
     return np.where(size > 0, size, 1.0)
 
 
-def _bounds(kind: str, given: object, own: np.ndarray | None, arm: Arm, samples: int) -> Bounds:
-    declared = np.tile([-np.inf, np.inf], (arm.dof, 1)) if own is None else own
+def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:
+    if declared is None:
+        declared = np.tile([-np.inf, np.inf], (arm.dof, 1))
     if declared.ndim == 1:
         declared = np.stack([-declared, declared], axis=-1)
-    if given is None:
+    if limit is None:
         return declared[None].copy()
-    if isinstance(given, Mapping):
-        return _by_name(kind, given, declared, arm)[None]
-    lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (None, given)
+    if isinstance(limit, Mapping):
+        return _by_name(kind, limit, declared, arm)[None]
+    lower, upper = limit if isinstance(limit, tuple) and len(limit) == 2 else (None, limit)
     high = _side(kind, upper, arm, samples)
     low = -high if lower is None else _side(kind, lower, arm, samples)
     low, high = np.broadcast_arrays(low, high)
-    wrong = np.isnan(low) | np.isnan(high) | (low > high)
-    if wrong.any():
-        sample, joint = np.argwhere(wrong)[0]
+    invalid = np.isnan(low) | np.isnan(high) | (low > high)
+    if invalid.any():
+        sample, joint = np.argwhere(invalid)[0]
         raise InvalidInput(
             f"{kind} limit of {arm.joint_names[joint]}: wants lower ≤ upper, got {low[sample, joint]} and "
             f"{high[sample, joint]}"
@@ -171,11 +172,11 @@ def _bounds(kind: str, given: object, own: np.ndarray | None, arm: Arm, samples:
     return np.stack([low, high], axis=-1)
 
 
-def _side(kind: str, given: object, arm: Arm, samples: int) -> np.ndarray:
+def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
     try:
-        array = np.asarray(given, dtype=float)
+        array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise InvalidInput(f"{kind} limit wants numbers, got {given!r}") from None
+        raise InvalidInput(f"{kind} limit wants numbers, got {values!r}") from None
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
             f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "
@@ -184,9 +185,9 @@ def _side(kind: str, given: object, arm: Arm, samples: int) -> np.ndarray:
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
 
 
-def _by_name(kind: str, given: Mapping[str, Any], declared: np.ndarray, arm: Arm) -> np.ndarray:
+def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Arm) -> np.ndarray:
     bounds = declared.copy()
-    for joint, value in given.items():
+    for joint, value in limits.items():
         if joint not in arm.joint_names:
             raise InvalidInput(
                 f"{kind} limit: no joint {joint!r} on {arm.name}; its joints: {', '.join(arm.joint_names)}"

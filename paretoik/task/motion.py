@@ -15,12 +15,12 @@ from paretoik.arrays import JointPaths, Rotations, Series
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-from paretoik.task.differences import Differences, quadrature, rate, second_rate
+from paretoik.task.differences import Differences, first_derivative, quadrature_weights, second_derivative
 from paretoik.task.obstacles import Obstacle, clearance
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.task.task import Task
 
-SAME_POSTURE = 1e-9  # rad or m: the ends of a cycle that are nearer than this are one
+CLOSURE_TOLERANCE = 1e-9  # rad or m: the largest distance of the ends of a cyclic motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,30 +47,30 @@ class Motion:
     cyclic: bool = False
 
     def __post_init__(self) -> None:
-        """Check the samples, spread the times over the batch and freeze both."""
+        """Check the samples, broadcast the times over the batch and make both read-only."""
         q, time = np.array(self.q, dtype=float), np.array(self.time, dtype=float)
         if q.ndim < 2 or q.shape[-1] != self.arm.dof:
             raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
         if q.shape[-2] < 3 or time.shape not in (q.shape[-2:-1], q.shape[:-1]):
             raise InvalidInput(f"motion: wants one time a sample and at least 3, got {time.shape} for {q.shape}")
-        for what, values in (("position", q), ("time", time[..., None])):
-            wrong = np.argwhere(~np.isfinite(values))
-            if len(wrong):
-                raise InvalidInput(f"motion: every {what} must be finite, it is not at sample {wrong[0][-2]}")
-        late = np.argwhere(np.diff(time) <= 0)
-        if len(late):
-            raise InvalidInput(f"motion: times must increase, they don't at sample {late[0][-1] + 1}")
+        for name, values in (("position", q), ("time", time[..., None])):
+            invalid = np.argwhere(~np.isfinite(values))
+            if len(invalid):
+                raise InvalidInput(f"motion: every {name} must be finite, it is not at sample {invalid[0][-2]}")
+        decreasing = np.argwhere(np.diff(time) <= 0)
+        if len(decreasing):
+            raise InvalidInput(f"motion: times must increase, they don't at sample {decreasing[0][-1] + 1}")
         if self.differences not in get_args(Differences):
             raise InvalidInput(
                 f"differences must be one of {', '.join(get_args(Differences))}, got {self.differences!r}"
             )
         if self.cyclic:
-            apart = np.abs(q[..., -1, :] - q[..., 0, :]).max(initial=0.0)
-            if apart > SAME_POSTURE:
-                raise InvalidInput(f"cyclic motion: must end where it starts, got ends {apart:.3g} rad or m apart")
+            distance = np.abs(q[..., -1, :] - q[..., 0, :]).max(initial=0.0)
+            if distance > CLOSURE_TOLERANCE:
+                raise InvalidInput(f"cyclic motion: must end where it starts, got ends {distance:.3g} rad or m apart")
             q[..., -1, :] = q[..., 0, :]
-        object.__setattr__(self, "q", _frozen(q))
-        object.__setattr__(self, "time", np.broadcast_to(_frozen(time), q.shape[:-1]))
+        object.__setattr__(self, "q", _read_only(q))
+        object.__setattr__(self, "time", np.broadcast_to(_read_only(time), q.shape[:-1]))
 
     def __len__(self) -> int:
         """Return the size of the leading batch axis; a single motion has none."""
@@ -94,32 +94,32 @@ class Motion:
     @cached_property
     def dq(self) -> JointPaths:
         """Joint velocities (*batch, time, dof) [rad/s, m/s]."""
-        return _frozen(rate(self.q, self.time, self.differences, cyclic=self.cyclic))
+        return _read_only(first_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def ddq(self) -> JointPaths:
         """Joint accelerations (*batch, time, dof) [rad/s², m/s²]."""
-        return _frozen(second_rate(self.q, self.time, self.differences, cyclic=self.cyclic))
+        return _read_only(second_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def jerk(self) -> JointPaths:
         """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of the accelerations."""
-        return _frozen(rate(self.ddq, self.time, self.differences, cyclic=self.cyclic))
+        return _read_only(first_derivative(self.ddq, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def torque(self) -> JointPaths:
         """Joint torques (*batch, time, dof) [N m, N], gravity included."""
-        return _frozen(dynamics.inverse_dynamics(self.arm, self.q, self.dq, self.ddq))
+        return _read_only(dynamics.inverse_dynamics(self.arm, self.q, self.dq, self.ddq))
 
     @cached_property
     def power(self) -> JointPaths:
         """Mechanical joint powers τᵢ q̇ᵢ (*batch, time, dof) [W]."""
-        return _frozen(dynamics.power(self.torque, self.dq))
+        return _read_only(dynamics.power(self.torque, self.dq))
 
     @cached_property
     def kinetic_energy(self) -> Series:
         """Kinetic energy ½ q̇ᵀ M q̇ (*batch, time) [J]."""
-        return _frozen(dynamics.kinetic_energy(self.arm, self.q, self.dq))
+        return _read_only(dynamics.kinetic_energy(self.arm, self.q, self.dq))
 
     @cached_property
     def tool(self) -> Float[np.ndarray, "*batch time axes"]:
@@ -135,13 +135,13 @@ class Motion:
     @cached_property
     def links(self) -> Float[np.ndarray, "*batch time nodes 3"]:
         """The arm as a polyline (*batch, time, dof + 2, 3) [m]: base, joints, tool."""
-        return _frozen(kinematics.link_nodes(self.arm, self.q))
+        return _read_only(kinematics.link_nodes(self.arm, self.q))
 
     @cached_property
     def manipulability(self) -> Series:
         """Yoshikawa's √det(J Jᵀ) of the tasks' Jacobian (*batch, time); of the tool's where there is no task."""
         jacobian = self._jacobian
-        return _frozen(np.sqrt(np.maximum(np.linalg.det(jacobian @ np.swapaxes(jacobian, -1, -2)), 0.0)))
+        return _read_only(np.sqrt(np.maximum(np.linalg.det(jacobian @ np.swapaxes(jacobian, -1, -2)), 0.0)))
 
     @cached_property
     def tracking_error(self) -> Series:
@@ -149,27 +149,27 @@ class Motion:
         if not self.tasks:
             return np.zeros(self.q.shape[:-1])
         error, _ = task_errors(self.arm, self.tasks, self._flat, self._targets)
-        return _frozen(np.abs(error).max(axis=0).reshape(self.q.shape[:-1]))
+        return _read_only(np.abs(error).max(axis=0).reshape(self.q.shape[:-1]))
 
     @cached_property
     def position_error(self) -> Series:
-        """Distance of the frames of its tasks from their targets (*batch, time) [m], the largest; zero without."""
+        """Largest distance of a task's frame from its target (*batch, time) [m]; zero without tasks."""
         if not self.tasks:
             return np.zeros(self.q.shape[:-1])
         error, _ = task_errors(self.arm, self.tasks, self._flat, self._targets)
-        begins = np.cumsum([0, *(task.rows for task in self.tasks)])
-        parts = [error[begin : begin + task.positions] for task, begin in zip(self.tasks, begins, strict=False)]
-        return _frozen(np.max([np.linalg.norm(part, axis=0) for part in parts], axis=0).reshape(self.q.shape[:-1]))
+        first_rows = np.cumsum([0, *(task.rows for task in self.tasks)])
+        parts = [error[row : row + task.position_rows] for task, row in zip(self.tasks, first_rows, strict=False)]
+        return _read_only(np.max([np.linalg.norm(part, axis=0) for part in parts], axis=0).reshape(self.q.shape[:-1]))
 
     @cached_property
     def clearance(self) -> Series:
         """Distance of the links, capsules of ``link_radius``, from the nearest obstacle (*batch, time) [m]."""
-        return _frozen(clearance(self.obstacles, self.links, self.link_radius))
+        return _read_only(clearance(self.obstacles, self.links, self.link_radius))
 
     @property
     def weights(self) -> Series:
         """Quadrature weights (*batch, time) [s] of integrals over the samples."""
-        return quadrature(self.time, self.differences)
+        return quadrature_weights(self.time, self.differences)
 
     def integral(self, series: Series) -> np.ndarray:
         """Return the time integral (*batch,) of values at the samples (*batch, time)."""
@@ -178,7 +178,7 @@ class Motion:
     def at(self, t: Float[np.ndarray, " instants"]) -> Float[np.ndarray, "*batch instants dof"]:
         """Return joint positions (*batch, instants, dof) at times t [s]: the interpolant, projected onto the tasks.
 
-        Raises InvalidInput for times outside the motion, Infeasible where the path is lost between samples.
+        Raises InvalidInput for times outside the motion, Infeasible where it cannot be projected.
         """
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         first, last = self.time[..., 0].max(), self.time[..., -1].min()
@@ -188,26 +188,28 @@ class Motion:
         ends = "periodic" if self.cyclic else "not-a-knot"
         flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
         if np.all(times == times[0]):
-            between = CubicSpline(times[0], flat, axis=1, bc_type=ends)(instants)
+            interpolated = CubicSpline(times[0], flat, axis=1, bc_type=ends)(instants)
         else:
-            between = np.stack([CubicSpline(s, q, bc_type=ends)(instants) for s, q in zip(times, flat, strict=True)])
+            interpolated = np.stack(
+                [CubicSpline(s, q, bc_type=ends)(instants) for s, q in zip(times, flat, strict=True)]
+            )
         if self.tasks:
-            between = self._projected(between, instants)
-        return between.reshape(*self.q.shape[:-2], len(instants), self.arm.dof)
+            interpolated = self._project(interpolated, instants)
+        return interpolated.reshape(*self.q.shape[:-2], len(instants), self.arm.dof)
 
-    def _projected(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
+    def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
         targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
         flat = q.reshape(-1, self.arm.dof)
-        wanted = np.tile(targets, (len(q), 1))
-        directions = steepest(task_errors(self.arm, self.tasks, flat, wanted)[1])
-        found = retract(self.arm, self.tasks, flat, wanted, directions)
-        if not found.on_path.all():
-            lost = int(np.argmin(found.on_path))
+        targets = np.tile(targets, (len(q), 1))
+        directions = row_space_basis(task_errors(self.arm, self.tasks, flat, targets)[1])
+        retraction = retract(self.arm, self.tasks, flat, targets, directions)
+        if not retraction.on_path.all():
+            lost = int(np.argmin(retraction.on_path))
             raise Infeasible(
                 f"at: the motion must follow its path, but at {instants[lost % len(instants)]:g} s its tool is "
-                f"{found.error[lost]:.3g} m or rad off, beyond recall"
+                f"{retraction.error[lost]:.3g} m or rad off"
             )
-        return found.q.reshape(q.shape)
+        return retraction.q.reshape(q.shape)
 
     @property
     def _flat(self) -> np.ndarray:
@@ -224,22 +226,15 @@ class Motion:
         if not self.tasks:
             rows = 2 if self.arm.is_planar else 6
             return kinematics.jacobian(self.arm, self.q)[..., :rows, :]
-        _, slopes = task_errors(self.arm, self.tasks, self._flat, self._targets)
-        return np.moveaxis(slopes, -1, 0).reshape(*self.q.shape[:-1], *slopes.shape[:2])
+        _, jacobian = task_errors(self.arm, self.tasks, self._flat, self._targets)
+        return np.moveaxis(jacobian, -1, 0).reshape(*self.q.shape[:-1], *jacobian.shape[:2])
 
     @cached_property
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
         rotation, position = kinematics.forward_kinematics(self.arm, self.q)
-        return _frozen(rotation), _frozen(position)
+        return _read_only(rotation), _read_only(position)
 
 
-def steepest(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:
-    """Return an orthonormal basis of the row space of J; J times it is lower triangular with a positive diagonal."""
-    orthonormal, upper = np.linalg.qr(np.moveaxis(jacobian, -1, 0).swapaxes(-1, -2))
-    signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
-    return orthonormal * signs[:, None, :]
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
+def _read_only(array: np.ndarray) -> np.ndarray:
     array.setflags(write=False)
     return array

@@ -1,9 +1,9 @@
-"""What a motion is worth: objectives, the users' own and the library's.
+"""Objectives: what users define, and those of the library.
 
-An objective is a plain NumPy function of a batch of motions. ``form`` says what it returns and what becomes of it:
+An objective is a plain NumPy function of a batch of motions. ``form`` says what it returns and how it is reduced:
 
 - "integral": values (*batch, time), integrated over time;
-- "peak": values (*batch, time), of which the worst counts: the largest, or the least where the objective is maximised;
+- "peak": values (*batch, time), reduced to the largest, or the smallest where the objective is maximised;
 - "terminal": values (*batch,) that depend on the ends of the motion only;
 - "general": values (*batch,) that depend on all of it.
 """
@@ -20,15 +20,15 @@ from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.task.motion import Motion
 
-NEAREST = 1e-3  # share of a joint's range: nearer to a limit than this nothing counts more
+MIN_LIMIT_DISTANCE = 1e-3  # fraction of a joint's range: nearer to a limit, joint_limit_nearness stays the same
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
 if TYPE_CHECKING:
-    Moving: TypeAlias = Motion
-    Found: TypeAlias = np.ndarray
+    AnyMotion: TypeAlias = Motion
+    AnyValues: TypeAlias = np.ndarray
 else:
-    Moving = Found = Any  # where derivatives are taken, a motion of expressions comes in, and expressions go out
+    AnyMotion = AnyValues = Any  # where derivatives are taken: a TracedMotion, and traced arrays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +46,7 @@ class Objective:
 
         Raises InvalidInput, naming the objective, where the function returns another shape or something not real.
         """
-        values = series(f"objective {self.name}", self.function, motion, self.form)
+        values = evaluate_function(f"objective {self.name}", self.function, motion, self.form)
         if self.form == "integral":
             return motion.integral(values)
         if self.form == "peak":
@@ -93,60 +93,59 @@ def check_form(form: str) -> None:
         raise InvalidInput(f"form must be one of {', '.join(get_args(Form))}, got {form!r}")
 
 
-def series(what: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
-    """Return a function's values after checking shape and type; ``what`` names it in errors."""
-    batch = motion.q.shape[:-2]
-    wanted = motion.q.shape[:-1] if form in ("integral", "peak") else batch
+def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
+    """Return a function's values after checking shape and type; errors begin with ``name``."""
+    shape = motion.q.shape[:-1] if form in ("integral", "peak") else motion.q.shape[:-2]
     values = function(motion)
     if values is None:
-        raise InvalidInput(f"{what} must return an array of shape {wanted}, got None (is a return missing?)")
+        raise InvalidInput(f"{name} must return an array of shape {shape}, got None (is a return missing?)")
     try:
         array = np.asarray(values)
     except ValueError:
-        raise InvalidInput(f"{what} must return an array of shape {wanted}, got rows of unequal length") from None
+        raise InvalidInput(f"{name} must return an array of shape {shape}, got rows of unequal length") from None
     if array.dtype.kind not in "fiub":
-        raise InvalidInput(f"{what} must return real numbers, got {array.dtype}")
-    if array.shape != wanted:
-        raise InvalidInput(f"{what} ({form}) must return shape {wanted}, got {array.shape}")
+        raise InvalidInput(f"{name} must return real numbers, got {array.dtype}")
+    if array.shape != shape:
+        raise InvalidInput(f"{name} ({form}) must return shape {shape}, got {array.shape}")
     return array.astype(float)
 
 
 @objective(unit="J s", form="integral")
-def kinetic_energy(motion: Moving) -> Found:
+def kinetic_energy(motion: AnyMotion) -> AnyValues:
     """∫ ½ q̇ᵀ M q̇ dt. Source: Tringali & Cocuzza 2020, Eq. 3."""
     return motion.kinetic_energy
 
 
 @objective(unit="N²m²s", form="integral")
-def torque_norm(motion: Moving) -> Found:
+def torque_norm(motion: AnyMotion) -> AnyValues:
     """∫ τᵀτ dt. Source: Tringali & Cocuzza 2020, Eq. 5."""
     return np.sum(motion.torque**2, axis=-1)
 
 
 @objective(unit="J", form="integral")
-def mechanical_energy(motion: Moving) -> Found:
+def mechanical_energy(motion: AnyMotion) -> AnyValues:
     """∫ Σ |τᵢ q̇ᵢ| dt: work done and absorbed, nothing recovered."""
     return np.sum(np.abs(motion.power), axis=-1)
 
 
 @objective(unit="rad", form="integral")
-def joint_travel(motion: Moving) -> Found:
-    """∫ Σ |q̇ᵢ| dt: the way that all joints go, there and back (sliding joints in m)."""
+def joint_travel(motion: AnyMotion) -> AnyValues:
+    """∫ Σ |q̇ᵢ| dt: the distance that all joints travel (prismatic joints in m)."""
     return np.sum(np.abs(motion.dq), axis=-1)
 
 
 @objective(unit="rad", form="terminal")
-def joint_drift(motion: Moving) -> Found:
+def joint_drift(motion: AnyMotion) -> AnyValues:
     """‖q_N − q₀‖ / dof. Source: Marcos et al. 2012, Eq. 25."""
     return np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1) / motion.arm.dof
 
 
 @objective(unit="", form="integral")
-def joint_limit_distance(motion: Moving) -> Found:
+def joint_limit_distance(motion: AnyMotion) -> AnyValues:
     """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))².
 
-    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Joints without limits at both ends, or held at one place, do
-    not count. Raises InvalidInput where no joint has such limits.
+    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Only joints with two different
+    limits count. Raises InvalidInput where no joint has such limits.
     """
     lower, upper = motion.arm.position_limits.T
     limited = np.isfinite(upper - lower) & (upper > lower)
@@ -158,49 +157,49 @@ def joint_limit_distance(motion: Moving) -> Found:
 
 
 @objective(unit="s", form="integral")
-def joint_limit_nearness(motion: Moving) -> Found:
-    """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt: each joint 1 in the middle, without bounds at a limit.
+def joint_limit_nearness(motion: AnyMotion) -> AnyValues:
+    """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt: 1 for each joint in the middle, infinite at a limit.
 
-    Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits at both ends do not count; past 0.1 % of
-    its range from a limit a joint counts as there. Raises InvalidInput where no joint has such limits.
+    Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits at both ends do not count; the
+    distance to a limit counts as at least 0.1 % of the range. Raises InvalidInput where no joint has such limits.
     """
     return _nearness("joint_limit_nearness", "position", motion.q, *motion.arm.position_limits.T)
 
 
 @objective(unit="s", form="integral")
-def velocity_limit_nearness(motion: Moving) -> Found:
+def velocity_limit_nearness(motion: AnyMotion) -> AnyValues:
     """As ``joint_limit_nearness``, of velocities. Source: Wan et al. 2018, Eq. 36."""
-    most = motion.arm.velocity_limits
-    return _nearness("velocity_limit_nearness", "velocity", motion.dq, -most, most)
+    limits = motion.arm.velocity_limits
+    return _nearness("velocity_limit_nearness", "velocity", motion.dq, -limits, limits)
 
 
 @objective(unit="", form="integral", maximise=True)
-def manipulability(motion: Moving) -> Found:
+def manipulability(motion: AnyMotion) -> AnyValues:
     """Mean over time of Yoshikawa's √det(J Jᵀ), J the Jacobian of the tasks; maximised. Source: Yoshikawa 1985."""
     return motion.manipulability / _duration(motion)
 
 
 @objective(unit="rad/s", form="peak")
-def peak_velocity(motion: Moving) -> Found:
-    """Largest joint speed (sliding joints in m/s)."""
+def peak_velocity(motion: AnyMotion) -> AnyValues:
+    """Largest joint speed (prismatic joints in m/s)."""
     return np.max(np.abs(motion.dq), axis=-1)
 
 
 @objective(unit="N m", form="peak")
-def peak_torque(motion: Moving) -> Found:
-    """Largest joint torque (sliding joints in N)."""
+def peak_torque(motion: AnyMotion) -> AnyValues:
+    """Largest joint torque (prismatic joints in N)."""
     return np.max(np.abs(motion.torque), axis=-1)
 
 
 @objective(unit="rad²/s⁵", form="integral")
-def jerk(motion: Moving) -> Found:
+def jerk(motion: AnyMotion) -> AnyValues:
     """∫ ‖d³q/dt³‖² dt."""
     return np.sum(motion.jerk**2, axis=-1)
 
 
 @objective(unit="m", form="peak", maximise=True)
-def obstacle_clearance(motion: Moving) -> Found:
-    """Least distance between the arm's links and the obstacles of the problem; maximised, negative inside.
+def obstacle_clearance(motion: AnyMotion) -> AnyValues:
+    """Smallest distance between the arm's links and the obstacles of the problem; maximised, negative inside.
 
     Raises InvalidInput where the problem has no obstacles.
     """
@@ -211,32 +210,15 @@ def obstacle_clearance(motion: Moving) -> Found:
     return motion.clearance
 
 
-LIBRARY: tuple[Objective, ...] = (
-    kinetic_energy,
-    torque_norm,
-    mechanical_energy,
-    joint_travel,
-    joint_drift,
-    joint_limit_distance,
-    joint_limit_nearness,
-    velocity_limit_nearness,
-    manipulability,
-    peak_velocity,
-    peak_torque,
-    jerk,
-    obstacle_clearance,
-)
-
-
-def _duration(motion: Moving) -> np.ndarray:
+def _duration(motion: AnyMotion) -> np.ndarray:
     return np.asarray(motion.duration)[..., None]
 
 
-def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> Found:
+def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> AnyValues:
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
         raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
     lower, upper = lower[limited], upper[limited]
-    edge = NEAREST * (upper - lower)
+    edge = MIN_LIMIT_DISTANCE * (upper - lower)
     inside = np.clip(values[..., limited], lower + edge, upper - edge)
     return np.sum((upper - lower) ** 2 / (4 * (upper - inside) * (inside - lower)), axis=-1)

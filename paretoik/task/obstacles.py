@@ -1,6 +1,6 @@
-"""Obstacles, and how far an arm's links are from them.
+"""Obstacles, and the distance of an arm's links from them.
 
-Every obstacle is convex and has a signed distance to its surface, negative inside. A link is a capsule: all that is
+Every obstacle is convex and has a signed distance to its surface, negative inside. A link is a capsule: the points
 within a radius of the segment between two consecutive nodes of the arm.
 """
 
@@ -27,13 +27,15 @@ Components: TypeAlias = Sequence[Numbers]  # x, y and, in space, z, each an arra
 
 @dataclass(frozen=True, init=False, eq=False)
 class Circle:
-    """A disc in the xy-plane, ``center`` (2,) and ``radius`` [m]; in space an endless cylinder along z."""
+    """A disc in the xy-plane, ``center`` (2,) and ``radius`` [m]; in space an infinite cylinder along z."""
 
     center: Float[np.ndarray, " 2"]
     radius: float
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
-        _freeze(self, center=finite_array("circle center", center, shape=(2,)), radius=_size("circle radius", radius))
+        _freeze(
+            self, center=finite_array("circle center", center, shape=(2,)), radius=_positive("circle radius", radius)
+        )
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -44,12 +46,14 @@ class Sphere:
     radius: float
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
-        _freeze(self, center=finite_array("sphere center", center, shape=(3,)), radius=_size("sphere radius", radius))
+        _freeze(
+            self, center=finite_array("sphere center", center, shape=(3,)), radius=_positive("sphere radius", radius)
+        )
 
 
 @dataclass(frozen=True, init=False, eq=False)
 class Capsule:
-    """All that is within ``radius`` of the segment from ``start`` (3,) to ``end`` (3,) [m], which may be one point."""
+    """The points within ``radius`` of the segment from ``start`` (3,) to ``end`` (3,) [m], which may be one point."""
 
     start: Vector3
     end: Vector3
@@ -58,14 +62,14 @@ class Capsule:
     def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
         first = finite_array("capsule start", start, shape=(3,))
         last = finite_array("capsule end", end, shape=(3,))
-        _freeze(self, start=first, end=last, radius=_size("capsule radius", radius))
+        _freeze(self, start=first, end=last, radius=_positive("capsule radius", radius))
 
 
 @dataclass(frozen=True, init=False, eq=False)
 class Box:
     """A box about ``center``, a point or, if it is turned, a pose; ``half_sizes`` [m] along its own axes.
 
-    Three half sizes make a box in space. Two make a rectangle in its own xy-plane, in space an endless beam along its
+    Three half sizes make a box in space. Two make a rectangle in its own xy-plane, in space an infinite beam along its
     own z; its center is then a 2-D point or a pose (``Pose.planar``). Raises InvalidInput for other sizes and centers.
     """
 
@@ -73,15 +77,15 @@ class Box:
     half_sizes: Float[np.ndarray, " axes"]
 
     def __init__(self, center: Pose | ArrayLike, half_sizes: ArrayLike) -> None:
-        halves = finite_array("box half_sizes", half_sizes)
-        if halves.shape not in ((2,), (3,)):
-            raise InvalidInput(f"box half_sizes: must be 2 or 3, got shape {halves.shape}")
-        if halves.min() <= 0:
-            raise InvalidInput(f"box half_sizes: must be positive, got {halves.min():g} m at index {halves.argmin()}")
+        sizes = finite_array("box half_sizes", half_sizes)
+        if sizes.shape not in ((2,), (3,)):
+            raise InvalidInput(f"box half_sizes: must be 2 or 3, got shape {sizes.shape}")
+        if sizes.min() <= 0:
+            raise InvalidInput(f"box half_sizes: must be positive, got {sizes.min():g} m at index {sizes.argmin()}")
         if not isinstance(center, Pose):
-            point = finite_array("box center", center, shape=halves.shape)
+            point = finite_array("box center", center, shape=sizes.shape)
             center = Pose(np.pad(point, (0, 3 - len(point))))
-        _freeze(self, pose=center, half_sizes=halves)
+        _freeze(self, pose=center, half_sizes=sizes)
 
 
 Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
@@ -90,11 +94,11 @@ Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
 def clearance(
     obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: ArrayLike = 0.0
 ) -> Float[np.ndarray, "*batch"]:
-    """Least signed distance [m] from an arm's links to any obstacle, negative where a link is inside one.
+    """Smallest signed distance [m] from an arm's links to any obstacle, negative where a link is inside one.
 
-    ``nodes`` are the places of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an array of
-    one for each. A positive clearance is the exact gap; a negative one is the depth of the deepest point of a link's
-    axis, plus the link's radius.
+    ``nodes`` are the positions of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an
+    array of one for each. A positive clearance is the exact distance; a negative one is the depth of the deepest point
+    of a link's axis, plus the link's radius.
 
     Raises
     ------
@@ -115,14 +119,14 @@ def clearance(
         raise InvalidInput(f"link radius: must be one or one for each of the {links} links, got shape {radii.shape}")
     if radii.min() < 0:
         raise InvalidInput(f"link radius: must not be negative, got {radii.min():g} m")
-    gaps = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radii for obstacle in obstacles]
-    return np.asarray(reduce(np.minimum, [gap.min(axis=-1) for gap in gaps]))
+    distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radii for obstacle in obstacles]
+    return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
 
 
 def signed_distance(
     obstacle: Obstacle, starts: Float[np.ndarray, "*#batch 3"], ends: Float[np.ndarray, "*#batch 3"]
 ) -> Float[np.ndarray, "*batch"]:
-    """Least signed distance [m] to an obstacle's surface along segments, which may be single points; negative inside.
+    """Smallest signed distance [m] to an obstacle's surface along segments, or points; negative inside.
 
     Closed forms, exact to rounding. NaN in gives NaN out.
 
@@ -139,16 +143,16 @@ def signed_distance(
         if points.dtype.kind not in "iuf" or points.shape[-1:] != (3,):
             raise InvalidInput(f"segments: must be real points (..., 3), got {points.dtype} of shape {points.shape}")
     starts, ends = np.broadcast_arrays(starts, ends)
-    distances = to_surface(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
+    distances = distance_components(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
     return distances.reshape(starts.shape[:-1])
 
 
-def to_surface(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
-    """Return what ``signed_distance`` does, of components: plain NumPy, so that derivatives can be taken of it."""
+def distance_components(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
+    """Return ``signed_distance`` of components: plain NumPy, so that it can be traced for derivatives."""
     if isinstance(obstacle, Box):
-        place = _components(obstacle.pose.position[None])
+        position = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
-        first, last = ([_dot(axis, _minus(points, place)) for axis in axes] for points in (start, end))
+        first, last = ([_dot(axis, _minus(points, position)) for axis in axes] for points in (start, end))
         return _segment_to_box(first, last, obstacle.half_sizes)
     if isinstance(obstacle, Capsule):
         axis = _components(obstacle.start[None]), _components(obstacle.end[None])
@@ -159,85 +163,85 @@ def to_surface(obstacle: Obstacle, start: Components, end: Components) -> Number
 
 def _point_to_segment(point: Components, start: Components, end: Components) -> Numbers:
     step = _minus(end, start)
-    there = _minus(point, start)
-    share = _share(_dot(there, step), _dot(step, step))
-    return _length([r - share * d for r, d in zip(there, step, strict=True)])
+    offset = _minus(point, start)
+    fraction = _fraction(_dot(offset, step), _dot(step, step))
+    return _length([r - fraction * d for r, d in zip(offset, step, strict=True)])
 
 
 def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> Numbers:
     """Distance of two segments: at an end of one, or where their lines are nearest if that is within both."""
-    step, other_step, there = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
-    common = _cross(step, other_step)  # products with it keep their digits for nearly parallel segments
-    size = _dot(common, common)
-    share = _share(_dot(_cross(there, other_step), common), size)
-    other_share = _share(_dot(_cross(there, step), common), size)
-    gaps = [
-        _length([r + other_share * e - share * d for r, d, e in zip(there, step, other_step, strict=True)]),
+    step, other_step, offset = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
+    normal = _cross(step, other_step)  # products with it keep their digits for nearly parallel segments
+    size = _dot(normal, normal)
+    fraction = _fraction(_dot(_cross(offset, other_step), normal), size)
+    other_fraction = _fraction(_dot(_cross(offset, step), normal), size)
+    distances = [
+        _length([r + other_fraction * e - fraction * d for r, d, e in zip(offset, step, other_step, strict=True)]),
         _point_to_segment(start, other_start, other_end),
         _point_to_segment(end, other_start, other_end),
         _point_to_segment(other_start, start, end),
         _point_to_segment(other_end, start, end),
     ]
-    least: np.ndarray = reduce(np.minimum, gaps)
-    return least
+    smallest: np.ndarray = reduce(np.minimum, distances)
+    return smallest
 
 
-def _segment_to_box(start: Components, end: Components, halves: np.ndarray) -> Numbers:
-    """Signed distance of a segment to the box of half sizes ``halves`` about the origin.
+def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) -> Numbers:
+    """Signed distance of a segment to the box of ``half_sizes`` about the origin.
 
-    Outside, the squared distance is convex along the segment and quadratic between the places where the segment crosses
-    a plane of the box. Its slope grows, linearly between those places: its zero lies between the last place with a
-    slope of at most 0 and the first with one of at least 0.
+    Outside, the squared distance is convex along the segment and quadratic between the points where the segment crosses
+    a plane of the box. Its derivative grows, linearly between those points: its zero lies between the last point with a
+    derivative of at most 0 and the first with one of at least 0.
     """
     step = _minus(end, start)
 
-    def excess(share: np.ndarray) -> Components:
-        places = [a + share * d for a, d in zip(start, step, strict=True)]
-        return [p - np.clip(p, -h, h) for p, h in zip(places, halves, strict=True)]
+    def outside(fraction: np.ndarray) -> Components:
+        points = [a + fraction * d for a, d in zip(start, step, strict=True)]
+        return [p - np.clip(p, -h, h) for p, h in zip(points, half_sizes, strict=True)]
 
     low, high = 0.0 * step[0], 0.0 * step[0] + 1.0
-    low_slope, high_slope = _dot(excess(low), step), _dot(excess(high), step)
-    for a, d, h in zip(start, step, halves, strict=True):
+    low_slope, high_slope = _dot(outside(low), step), _dot(outside(high), step)
+    for a, d, h in zip(start, step, half_sizes, strict=True):
         for plane in (-h, h):
-            share = _share((plane - a) * d, d * d)
-            slope = _dot(excess(share), step)
-            falls, rises = (slope <= 0) & (share > low), (slope >= 0) & (share < high)
-            low, low_slope = np.where(falls, share, low), np.where(falls, slope, low_slope)
-            high, high_slope = np.where(rises, share, high), np.where(rises, slope, high_slope)
-    nearest: np.ndarray = low + (high - low) * _share(-low_slope, high_slope - low_slope)
-    distances = _length(excess(nearest))
-    touching = distances < 1e-9 * halves.max()
-    if not isinstance(touching, np.ndarray):  # derivatives are taken: no looking at numbers
-        return np.where(touching, np.minimum(_depth(start, step, halves), distances), distances)
+            fraction = _fraction((plane - a) * d, d * d)
+            slope = _dot(outside(fraction), step)
+            falls, rises = (slope <= 0) & (fraction > low), (slope >= 0) & (fraction < high)
+            low, low_slope = np.where(falls, fraction, low), np.where(falls, slope, low_slope)
+            high, high_slope = np.where(rises, fraction, high), np.where(rises, slope, high_slope)
+    nearest: np.ndarray = low + (high - low) * _fraction(-low_slope, high_slope - low_slope)
+    distances = _length(outside(nearest))
+    touching = distances < 1e-9 * half_sizes.max()
+    if not isinstance(touching, np.ndarray):  # traced for derivatives: both branches are recorded
+        return np.where(touching, np.minimum(_depth(start, step, half_sizes), distances), distances)
     if touching.any():
-        depths = _depth([a[touching] for a in start], [d[touching] for d in step], halves)
+        depths = _depth([a[touching] for a in start], [d[touching] for d in step], half_sizes)
         distances[touching] = np.where(depths < 0, depths, distances[touching])
     return distances
 
 
-def _depth(start: Components, step: Components, halves: np.ndarray) -> Numbers:
-    """Signed distance of segments that enter the box: the least, along them, of the largest of |p| - half size.
+def _depth(start: Components, step: Components, half_sizes: np.ndarray) -> Numbers:
+    """Signed distance of segments that enter the box: the minimum along them of max(|p| - half size).
 
-    That is the largest of one rising and one falling line for each axis, least at an end or where a rising line crosses
-    a falling one.
+    That is the maximum of one rising and one falling line for each axis, smallest at an end or where a rising line
+    crosses a falling one.
     """
-    lines = list(zip(start, step, halves, strict=True))
-    shares = [0.0 * step[0], 0.0 * step[0] + 1.0]
+    lines = list(zip(start, step, half_sizes, strict=True))
+    fractions = [0.0 * step[0], 0.0 * step[0] + 1.0]
     for a, d, h in lines:
         for b, e, k in lines:
             rising, falling = np.where(d < 0, -a, a) - h, np.where(e < 0, b, -b) - k
-            shares.append(_share(falling - rising, np.abs(d) + np.abs(e)))
-    largest = [reduce(np.maximum, [np.abs(a + share * d) - h for a, d, h in lines]) for share in shares]
-    least: np.ndarray = reduce(np.minimum, largest)
-    return least
+            fractions.append(_fraction(falling - rising, np.abs(d) + np.abs(e)))
+    largest = [reduce(np.maximum, [np.abs(a + fraction * d) - h for a, d, h in lines]) for fraction in fractions]
+    smallest: np.ndarray = reduce(np.minimum, largest)
+    return smallest
 
 
-def _share(part: Numbers, whole: Numbers) -> Numbers:
-    """Return part / whole within [0, 1], and 0 where there is no whole."""
-    there = whole > 0
+def _fraction(part: Numbers, whole: Numbers) -> Numbers:
+    """Return part / whole within [0, 1], and 0 where the whole is not positive."""
+    positive = whole > 0
     with np.errstate(over="ignore", invalid="ignore"):
-        shares = np.where(there, part / np.where(there, whole, 1.0), 0.0)
-    clipped: np.ndarray = np.clip(shares, 0.0, 1.0)
+        fractions = np.where(positive, part / np.where(positive, whole, 1.0), 0.0)
+    clipped: np.ndarray = np.clip(fractions, 0.0, 1.0)
     return clipped
 
 
@@ -263,11 +267,11 @@ def _length(vector: Components) -> Numbers:
     return length
 
 
-def _size(name: str, value: float) -> float:
-    size = float(finite_array(name, value, shape=()))
-    if size <= 0:
-        raise InvalidInput(f"{name}: must be positive, got {size:g} m")
-    return size
+def _positive(name: str, value: float) -> float:
+    number = float(finite_array(name, value, shape=()))
+    if number <= 0:
+        raise InvalidInput(f"{name}: must be positive, got {number:g} m")
+    return number
 
 
 def _freeze(obstacle: object, **fields: object) -> None:

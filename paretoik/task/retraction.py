@@ -1,4 +1,4 @@
-"""Back onto the path: Newton's method for many postures at once, each along its own few directions."""
+"""Retraction onto the path: Newton's method for many postures at once, each along its own few directions."""
 
 from __future__ import annotations
 
@@ -17,18 +17,27 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.task import Task
 
-TOLERANCE = 1e-12  # m and rad: where Newton stops; its last step squares the error
-ACCEPTED = 1e-10  # m and rad: rounding may keep a long arm from TOLERANCE, but not from this
-ITERATIONS = 12
-LONGEST_STEP = 1.0  # rad or m, in any one direction
-REMEMBERED = 64  # programs: of arms and what tasks ask of them
+NEWTON_TOLERANCE = 1e-12  # m and rad: where Newton's method stops; its last step squares the error
+ON_PATH_TOLERANCE = 1e-10  # m and rad: rounding may keep a long arm from NEWTON_TOLERANCE, but not from this
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetractionOptions:
+    """Settings of Newton's method onto the path."""
+
+    max_iterations: int = 12
+    max_step: float = 1.0  # rad or m, along any one direction
+    cache_size: int = 64  # evaluators kept: one for every arm and set of frames and axes
+
+
+OPTIONS = RetractionOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Retraction:
-    """Postures that were led to the path.
+    """Postures after Newton's method.
 
-    ``error`` [m, rad] is what is left; ``on_path`` says which arrived, on the sheet that they left from.
+    ``error`` [m, rad] is the largest task error; ``on_path`` says which converged on the sheet that they started from.
     """
 
     q: Float[np.ndarray, "samples dof"]
@@ -41,8 +50,8 @@ def task_errors(
 ) -> tuple[Float[np.ndarray, "rows samples"], Float[np.ndarray, "rows dof samples"]]:
     """Return the errors of all tasks and their Jacobian at postures, sample by sample."""
     rows = sum(task.rows for task in tasks)
-    found = _written(arm, tasks)(np.concatenate([q, targets], axis=1).T)
-    return found[:rows], found[rows:].reshape(rows, arm.dof, len(q))
+    values = _error_evaluator(arm, tasks)(np.concatenate([q, targets], axis=1).T)
+    return values[:rows], values[rows:].reshape(rows, arm.dof, len(q))
 
 
 def retract(
@@ -54,54 +63,61 @@ def retract(
 ) -> Retraction:
     """Return q = start + directions · z on the path, z by Newton's method from 0.
 
-    Every sample is on its own: its result does not depend on what else is in the batch. Samples whose Newton matrix has
-    changed the sign of its determinant have crossed a fold, where the answer would belong to another sheet of the
-    self-motion manifold; they count as not on the path.
+    A sample's result does not depend on the others in the batch. Samples whose Newton matrix has changed the sign of
+    its determinant have crossed a fold, where the solution would belong to another sheet of the self-motion manifold;
+    they count as not on the path.
     """
-    q, left, upright = start.copy(), np.empty(len(start)), np.empty(len(start), dtype=bool)
-    limits = TOLERANCE, LONGEST_STEP, ITERATIONS
-    given = (np.ascontiguousarray(array, dtype=float) for array in (targets, directions))
-    _compiled().newton(_written(arm, tasks).arrays, *given, limits, q, left, upright)
-    return Retraction(q=q, error=left, on_path=upright & (left <= ACCEPTED))
+    q, error, same_sheet = start.copy(), np.empty(len(start)), np.empty(len(start), dtype=bool)
+    settings = NEWTON_TOLERANCE, OPTIONS.max_step, OPTIONS.max_iterations
+    arrays = (np.ascontiguousarray(array, dtype=float) for array in (targets, directions))
+    _compiled().newton(_error_evaluator(arm, tasks).arrays, *arrays, settings, q, error, same_sheet)
+    return Retraction(q=q, error=error, on_path=same_sheet & (error <= ON_PATH_TOLERANCE))
+
+
+def row_space_basis(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:
+    """Return an orthonormal basis of the row space of J; J times it is lower triangular with a positive diagonal."""
+    orthonormal, upper = np.linalg.qr(np.moveaxis(jacobian, -1, 0).swapaxes(-1, -2))
+    signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
+    return orthonormal * signs[:, None, :]
+
+
+def solve_small_systems(
+    matrix: Float[np.ndarray, "count size size"], right: Float[np.ndarray, "count size"]
+) -> tuple[Float[np.ndarray, "count size"], Float[np.ndarray, " count"]]:
+    """Return (solutions, determinants) of small systems, by Gaussian elimination without pivoting.
+
+    A pivot that vanishes gives a solution that is not finite, or a determinant of 0.
+    """
+    solution, determinant = np.array(right, dtype=float), np.empty(len(matrix))
+    _compiled().solve_small_systems(np.array(matrix, dtype=float), solution, determinant)
+    return solution, determinant
 
 
 @cache
 def _compiled() -> Any:
-    """Return what runs compiled; compiled once, then cached."""
+    """Return the module of compiled functions."""
     from paretoik.task import compiled  # here: numba takes its time
 
     return compiled
 
 
-def eliminate(
-    matrix: Float[np.ndarray, "count size size"], right: Float[np.ndarray, "count size"]
-) -> tuple[Float[np.ndarray, "count size"], Float[np.ndarray, " count"]]:
-    """Return (solutions, determinants) of small systems, by elimination without exchange of rows.
-
-    A pivot that vanishes gives a solution that is not finite, or a determinant of 0.
-    """
-    solution, determinant = np.array(right, dtype=float), np.empty(len(matrix))
-    _compiled().eliminate(np.array(matrix, dtype=float), solution, determinant)
-    return solution, determinant
-
-
-def _written(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the program of all errors, then all entries of the Jacobian, at joint positions and targets."""
+def _error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
+    """Return the evaluator of all errors, then all entries of the Jacobian, at joint positions and targets."""
     key = arm, *((task.frame, task.axes) for task in tasks)
-    if key not in _WRITTEN:
+    if key not in _EVALUATORS:
         tape = Tape()
         q: list[Any] = [tape.input() for _ in range(arm.dof)]
         links = link_frames(arm, q)
         errors: list[Any] = []
         jacobian: list[Any] = []
         for task in tasks:
-            targets: list[Any] = [tape.input() for _ in range(task.numbers)]
-            found, slopes = task.errors(arm, links, targets)
-            errors, jacobian = errors + found, jacobian + [slope for row in slopes for slope in row]
-        _WRITTEN[key] = compile_evaluator(tape, [as_entry(tape, value) for value in (*errors, *jacobian)])
-        if len(_WRITTEN) > REMEMBERED:
-            _WRITTEN.popitem(last=False)
-    return _WRITTEN[key]
+            targets: list[Any] = [tape.input() for _ in range(task.target_size)]
+            error, rows = task.errors(arm, links, targets)
+            errors, jacobian = errors + error, jacobian + [slope for row in rows for slope in row]
+        _EVALUATORS[key] = compile_evaluator(tape, [as_entry(tape, value) for value in (*errors, *jacobian)])
+        if len(_EVALUATORS) > OPTIONS.cache_size:
+            _EVALUATORS.popitem(last=False)
+    return _EVALUATORS[key]
 
 
-_WRITTEN: OrderedDict[Any, Evaluator] = OrderedDict()
+_EVALUATORS: OrderedDict[Any, Evaluator] = OrderedDict()

@@ -1,4 +1,4 @@
-"""Time laws: how far along its path the tool is at time t, as a share from 0 to 1."""
+"""Time laws: the fraction of the path that is covered at time t, from 0 to 1."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TIME_LAWS: tuple[TimeLaw, ...] = get_args(TimeLaw)
 
 
 def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
-    """Share of the path covered at times ``t`` in [0, duration] [s], from exactly 0 to exactly 1.
+    """Fraction of the path covered at times ``t`` in [0, duration] [s], from exactly 0 to exactly 1.
 
     - ``"raised-cosine"``: the first half accelerates with (4/T²)(1 - cos(4πt/T)), the second brakes likewise;
       acceleration and jerk are continuous and zero at 0, T/2 and T; peak speed 2/T, peak acceleration 8/T². Tringali
@@ -30,49 +30,49 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
     >>> progress(np.array([0.0, 0.5, 1.0, 2.0]), duration=2.0, law="quintic").round(6)
     array([0.      , 0.103516, 0.5     , 1.      ])
     """
-    share = np.asarray(t, dtype=float) / duration
+    fraction = np.asarray(t, dtype=float) / duration
     if law == "uniform":
-        return share
-    from_nearer_end = np.minimum(share, 1 - share)  # both laws are s(1 - τ) = 1 - s(τ): exact at both ends
-    if known_law(law) == "quintic":
+        return fraction
+    from_nearer_end = np.minimum(fraction, 1 - fraction)  # both laws are s(1 - τ) = 1 - s(τ): exact at both ends
+    if check_law(law) == "quintic":
         half = from_nearer_end**3 * (10 + from_nearer_end * (6 * from_nearer_end - 15))
     else:
         half = 2 * from_nearer_end**2 - (np.sin(2 * np.pi * from_nearer_end) / np.pi) ** 2 / 2
-    covered: np.ndarray = np.where(share <= 0.5, half, 1 - half)
+    covered: np.ndarray = np.where(fraction <= 0.5, half, 1 - half)
     return covered
 
 
 def speed(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
     """Rate of :func:`progress` [1/s] at times ``t`` in [0, duration] [s]."""
-    share = np.asarray(t, dtype=float) / duration
-    nearer = np.minimum(share, 1 - share)
-    if known_law(law) == "uniform":
-        rate = np.ones_like(share)
+    fraction = np.asarray(t, dtype=float) / duration
+    from_nearer_end = np.minimum(fraction, 1 - fraction)
+    if check_law(law) == "uniform":
+        rate = np.ones_like(fraction)
     elif law == "quintic":
-        rate = 30 * (nearer * (1 - nearer)) ** 2
+        rate = 30 * (from_nearer_end * (1 - from_nearer_end)) ** 2
     else:
-        rate = 4 * nearer - np.sin(4 * np.pi * nearer) / np.pi
+        rate = 4 * from_nearer_end - np.sin(4 * np.pi * from_nearer_end) / np.pi
     scaled: np.ndarray = rate / duration
     return scaled
 
 
 def acceleration(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
     """Second derivative of :func:`progress` [1/s²] at times ``t`` in [0, duration] [s]."""
-    share = np.asarray(t, dtype=float) / duration
-    nearer = np.minimum(share, 1 - share)
-    if known_law(law) == "uniform":
-        size = np.zeros_like(share)
+    fraction = np.asarray(t, dtype=float) / duration
+    from_nearer_end = np.minimum(fraction, 1 - fraction)
+    if check_law(law) == "uniform":
+        magnitude = np.zeros_like(fraction)
     elif law == "quintic":
-        size = 60 * nearer * (1 - nearer) * (1 - 2 * nearer)
+        magnitude = 60 * from_nearer_end * (1 - from_nearer_end) * (1 - 2 * from_nearer_end)
     else:
-        size = 8 * np.sin(2 * np.pi * nearer) ** 2
-    scaled: np.ndarray = np.where(share <= 0.5, size, -size) / duration**2
+        magnitude = 8 * np.sin(2 * np.pi * from_nearer_end) ** 2
+    scaled: np.ndarray = np.where(fraction <= 0.5, magnitude, -magnitude) / duration**2
     return scaled
 
 
-def known_law(law: str) -> TimeLaw:
+def check_law(law: str) -> TimeLaw:
     """Return ``law`` if it is one of ``TIME_LAWS``, else refuse it with their names."""
-    for known in TIME_LAWS:
-        if law == known:
-            return known
+    for valid in TIME_LAWS:
+        if law == valid:
+            return valid
     raise InvalidInput(f"timing: must be one of {', '.join(TIME_LAWS)}, got {law!r}")

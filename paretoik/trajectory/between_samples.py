@@ -13,6 +13,6 @@ FINER = 4  # times as many samples: the grid that limits are checked on
 
 def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " points"]:
     """Return the worst violation of the interpolated and projected motions on a grid four times finer."""
-    fine = task.resampled(FINER * (len(task.times) - 1) + 1)
+    fine = task.resample(FINER * (len(task.times) - 1) + 1)
     between = fine.motion(motions.at(fine.times))
     return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)

@@ -15,10 +15,16 @@ import numpy as np
 from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
-from paretoik.task.derivatives import TracedMotion, local, traced_sample, traced_whole, whole
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.traced_motion import (
+    TracedMotion,
+    trace_motion,
+    trace_motion_function,
+    trace_sample,
+    trace_sample_function,
+)
 from paretoik.trajectory.whole_functions import Whole, whole_function
 
 
@@ -65,13 +71,13 @@ def functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
-    found = Functions(motion=traced_sample(task))
+    found = Functions(motion=trace_sample(task))
     for given, share in zip(task.objectives, shares, strict=True):
         _add_total(found, f"objective {given.name}", given, given.sign * float(share), np.inf)
     _add_limits(found)
     for constraint in task.constraints:
         what = f"constraint {constraint.name}"
-        value = local(found.motion, what, constraint.function) if constraint.form == "peak" else None
+        value = trace_sample_function(found.motion, what, constraint.function) if constraint.form == "peak" else None
         if value is not None:
             bounds = np.array([constraint.lower, constraint.upper]) / constraint.scale
             _add_row(found, constraint.name, value * (1.0 / constraint.scale), bounds)
@@ -84,7 +90,7 @@ def functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
 def _add_total(found: Functions, what: str, given: Objective | Constraint, factor: float, upper: float) -> None:
     motion, form = found.motion, given.form
-    value = local(motion, what, given.function) if form in ("integral", "peak") else None
+    value = trace_sample_function(motion, what, given.function) if form in ("integral", "peak") else None
     if value is None:
         found.totals.append(Total(name=given.name, kind="whole", index=len(found.wholes), upper=upper))
         found.wholes.append(_whole(motion.task, what, given, factor))
@@ -105,8 +111,8 @@ def _add_total(found: Functions, what: str, given: Objective | Constraint, facto
 
 
 def _whole(task: MotionTask, what: str, given: Objective | Constraint, factor: float) -> Whole:
-    motion = traced_whole(task)
-    values = whole(motion, what, given.function, given.form)
+    motion = trace_motion(task)
+    values = trace_motion_function(motion, what, given.function, given.form)
     total: Any = 0.0
     if given.form == "integral":
         for weight, value in zip(task.weights, values, strict=True):
@@ -127,7 +133,7 @@ def _add_limits(found: Functions) -> None:
             if np.isfinite(limits[:, j]).any():
                 _add_row(found, f"{kind} of {joint}", series[kind]().entries[j], limits[:, j])
     if task.obstacles:
-        _add_row(found, "clearance", motion.clearance.entries, np.array([task.least_clearance, np.inf]))
+        _add_row(found, "clearance", motion.clearance.entries, np.array([task.min_clearance, np.inf]))
 
 
 def _add_row(found: Functions, name: str, value: Any, bounds: np.ndarray) -> None:

@@ -118,7 +118,7 @@ def grid_oracle(
     terms = build_terms(task, weights, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
-    level = task.subsampled(_coarse_samples(len(task.times))) if terms.second else task
+    level = task.subsample(_coarse_samples(len(task.times))) if terms.second else task
     kept = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
     curves = trace_curves(level, [seeds[i] for i in kept])
@@ -155,8 +155,8 @@ def grid_oracle(
 def _check(task: MotionTask, resolution: float | None) -> None:
     if task.redundancy != 1:
         raise InvalidInput(f"grid_oracle: redundancy 1 wanted, got {task.redundancy}")
-    if task.differences != "backward" or task.stops:
-        found = "end_velocity=0" if task.stops else f"{task.differences} differences"
+    if task.differences != "backward" or task.ends_at_rest:
+        found = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
         raise InvalidInput(f"grid_oracle: backward differences and a free end wanted, got {found}")
     if resolution is not None and not resolution > 0:
         raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")

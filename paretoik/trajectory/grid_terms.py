@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import Constraint, excess
+from paretoik.task.limits import Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.objectives import series
+from paretoik.task.objectives import evaluate_function
 
 MAX_TRANSITIONS = 40_000_000  # more do not fit the memory of a small machine
 BLOCK_SIZE = 200_000  # samples evaluated at once
@@ -60,22 +60,24 @@ def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.nda
                 raise InvalidInput(f"grid_oracle: {kind} {one.name}: form {form!r} wanted, got {one.form!r}")
 
     def cost(motion: Motion) -> np.ndarray:
-        values = [o.sign * series(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives]
+        values = [
+            o.sign * evaluate_function(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives
+        ]
         return np.asarray(np.tensordot(shares, values, axes=1))
 
     def joint_excess(kind: str) -> Series:
-        return lambda motion: excess(kind, task.bounds[kind], motion).max(axis=-1)
+        return lambda motion: relative_violation(kind, task.bounds[kind], motion).max(axis=-1)
 
     def constraint_excess(c: Constraint) -> Series:
         def excess_of(motion: Motion) -> np.ndarray:
-            values = series(f"constraint {c.name}", c.function, motion, c.form)
+            values = evaluate_function(f"constraint {c.name}", c.function, motion, c.form)
             return np.maximum(values - c.upper, c.lower - values) / c.scale
 
         return excess_of
 
     limits = [joint_excess(kind) for kind in task.bounds] + [constraint_excess(c) for c in task.constraints]
     if task.obstacles:
-        limits.append(lambda motion: task.least_clearance - motion.clearance)
+        limits.append(lambda motion: task.min_clearance - motion.clearance)
     orders = [derivative_order(task, limit, probe) for limit in limits]
     return Terms(
         cost=cost,

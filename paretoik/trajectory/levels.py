@@ -59,18 +59,18 @@ def level_samples(samples: int) -> list[int]:
 
 def coarsest_level(task: MotionTask) -> MotionTask:
     """Return the task on the samples of its coarsest level."""
-    return task.subsampled(level_samples(len(task.times))[0])
+    return task.subsample(level_samples(len(task.times))[0])
 
 
 def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> list[MotionProgram]:
     """Return the programs of all levels, coarse to fine, the task's own last, objectives divided by ``scales``."""
-    coarser = [task.subsampled(samples) for samples in level_samples(len(task.times))[:-1]]
+    coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[:-1]]
     return [motion_program(level, scales) for level in (*coarser, task)]
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at the better ones of coarse starts: tolerances are shares of it."""
-    motions = task.subsampled(q.shape[1]).motion(q)
+    motions = task.subsample(q.shape[1]).motion(q)
     return np.array([max(float(np.quantile(np.abs(o(motions)), 0.25)), 1e-12) for o in task.objectives])
 
 

@@ -9,8 +9,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.nlp.conic import Cone
-from paretoik.task.motion import steepest
-from paretoik.task.retraction import retract
+from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.evaluation import MotionValues, evaluate, limit_values, whole_inputs
 from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
 from paretoik.trajectory.transcription import MotionProgram
@@ -100,9 +99,9 @@ class MotionLinearisation:
         targets = task.targets.copy()
         if task.cyclic:
             q[-1], targets[-1] = q[0], targets[0]
-        if task.stops:
+        if task.ends_at_rest:
             q[-1] = q[-2]
-        retracted = retract(task.arm, task.tasks, q, targets, steepest(np.moveaxis(self.path_jacobian, 0, -1)))
+        retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(np.moveaxis(self.path_jacobian, 0, -1)))
         if not retracted.on_path.all():
             return None
         q = retracted.q.reshape(q.shape)
@@ -141,8 +140,8 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     normal = np.linalg.svd(path_jacobian)[2][:, task.rows :].swapaxes(-1, -2)
     if task.cyclic:
         normal[-1] = normal[0]
-    if task.stops:
-        across = steepest(np.moveaxis(path_jacobian[-1:], 0, -1))[0]
+    if task.ends_at_rest:
+        across = row_space_basis(np.moveaxis(path_jacobian[-1:], 0, -1))[0]
         normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
     slopes = program.slope(values.inputs)
     functions = len(slopes) - len(program.slopes.function)

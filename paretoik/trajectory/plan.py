@@ -100,7 +100,8 @@ def _failure(task: MotionTask, motions: Motion, solutions: Solutions) -> Infeasi
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     violations = task.violations(motions[0])
     return Infeasible(
-        f"no motion within the limits was found; of the least-violating one, {task.binding(motions[0]) or status}",
+        "no motion within the limits was found; of the least-violating one, "
+        f"{task.describe_violation(motions[0]) or status}",
         motion=motions[0],
         limit=task.limit_names[int(np.argmax(violations))] if task.limit_names else "",
         violation=float(violations.max(initial=0.0)),

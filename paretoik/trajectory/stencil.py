@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.task.differences import rate, second_rate
+from paretoik.task.differences import first_derivative, second_derivative
 from paretoik.task.motion_task import MotionTask
 
 
@@ -31,9 +31,9 @@ def stencil(task: MotionTask, orders: int) -> Stencil:
     """Return how rates at the samples follow from positions at the samples."""
     samples = len(task.times)
     level = [np.eye(samples)]
-    level.append(rate(level[0], task.times, task.differences, cyclic=task.cyclic))
-    level.append(second_rate(level[0], task.times, task.differences, cyclic=task.cyclic))
-    level.append(rate(level[2], task.times, task.differences, cyclic=task.cyclic))
+    level.append(first_derivative(level[0], task.times, task.differences, cyclic=task.cyclic))
+    level.append(second_derivative(level[0], task.times, task.differences, cyclic=task.cyclic))
+    level.append(first_derivative(level[2], task.times, task.differences, cyclic=task.cyclic))
     known = np.stack(level[:orders])
     free = samples
     if task.cyclic:  # the last sample is the first
@@ -48,7 +48,7 @@ def stencil(task: MotionTask, orders: int) -> Stencil:
     place = np.where(np.arange(samples) < fixed, -1, (np.arange(samples) - fixed) * task.redundancy)
     if task.cyclic:
         place[-1] = place[0]
-    if task.stops:
+    if task.ends_at_rest:
         place[-1] = place[-2]
     reach = int(np.max(np.where(touched, np.abs(np.arange(samples) - np.arange(samples)[:, None]), 0)[: free // 2]))
     seam = 2 * (width - 1) if task.cyclic else 0

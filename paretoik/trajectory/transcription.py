@@ -23,10 +23,9 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
 from paretoik.robot.kinematics import link_frames
-from paretoik.task.limits import ranges as widths
-from paretoik.task.motion import steepest
+from paretoik.task.limits import limit_ranges as widths
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
@@ -123,11 +122,11 @@ class MotionProgram:
     @property
     def rounding(self) -> float:
         """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
-        return 1e-6 if self.task.stops else 0.0
+        return 1e-6 if self.task.ends_at_rest else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin at the start and end at rest, where they have to."""
-        return self.pin(end_at_rest(self.task, x) if self.task.stops else x)
+        return self.pin(end_at_rest(self.task, x) if self.task.ends_at_rest else x)
 
     def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin at the start, where one is given, to the bit."""
@@ -177,7 +176,7 @@ class MotionProgram:
             place=self.stencil.place,
             unknowns=self.stencil.unknowns,
             seam=self.stencil.seam,
-            stops=self.task.stops,
+            stops=self.task.ends_at_rest,
             ones=np.ones(len(self.task.times)),
             quadrature=np.array(self.task.weights),
             inputs=self.inputs,
@@ -191,7 +190,7 @@ class MotionProgram:
 def end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
     """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
     targets = np.tile(task.targets[-1], (len(q), 1))
-    directions = steepest(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
+    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
     retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
     ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
     return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
@@ -209,7 +208,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
-    if task.stops and task.differences == "central":
+    if task.ends_at_rest and task.differences == "central":
         raise InvalidInput("end_velocity=0: differences='backward' is wanted where motions are polished, got 'central'")
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
     shares = 1.0 / divisors
@@ -353,9 +352,9 @@ def _path(asked: Functions) -> list[int]:
     path: list[int] = []
     for part in task.tasks:
         path += [
-            as_entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.numbers])
+            as_entry(motion.trace.tape, h) for h in part.equations(task.arm, links, wanted[begun:][: part.target_size])
         ]
-        begun += part.numbers
+        begun += part.target_size
     return path
 
 

@@ -50,7 +50,7 @@ def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None) -> p
     """Return the same problem for the arm with "printed" or "fitted" masses, at so many samples if not its own."""
     if masses == "printed" and samples is None:
         return problem
-    task = problem.task if samples is None else problem.task.resampled(samples)
+    task = problem.task if samples is None else problem.task.resample(samples)
     limits = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     return pk.Tracking(
         pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed"),

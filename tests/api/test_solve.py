@@ -10,36 +10,11 @@ from pymoo.core.problem import Problem
 from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
-from paretoik.api.load_front import load_front
 from paretoik.api.solve import solve
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.front.indicators import non_dominated
-from paretoik.loading import fingerprint
+from tests.api.problems import QUICK, tracking
 from tests.search.problems import Constant
-
-PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
-QUICK = {"population": 12, "generations": 6}
-
-
-def tracking(*objectives, **limits) -> pk.Tracking:
-    return pk.Tracking(
-        pk.arms.tringali_3r(),
-        PATH,
-        objectives=objectives or (pk.kinetic_energy, pk.torque_norm),
-        limits=pk.Limits(**limits),
-        coefficients=4,
-        bases=2,
-    )
-
-
-@pytest.fixture(scope="module")
-def problem() -> pk.Tracking:
-    return tracking(velocity=6.0)
-
-
-@pytest.fixture(scope="module")
-def front(problem) -> pk.Front:
-    return solve(problem, **QUICK, seed=1)
 
 
 class Walled(Problem):
@@ -75,34 +50,6 @@ def test_a_plain_pymoo_problem_gets_a_front_without_motions_and_comes_near_the_o
     assert front.names == ("f1", "f2")
     f1, f2 = front.objectives.T
     assert np.abs(f2 - (1 - np.sqrt(f1))).max() < 0.05
-
-
-def test_a_front_started_from_is_never_worse_in_any_objective(problem, front):
-    for initial in (front, front.genes):
-        better = solve(problem, population=max(12, len(front)), generations=1, seed=3, initial=initial)
-        assert (better.objectives.min(axis=0) <= front.objectives.min(axis=0)).all()
-
-
-def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_of(problem, front):
-    started = solve(problem, population=max(12, len(front)), generations=1, seed=3, initial=front.motions)
-    np.testing.assert_array_less(started.objectives.min(axis=0), front.objectives.min(axis=0) * (1 + 1e-6))
-    finer = pk.Tracking(
-        pk.arms.tringali_3r(), PATH, objectives=(pk.kinetic_energy, pk.torque_norm), coefficients=12, bases=2
-    )
-    wild = finer.decode(np.column_stack([np.full(4, 0.5), np.tile([0.5, -0.5], (4, 6)) * np.arange(1, 5)[:, None] / 4]))
-    with pytest.warns(RuntimeWarning, match=r"initial: \d of 4 motions start approximately"):
-        solve(problem, population=12, generations=1, initial=wild)
-
-
-def test_a_front_of_another_problem_without_motions_cannot_be_a_start(problem):
-    foreign = solve(ZDT1(n_var=5), population=8, generations=2)
-    with pytest.raises(InvalidInput, match="initial: the front is of another problem and has no motions"):
-        solve(problem, **QUICK, initial=foreign)
-
-
-def test_motions_cannot_start_a_problem_that_knows_none(front):
-    with pytest.raises(InvalidInput, match="initial: wants genes, as this problem cannot encode motions"):
-        solve(ZDT1(n_var=5), **QUICK, initial=front.motions)
 
 
 def test_failures_are_counted_and_named_and_stay_out_of_the_front():
@@ -221,56 +168,3 @@ def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
     assert front.provenance["status"] == "SIGTERM"
     assert front.provenance["counts"]["generations"] == 2
     assert signal.getsignal(signal.SIGTERM) is before
-
-
-@pytest.fixture(scope="module")
-def run(problem, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs") / "run"
-    return folder, solve(problem, **QUICK, seed=1, out=folder)
-
-
-def test_a_saved_run_comes_back_with_its_motions_whole(problem, run):
-    folder, front = run
-    loaded = load_front(folder, problem)
-    np.testing.assert_array_equal(loaded.objectives, front.objectives)
-    np.testing.assert_array_equal(loaded.ids, front.ids)
-    np.testing.assert_array_equal(loaded.motions.torque, front.motions.torque)
-    assert loaded.provenance == front.provenance
-    assert loaded.select(pk.Weights(torque_norm=1.0)).id == front.select(pk.Weights(torque_norm=1.0)).id
-
-
-def test_a_run_that_names_no_problem_still_has_its_joint_positions(run):
-    folder, front = run
-    np.testing.assert_array_equal(load_front(folder).motions.q, front.motions.q)
-
-
-def test_another_problem_is_refused_by_its_fingerprint(run):
-    with pytest.raises(InvalidInput, match="wants the problem that the run solved, but its fingerprint is another"):
-        load_front(run[0], tracking(velocity=6.5))
-
-
-def test_a_run_whose_problem_is_gone_comes_without_its_arm_and_a_warning(problem, tmp_path):
-    solve(problem, **QUICK, out=tmp_path / "run", reference="gone.py:problem")
-    with pytest.warns(RuntimeWarning, match=r"motions come without their arm: problem file gone\.py"):
-        front = load_front(tmp_path / "run")
-    assert len(front.motions) == len(front)
-
-
-def test_the_fingerprint_tells_what_makes_genes_mean_something_else(problem):
-    assert fingerprint(problem) == fingerprint(tracking(velocity=6.0))
-    others = [
-        tracking(velocity=6.1),
-        tracking(velocity=6.0, torque=5.0),
-        tracking(pk.kinetic_energy, pk.jerk, velocity=6.0),
-        pk.Tracking(
-            pk.arms.tringali_3r("fitted"),
-            PATH,
-            objectives=(pk.kinetic_energy, pk.torque_norm),
-            limits=pk.Limits(velocity=6.0),
-            coefficients=4,
-            bases=2,
-        ),
-        ZDT1(n_var=5),
-    ]
-    prints = [fingerprint(other) for other in (problem, *others)]
-    assert len(set(prints)) == len(prints)

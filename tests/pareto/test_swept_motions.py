@@ -6,8 +6,7 @@ from paretoik.front.indicators import hypervolume
 from paretoik.nlp.compiled.interior_point import Rules
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.epsilon import OPTIONS, _Sweep
-from paretoik.task.motion import steepest
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from studies.benchmarks.energy_torque import REFERENCE_POINT, reference_front
@@ -117,7 +116,7 @@ def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     program, task = motion_program(problem.task, ranges), problem.task
     bump = 0.01 * np.sin(np.linspace(0, np.pi, 26))[:, None] * np.array([0.3, -1.0, 1.0, -0.4])
     motion = front.motions.q[2] + bump
-    directions = steepest(task_errors(task.arm, task.tasks, motion, task.targets)[1])
+    directions = row_space_basis(task_errors(task.arm, task.tasks, motion, task.targets)[1])
     spoiled = retract(task.arm, task.tasks, motion, task.targets, directions)
     assert spoiled.on_path.all()
     ends = minimise(program, front.motions.q[:1], np.ones((1, len(program.totals))))

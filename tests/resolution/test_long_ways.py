@@ -114,7 +114,7 @@ def test_sliding_joints_are_resolved_as_turning_ones_are(axes):
     assert np.abs(motion.traces.velocities[:, [1, 4]]).min() > 0
     rows = 5 if axes == "xyz+z-axis" else 6
     assert motion.traces.errors.shape == (401, rows)
-    half = pk.resolve(arm, pk.Task(path.resampled(201), axes=axes), pk.methods.PseudoInverse(), start=BENT)
+    half = pk.resolve(arm, pk.Task(path.resample(201), axes=axes), pk.methods.PseudoInverse(), start=BENT)
     assert half.q[-1] == pytest.approx(motion.q[-1], abs=5e-3)  # both go the same way
 
 

@@ -17,7 +17,7 @@ from paretoik.resolution.horizon import horizon
 from paretoik.resolution.predictive import quartics
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda
 from tests.resolution.test_resolve import begun

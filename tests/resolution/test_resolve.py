@@ -203,7 +203,7 @@ def test_a_clamped_joint_does_nothing_for_the_task():
 def test_weighted_projection_frees_a_joint_that_the_weighted_least_norm_keeps_at_its_limit():
     limits = Limits(position=([-3.0, -3.0, -0.80], [3.0, 3.0, 1.0]))
     kept, freed = (
-        pk.resolve(tringali_3r(), DOWN.resampled(201), method, start=START, limits=limits).q[-1, 2]
+        pk.resolve(tringali_3r(), DOWN.resample(201), method, start=START, limits=limits).q[-1, 2]
         for method in (pk.methods.WeightedLeastNorm(), pk.methods.WeightedGradientProjection())
     )
     assert kept < -0.75
@@ -248,7 +248,7 @@ def test_open_loop_errors_stay_and_feedback_takes_them_away():
         followed("planar", method) for method in (pk.methods.LeastSquaresVelocity(), pk.methods.PseudoInverse())
     )
     assert drifting.tracking_error[-1] > 10 * kept.tracking_error[-1]
-    half = pk.resolve(tringali_3r(), DOWN.resampled(81), pk.methods.LeastSquaresVelocity(), start=START)
+    half = pk.resolve(tringali_3r(), DOWN.resample(81), pk.methods.LeastSquaresVelocity(), start=START)
     whole = pk.resolve(tringali_3r(), DOWN, pk.methods.LeastSquaresVelocity(), start=START)
     assert half.tracking_error[-1] / whole.tracking_error[-1] == pytest.approx(0.5, abs=0.1)  # Euler's
 

@@ -15,9 +15,8 @@ from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
 from paretoik.self_motion.postures import sample_postures
-from paretoik.task.motion import steepest
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, task_errors
+from paretoik.task.retraction import retract, row_space_basis, task_errors
 from tests.formulations.problems import panda
 from tests.self_motion.test_starts import task_of
 
@@ -73,7 +72,9 @@ def posture(task, count=1, seed=4):
 def led(task, near):
     """Return postures led onto the path's first sample the shortest way."""
     q, targets = np.array(near), np.tile(task.targets[0], (len(near), 1))
-    return retract(task.arm, task.tasks, q, targets, steepest(task_errors(task.arm, task.tasks, q, targets)[1])).q
+    return retract(
+        task.arm, task.tasks, q, targets, row_space_basis(task_errors(task.arm, task.tasks, q, targets)[1])
+    ).q
 
 
 def driving(found):

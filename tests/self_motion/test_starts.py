@@ -13,7 +13,7 @@ from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
 from paretoik.self_motion.postures import sample_postures
 from paretoik.self_motion.starts import LONGEST_JUMP, perturbed_starts, rollout_starts, travelling_starts
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
 

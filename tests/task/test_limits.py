@@ -8,7 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik import Arm, Limits, Motion
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import KINDS, excess
+from paretoik.task.limits import LIMIT_UNITS, relative_violation
 
 ARM = Arm.planar(
     lengths=[0.3, 0.25, 0.2],
@@ -24,7 +24,7 @@ MOTION = Motion(arm=ARM, time=np.linspace(0, 1, SAMPLES), q=np.random.default_rn
 VARYING = np.linspace(1, 2, SAMPLES)[:, None] * [1.0, 2.0, 3.0]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", LIMIT_UNITS)
 @pytest.mark.parametrize(
     ("given", "lower", "upper"),
     [
@@ -41,25 +41,25 @@ VARYING = np.linspace(1, 2, SAMPLES)[:, None] * [1.0, 2.0, 3.0]
     ids=["number", "int", "list", "array", "pair", "one-sided", "equal", "(time, dof)", "pair with (time, dof)"],
 )
 def test_limits_may_be_given_in_many_ways(kind, given, lower, upper):
-    bounds = Limits(**{kind: given}).settled(ARM, SAMPLES)[kind]
+    bounds = Limits(**{kind: given}).bounds(ARM, SAMPLES)[kind]
     np.testing.assert_array_equal(bounds[..., 0], lower)
     np.testing.assert_array_equal(bounds[..., 1], upper)
 
 
 def test_none_is_the_arms_own_limit_and_infinity_is_none():
-    own = Limits().settled(ARM, SAMPLES)
+    own = Limits().bounds(ARM, SAMPLES)
     assert set(own) == {"position", "velocity", "torque"}
     np.testing.assert_array_equal(own["position"][0], ARM.position_limits)
     np.testing.assert_array_equal(own["velocity"][0], [[-4, 4], [-np.inf, np.inf], [-6, 6]])
     np.testing.assert_array_equal(own["torque"][0, :, 1], [9, 8, 7])
-    assert Limits(position=np.inf, velocity=np.inf, torque=np.inf).settled(ARM, SAMPLES) == {}
+    assert Limits(position=np.inf, velocity=np.inf, torque=np.inf).bounds(ARM, SAMPLES) == {}
 
 
 def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
-    bounds = Limits(velocity={"joint2": 5.0, "joint1": (-1.0, 2.0)}, position={"joint3": np.inf}).settled(ARM, SAMPLES)
+    bounds = Limits(velocity={"joint2": 5.0, "joint1": (-1.0, 2.0)}, position={"joint3": np.inf}).bounds(ARM, SAMPLES)
     np.testing.assert_array_equal(bounds["velocity"][0], [[-1, 2], [-5, 5], [-6, 6]])
     np.testing.assert_array_equal(bounds["position"][0], [[-1, 1], [-2, 2], [-np.inf, np.inf]])
-    backwards = Limits(velocity={"joint1": (-1.0, 2.0), "joint2": 5.0}).settled(ARM, SAMPLES)
+    backwards = Limits(velocity={"joint1": (-1.0, 2.0), "joint2": 5.0}).bounds(ARM, SAMPLES)
     np.testing.assert_array_equal(bounds["velocity"], backwards["velocity"])
 
 
@@ -90,16 +90,16 @@ def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
 )
 def test_what_is_no_limit_is_refused_with_its_kind_and_joint(given, words):
     with pytest.raises(InvalidInput, match=words) as refused:
-        Limits(**given).settled(ARM, SAMPLES)
+        Limits(**given).bounds(ARM, SAMPLES)
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", LIMIT_UNITS)
 @pytest.mark.parametrize("given", [2.0, (-0.5, 3.0), VARYING], ids=["number", "pair", "varying"])
 def test_violations_are_shares_of_the_range_and_positive_only_beyond(kind, given):
-    bounds = Limits(**{kind: given}).settled(ARM, SAMPLES)[kind]
+    bounds = Limits(**{kind: given}).bounds(ARM, SAMPLES)[kind]
     values = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}[kind]
-    found, beyond = excess(kind, bounds, MOTION), 0
+    found, beyond = relative_violation(kind, bounds, MOTION), 0
     for place in np.ndindex(MOTION.q.shape):
         value = getattr(MOTION, values)[place]
         lower, upper = bounds[place[1] if len(bounds) > 1 else 0, place[2]]
@@ -112,20 +112,22 @@ def test_violations_are_shares_of_the_range_and_positive_only_beyond(kind, given
 
 def test_one_sided_limits_are_scaled_by_their_size_and_zero_ones_by_one():
     for upper, scale in ((4.0, 4.0), (0.0, 1.0), (-2.0, 2.0)):
-        bounds = Limits(position=(-np.inf, upper)).settled(ARM, SAMPLES)["position"]
-        np.testing.assert_allclose(excess("position", bounds, MOTION), (MOTION.q - upper) / scale, rtol=1e-12)
-    bounds = Limits(position=(2.0, np.inf)).settled(ARM, SAMPLES)["position"]
-    np.testing.assert_allclose(excess("position", bounds, MOTION), (2.0 - MOTION.q) / 2.0, rtol=1e-12)
+        bounds = Limits(position=(-np.inf, upper)).bounds(ARM, SAMPLES)["position"]
+        np.testing.assert_allclose(
+            relative_violation("position", bounds, MOTION), (MOTION.q - upper) / scale, rtol=1e-12
+        )
+    bounds = Limits(position=(2.0, np.inf)).bounds(ARM, SAMPLES)["position"]
+    np.testing.assert_allclose(relative_violation("position", bounds, MOTION), (2.0 - MOTION.q) / 2.0, rtol=1e-12)
 
 
 def test_equal_limits_hold_a_joint_at_one_place():
-    bounds = Limits(position=(0.5, 0.5)).settled(ARM, SAMPLES)["position"]
-    np.testing.assert_allclose(excess("position", bounds, MOTION), np.abs(MOTION.q - 0.5), rtol=1e-12)
+    bounds = Limits(position=(0.5, 0.5)).bounds(ARM, SAMPLES)["position"]
+    np.testing.assert_allclose(relative_violation("position", bounds, MOTION), np.abs(MOTION.q - 0.5), rtol=1e-12)
 
 
 def test_a_joint_without_a_limit_is_never_in_violation():
-    bounds = Limits().settled(ARM, SAMPLES)["velocity"]
-    assert (excess("velocity", bounds, MOTION)[..., 1] == -np.inf).all()
+    bounds = Limits().bounds(ARM, SAMPLES)["velocity"]
+    assert (relative_violation("velocity", bounds, MOTION)[..., 1] == -np.inf).all()
 
 
 @pytest.mark.parametrize(
@@ -180,7 +182,7 @@ def test_a_constraint_that_returns_something_else_is_refused_by_name():
 
 def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
     arm = pk.arms.tringali_3r()
-    given = pk.Limits(position=([-1.0, -2.0, -3.0], [1.0, 2.0, np.inf]), velocity=4.0, margin=0.1).settled(arm, 5)
+    given = pk.Limits(position=([-1.0, -2.0, -3.0], [1.0, 2.0, np.inf]), velocity=4.0, margin=0.1).bounds(arm, 5)
     assert given["position"][0] == pytest.approx(np.array([[-0.8, 0.8], [-1.6, 1.6], [-2.7, np.inf]]))
     assert given["velocity"][0] == pytest.approx(np.tile([-3.2, 3.2], (3, 1)))
 
@@ -188,4 +190,4 @@ def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
 @pytest.mark.parametrize("margin", [-0.1, 0.5, np.nan])
 def test_a_margin_that_leaves_nothing_is_refused(margin):
     with pytest.raises(pk.InvalidInput, match="margin wants"):
-        pk.Limits(velocity=1.0, margin=margin).settled(pk.arms.tringali_3r(), 5)
+        pk.Limits(velocity=1.0, margin=margin).bounds(pk.arms.tringali_3r(), 5)

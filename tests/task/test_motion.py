@@ -210,7 +210,7 @@ def test_every_array_of_a_motion_is_read_only():
         arm=ARM,
         time=path.times,
         q=np.full((2, 9, 3), 0.5),
-        tasks=(Task(path).settled(ARM),),
+        tasks=(Task(path).resolve_axes(ARM),),
         obstacles=(Sphere([1, 0, 0], 0.1),),
     )
     names = ["q", "time", *RATES, "torque", "power", "kinetic_energy", *PLACES, *SCORES]
@@ -255,7 +255,7 @@ def test_manipulability_is_that_of_the_tasks_or_of_the_tool():
     q = np.random.default_rng(9).normal(size=(7, 3))
     path = line([0.4, 0.0], [0.2, 0.2], duration=1.0, samples=7)
     by_hand = [np.sqrt(np.linalg.det(j[:2] @ j[:2].T)) for j in kinematics.jacobian(ARM, q)]
-    for tasks in ((), (Task(path).settled(ARM),)):
+    for tasks in ((), (Task(path).resolve_axes(ARM),)):
         motion = Motion(arm=ARM, time=path.times, q=q, tasks=tasks)
         np.testing.assert_allclose(motion.manipulability, by_hand, rtol=1e-9)
 
@@ -263,7 +263,7 @@ def test_manipulability_is_that_of_the_tasks_or_of_the_tool():
 def test_tracking_error_is_the_distance_to_the_path_in_its_worst_direction():
     path = line([0.4, 0.0], [0.2, 0.2], duration=1.0, samples=7)
     motion = Motion(
-        arm=ARM, time=path.times, q=np.random.default_rng(10).normal(size=(7, 3)), tasks=(Task(path).settled(ARM),)
+        arm=ARM, time=path.times, q=np.random.default_rng(10).normal(size=(7, 3)), tasks=(Task(path).resolve_axes(ARM),)
     )
     np.testing.assert_allclose(motion.tracking_error, np.abs(motion.tool - path.positions).max(axis=1), atol=1e-14)
     assert (Motion(arm=ARM, time=path.times, q=motion.q).tracking_error == 0).all()
@@ -308,7 +308,7 @@ def test_what_is_no_motion_is_refused_in_one_line(changed, words, unchecked):
 def test_picking_from_a_batch_does_not_lose_what_the_batch_was_made_with():
     path: Path = line(Pose.planar(0.3, 0, 0), Pose.planar(0.2, 0.2, 1), duration=1.0, samples=5)
     arm = Arm.planar(lengths=[0.2] * 4)
-    task = Task(path).settled(arm)
+    task = Task(path).resolve_axes(arm)
     ball = Sphere([0.1, 0.1, 0.0], 0.05)
     motions = Motion(
         arm=arm,

@@ -20,7 +20,7 @@ def on_circle(samples, cyclic=True, **settings):
     shoulder = np.arctan2(wrist[:, 1], wrist[:, 0]) - elbow / 2
     q = np.stack([shoulder, elbow, turn - shoulder - elbow], axis=-1)
     q[-1] = q[0]
-    task = Task(path).settled(ARM)
+    task = Task(path).resolve_axes(ARM)
     return Motion(arm=ARM, time=path.times, q=q, tasks=(task,), cyclic=cyclic, **settings)
 
 
@@ -92,6 +92,6 @@ def test_times_outside_the_motion_are_refused(t):
 
 def test_a_motion_that_has_lost_its_path_is_not_led_somewhere_else():
     far = line([5.0, 0.0], [6.0, 0.0], duration=1.0, samples=5)
-    motion = Motion(arm=ARM, time=far.times, q=np.full((5, 3), 0.3), tasks=(Task(far).settled(ARM),))
+    motion = Motion(arm=ARM, time=far.times, q=np.full((5, 3), 0.3), tasks=(Task(far).resolve_axes(ARM),))
     with pytest.raises(Infeasible, match=r"at: the motion must follow its path, but at 0\.25 s its tool is"):
         motion.at(np.array([0.25]))

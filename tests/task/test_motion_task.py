@@ -9,7 +9,8 @@ import paretoik as pk
 from paretoik import Limits, Pose, Task, circle, joint_travel, kinetic_energy, line
 from paretoik.errors import InvalidInput
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.motion_task import MotionTask, motion_task
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.obstacles import Circle
 
 ARM = tringali_3r()
@@ -40,7 +41,7 @@ def from_posture(q=POSTURE, arm=ARM, samples=21):
 
 def test_a_motion_task_knows_its_times_equations_and_redundancy():
     found = task(arm=marcos_nr(4), path=line(Pose.planar(2, 1, 0), Pose.planar(1, 2, 1), duration=2.0, samples=11))
-    assert (found.rows, found.redundancy, found.stops, found.start) == (3, 1, False, None)
+    assert (found.rows, found.redundancy, found.ends_at_rest, found.start) == (3, 1, False, None)
     np.testing.assert_array_equal(found.times, np.linspace(0, 2, 11))
     assert found.targets.shape == (11, 11)
 
@@ -125,18 +126,21 @@ def test_a_task_without_limits_has_no_violations():
     found = task()
     assert found.limit_names == ()
     assert found.violations(found.motion(np.zeros((4, 21, 3)))).shape == (4, 0)
-    assert found.binding(found.motion(np.zeros((21, 3)))) == ""
+    assert found.describe_violation(found.motion(np.zeros((21, 3)))) == ""
 
 
 def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
     found = task(limits=Limits(position=1.0, velocity=50.0))
     q = np.zeros((21, 3))
-    assert found.binding(found.motion(q)) == ""
+    assert found.describe_violation(found.motion(q)) == ""
     q[5, 1] = 1.5
-    assert found.binding(found.motion(q)) == "position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s)"
+    assert (
+        found.describe_violation(found.motion(q))
+        == "position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s)"
+    )
     q[5, 1] = 1.5 + 1e-9
     q[11, 2] = -9.0
-    told = found.binding(found.motion(q))
+    told = found.describe_violation(found.motion(q))
     assert told == "position of joint3 is exceeded by 400 % of its range at sample 11 (0.55 s)"
 
 
@@ -144,14 +148,14 @@ def test_limits_that_are_violated_alike_are_told_together():
     found = task(limits=Limits(position=1.0, velocity=500.0))
     q = np.zeros((21, 3))
     q[5, 1], q[7, 2] = 1.5, -1.5
-    told = found.binding(found.motion(q))
+    told = found.describe_violation(found.motion(q))
     assert told.startswith("position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s); so is")
     assert told.endswith("so is position of joint3 at sample 7 (0.35 s)")
 
 
 def test_a_binding_clearance_is_told_by_its_name():
     found = task(obstacles=[Circle([0.2, 0.0], 0.05)], limits=Limits(clearance=0.01))
-    assert found.binding(found.motion(np.zeros((21, 3)))).startswith("clearance is 0.06 m short at sample 0")
+    assert found.describe_violation(found.motion(np.zeros((21, 3)))).startswith("clearance is 0.06 m short at sample 0")
 
 
 def test_a_start_on_the_path_is_taken_as_it_is():

@@ -13,7 +13,8 @@ from paretoik.errors import InvalidInput
 from paretoik.robot.arms import tringali_3r
 from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
 from paretoik.robot.kinematics import jacobian
-from paretoik.task.objectives import LIBRARY
+from paretoik.task import objectives
+from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Sphere
 
 LIMITED = Arm.planar(
@@ -26,7 +27,7 @@ LIMITED = Arm.planar(
     name="limited arm",
 )
 PATH = line([0.5, 0.1], [0.3, 0.4], duration=2.0, samples=17)
-TASK = Task(PATH).settled(LIMITED)
+TASK = Task(PATH).resolve_axes(LIMITED)
 BALL = Sphere([0.3, 0.3, 0.0], 0.05)
 MOTIONS = {
     differences: Motion(
@@ -39,6 +40,7 @@ MOTIONS = {
     )
     for differences in ("backward", "central")
 }
+LIBRARY = [member for member in vars(objectives).values() if isinstance(member, Objective)]  # in their order
 every_motion = pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
 
 

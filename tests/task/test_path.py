@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose, orientation_error, quaternion_to_matrix, rotation_vector, vector_to_matrix
-from paretoik.task.path import circle, line, poses, waypoints
+from paretoik.task.path_shapes import circle, line, poses, waypoints
 from paretoik.task.timing import TIME_LAWS, progress
 
 coordinates = st.floats(-3, 3)
@@ -66,11 +66,11 @@ def test_velocity_and_acceleration_are_continuous(path):
 
 @every_kind
 def test_any_sampling_is_of_the_same_path(path):
-    fine = path.resampled(173)
+    fine = path.resample(173)
     assert fine.samples == 173
     assert fine.duration == path.duration
     np.testing.assert_allclose(fine.at(path.times)[0], path.positions, atol=1e-15)
-    coarse = path.subsampled(3)
+    coarse = path.subsample(3)
     assert coarse.times.tolist() == path.times[[0, round((path.samples - 1) / 2), -1]].tolist()
     np.testing.assert_allclose(coarse.at(path.times)[0], path.positions, atol=1e-15)
 
@@ -132,7 +132,7 @@ def test_a_line_may_turn_on_the_spot():
 def test_a_circle_keeps_its_radius_and_closes_after_whole_turns(start_angle, turns, radius):
     path = circle([0.3, -0.2], radius, duration=1.5, start_angle=start_angle, turns=turns)
     np.testing.assert_allclose(np.linalg.norm(path.positions - [0.3, -0.2], axis=1), radius, rtol=1e-12)
-    assert path.closed == (turns == int(turns))
+    assert path.is_closed == (turns == int(turns))
     first = [0.3 + radius * np.cos(start_angle), -0.2 + radius * np.sin(start_angle)]
     np.testing.assert_allclose(path.positions[0], first, atol=1e-14)
 
@@ -169,7 +169,7 @@ def test_a_circle_about_a_pose_lies_in_its_plane_and_keeps_its_orientation():
     flat = circle([0.0, 0.0], 0.2, duration=1.0, start_angle=0.7)
     np.testing.assert_allclose(inside, np.pad(flat.positions, ((0, 0), (0, 1))), atol=1e-15)
     assert (path.quaternions == center.quaternion).all()
-    assert path.closed
+    assert path.is_closed
 
 
 @pytest.mark.parametrize("points", [CORNERS, CORNERS[:, :2], CORNERS[:3], CORNERS[:2], [*CORNERS, CORNERS[0]]])
@@ -179,7 +179,7 @@ def test_waypoints_are_all_met_in_order(points):
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     met = path.at(np.concatenate([[0.0], np.cumsum(chords) / chords.sum()]).clip(0, 1))[0]
     np.testing.assert_allclose(met, points, atol=1e-12)
-    assert path.closed == (len(points) == 5)
+    assert path.is_closed == (len(points) == 5)
 
 
 def test_closed_waypoints_have_no_corner_where_they_meet():
@@ -210,12 +210,12 @@ def test_timed_poses_are_met_at_their_times_even_where_they_wait():
 def test_a_full_turn_in_timed_poses_closes_though_its_quaternion_ends_negated():
     quarter_turns = [Pose.planar(0.0, 0.0, angle) for angle in np.arange(5) * np.pi / 2]
     path = poses(np.arange(5.0), quarter_turns)
-    assert path.closed
+    assert path.is_closed
     np.testing.assert_allclose(path.quaternions[-1], [-1, 0, 0, 0], atol=1e-12)
 
 
 def test_a_path_that_turns_but_returns_to_its_place_is_not_closed():
-    assert not line(Pose([1.0, 0.0, 0.0]), Pose.planar(1.0, 0.0, 1.0), duration=1.0, samples=5).closed
+    assert not line(Pose([1.0, 0.0, 0.0]), Pose.planar(1.0, 0.0, 1.0), duration=1.0, samples=5).is_closed
 
 
 def test_rounding_past_the_ends_is_forgiven_and_no_more():
@@ -271,8 +271,8 @@ START, END = [0.0, 0.0], [1.0, 0.0]
         (lambda: poses([[0, 1, 2]], [START, END, START]), "path times: must be one row of numbers, got shape (1, 3)"),
         (lambda: poses([0, 1, 2], [START, END]), "must be one for each time, got 2 for 3 times"),
         (lambda: poses([0, 1, 2], [START, [np.nan, 0], END]), "poses: must be finite, got nan at index (1, 0)"),
-        (lambda: EVERY_KIND["waypoints"].subsampled(32), "samples: must be at most the path's own 31, got 32"),
-        (lambda: EVERY_KIND["waypoints"].subsampled(2), "samples: must be at least 3, got 2"),
+        (lambda: EVERY_KIND["waypoints"].subsample(32), "samples: must be at most the path's own 31, got 32"),
+        (lambda: EVERY_KIND["waypoints"].subsample(2), "samples: must be at least 3, got 2"),
         (lambda: EVERY_KIND["waypoints"].at(np.nan), "time on the path: must be finite, got nan"),
     ],
 )

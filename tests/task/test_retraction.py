@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from paretoik import Arm, Pose, Task, line
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.task.motion import steepest
-from paretoik.task.retraction import ACCEPTED, eliminate, retract, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, row_space_basis, solve_small_systems, task_errors
 from tests.formulations.problems import panda, random_arm
 from tests.task.test_task import FLAT_POSES, POINTS_2D, POSES, SPATIAL, targets_at, through
 from tests.task.test_task import KINDS as EVERY_KIND
@@ -22,13 +21,13 @@ every_kind = pytest.mark.parametrize(("arm", "axes", "path"), KINDS, ids=[f"{a.n
 
 
 def disturbed(arm, axes, path, size, count=300, seed=0):
-    """Return task, postures a little off the path, targets, and the steepest directions at the postures."""
+    """Return task, postures a little off the path, targets, and the row space bases at the postures."""
     rng = np.random.default_rng(seed)
     there = rng.uniform(-1, 1, (count, arm.dof))
-    task = Task(path, axes=axes).settled(arm)
+    task = Task(path, axes=axes).resolve_axes(arm)
     targets = targets_at(task, through(arm, there, path))
     start = there + rng.uniform(-size, size, there.shape)
-    return task, start, targets, steepest(task_errors(arm, [task], start, targets)[1])
+    return task, start, targets, row_space_basis(task_errors(arm, [task], start, targets)[1])
 
 
 @every_kind
@@ -37,8 +36,8 @@ def test_postures_near_the_path_are_led_onto_it(arm, axes, path):
     found = retract(arm, [task], start, targets, directions)
     assert found.on_path.mean() > 0.97  # the others stand next to a singularity
     error = np.abs(task_errors(arm, [task], found.q, targets)[0]).max(axis=0)
-    assert (error[found.on_path] <= ACCEPTED).all()
-    np.testing.assert_allclose(found.error[found.on_path], error[found.on_path], atol=ACCEPTED)
+    assert (error[found.on_path] <= ON_PATH_TOLERANCE).all()
+    np.testing.assert_allclose(found.error[found.on_path], error[found.on_path], atol=ON_PATH_TOLERANCE)
 
 
 @every_kind
@@ -75,9 +74,9 @@ def test_a_sample_does_not_depend_on_the_block_it_falls_in():
 def test_a_posture_on_the_path_is_left_where_it_is():
     arm = panda()
     q = np.random.default_rng(1).uniform(-1, 1, (50, 7))
-    task = Task(POSES).settled(arm)
+    task = Task(POSES).resolve_axes(arm)
     targets = targets_at(task, through(arm, q, POSES))
-    found = retract(arm, [task], q, targets, steepest(task_errors(arm, [task], q, targets)[1]))
+    found = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
     np.testing.assert_array_equal(found.q, q)
     assert found.on_path.all()
 
@@ -107,48 +106,48 @@ def test_newtons_method_squares_the_error():
 
 def test_a_target_out_of_reach_is_not_arrived_at():
     arm = tringali_3r()
-    task = Task(line([0.3, 0.0], [0.4, 0.0], duration=1.0, samples=5)).settled(arm)
+    task = Task(line([0.3, 0.0], [0.4, 0.0], duration=1.0, samples=5)).resolve_axes(arm)
     start = np.random.default_rng(2).uniform(-2, 2, (200, 3))
     for beyond in (1e-9, 1e-3, 1.0):
         targets = np.tile([0.4895 + beyond, 0.0], (200, 1))
-        found = retract(arm, [task], start, targets, steepest(task_errors(arm, [task], start, targets)[1]))
+        found = retract(arm, [task], start, targets, row_space_basis(task_errors(arm, [task], start, targets)[1]))
         assert not found.on_path.any()
         assert np.isfinite(found.q).all()
-        assert (found.error > ACCEPTED).all()
+        assert (found.error > ON_PATH_TOLERANCE).all()
 
 
 def test_a_fold_of_the_manifold_is_not_crossed():
     arm = marcos_nr(3)
-    task = Task(line([2.0, 0.0], [2.5, 0.0], duration=1.0, samples=5)).settled(arm)
+    task = Task(line([2.0, 0.0], [2.5, 0.0], duration=1.0, samples=5)).resolve_axes(arm)
     bend = 0.6
     q = np.array([[0.0, bend, bend]])
     place = forward_kinematics(arm, q)[1][:, :2]
-    directions = steepest(task_errors(arm, [task], q, place)[1])
+    directions = row_space_basis(task_errors(arm, [task], q, place)[1])
     found = retract(arm, [task], q * [[1, -1, -1]], place, directions)
     mirrored = np.linalg.det(task_errors(arm, [task], found.q, place)[1][:, :, 0] @ directions[0]) < 0
-    assert found.error[0] > ACCEPTED or mirrored
+    assert found.error[0] > ON_PATH_TOLERANCE or mirrored
     assert not found.on_path[0]
 
 
 def test_a_singular_start_is_told_not_raised():
     arm = marcos_nr(4)
-    task = Task(FLAT_POSES).settled(arm)
+    task = Task(FLAT_POSES).resolve_axes(arm)
     q = np.zeros((3, 4))
     targets = targets_at(task, through(arm, np.full((3, 4), 0.1), FLAT_POSES))
-    found = retract(arm, [task], q, targets, steepest(task_errors(arm, [task], q, targets)[1]))
+    found = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
     assert np.isfinite(found.q).all()
     arrived = task_errors(arm, [task], found.q, targets)[0][:, found.on_path]
-    assert np.abs(arrived).max(initial=0.0) <= ACCEPTED
+    assert np.abs(arrived).max(initial=0.0) <= ON_PATH_TOLERANCE
 
 
 def test_several_tasks_are_met_at_once():
     arm = Arm.planar(lengths=[0.5] * 6)
     rng = np.random.default_rng(3)
     there = rng.uniform(-1, 1, (200, 6))
-    tasks = [Task(POINTS_2D, frame="joint4").settled(arm), Task(POINTS_2D).settled(arm)]
+    tasks = [Task(POINTS_2D, frame="joint4").resolve_axes(arm), Task(POINTS_2D).resolve_axes(arm)]
     targets = np.concatenate([forward_kinematics(arm, there, frame)[1][:, :2] for frame in ("joint4", "tool")], axis=1)
     start = there + rng.uniform(-0.05, 0.05, there.shape)
-    found = retract(arm, tasks, start, targets, steepest(task_errors(arm, tasks, start, targets)[1]))
+    found = retract(arm, tasks, start, targets, row_space_basis(task_errors(arm, tasks, start, targets)[1]))
     assert found.on_path.mean() > 0.95
     for frame, columns in (("joint4", slice(0, 2)), ("tool", slice(2, 4))):
         off = forward_kinematics(arm, found.q[found.on_path], frame)[1][:, :2] - targets[found.on_path, columns]
@@ -156,18 +155,18 @@ def test_several_tasks_are_met_at_once():
 
 
 def test_no_samples_are_no_trouble():
-    task = Task(POINTS_2D).settled(marcos_nr(4))
+    task = Task(POINTS_2D).resolve_axes(marcos_nr(4))
     found = retract(marcos_nr(4), [task], np.zeros((0, 4)), np.zeros((0, 2)), np.zeros((0, 4, 2)))
     assert found.q.shape == (0, 4)
     assert found.on_path.shape == (0,)
 
 
 @every_kind
-def test_steepest_directions_are_an_orthonormal_basis_of_the_rows(arm, axes, path):
+def test_row_space_basis_is_an_orthonormal_basis_of_the_rows(arm, axes, path):
     q = np.random.default_rng(4).uniform(-1, 1, (30, arm.dof))
-    task = Task(path, axes=axes).settled(arm)
+    task = Task(path, axes=axes).resolve_axes(arm)
     _, slopes = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
-    basis = steepest(slopes)
+    basis = row_space_basis(slopes)
     np.testing.assert_allclose(np.swapaxes(basis, -1, -2) @ basis - np.eye(task.rows), 0, atol=1e-12)
     jacobian = np.moveaxis(slopes, -1, 0)
     np.testing.assert_allclose(jacobian @ basis @ np.swapaxes(basis, -1, -2), jacobian, atol=1e-12)
@@ -182,7 +181,7 @@ def test_elimination_solves_what_linear_algebra_solves(size, seed):
     matrix = rng.normal(size=(5, size, size)) + 4 * np.eye(size)
     right = rng.normal(size=(5, size))
     copies = matrix.copy(), right.copy()
-    found, determinant = eliminate(matrix, right)
+    found, determinant = solve_small_systems(matrix, right)
     wanted = np.linalg.solve(matrix, right[..., None])[..., 0]
     np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(determinant, np.linalg.det(matrix), rtol=1e-9)
@@ -191,7 +190,9 @@ def test_elimination_solves_what_linear_algebra_solves(size, seed):
 
 
 def test_elimination_of_a_singular_system_is_silent_and_says_so():
-    found, determinant = eliminate(np.array([[[0.0, 1.0], [1.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]]]), np.ones((2, 2)))
+    found, determinant = solve_small_systems(
+        np.array([[[0.0, 1.0], [1.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]]]), np.ones((2, 2))
+    )
     assert not (determinant > 0).any()
     assert not np.isfinite(found).all(axis=1).any()
 
@@ -204,5 +205,5 @@ def test_a_retraction_is_the_same_with_the_base_elsewhere():
     shifted = targets @ turn.rotation.T + turn.position
     results = []
     for a, wanted in ((arm, targets), (moved, shifted)):
-        results.append(retract(a, [task], start, wanted, steepest(task_errors(a, [task], start, wanted)[1])))
+        results.append(retract(a, [task], start, wanted, row_space_basis(task_errors(a, [task], start, wanted)[1])))
     np.testing.assert_allclose(results[0].q, results[1].q, atol=1e-8)

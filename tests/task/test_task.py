@@ -77,15 +77,15 @@ def targets_at(task, path):
     ],
 )
 def test_a_task_without_axes_takes_what_the_path_gives(arm, path, axes):
-    settled = Task(path).settled(arm)
-    assert settled.axes == axes
-    assert settled.rows == {"xy": 2, "xy+angle": 3, "xyz": 3, "pose": 6}[axes]
-    assert settled.targets(path.times).shape == (5, settled.numbers)
+    resolved = Task(path).resolve_axes(arm)
+    assert resolved.axes == axes
+    assert resolved.rows == {"xy": 2, "xy+angle": 3, "xyz": 3, "pose": 6}[axes]
+    assert resolved.targets(path.times).shape == (5, resolved.target_size)
 
 
 @every_kind
 def test_targets_are_the_path_with_its_rotations_by_rows(arm, axes, path):
-    task = Task(path, axes=axes).settled(arm)
+    task = Task(path, axes=axes).resolve_axes(arm)
     t = np.array([0.1, 0.5, 0.77])
     targets = task.targets(t)
     positions, quaternions = path.at(t)
@@ -99,7 +99,7 @@ def test_targets_are_the_path_with_its_rotations_by_rows(arm, axes, path):
 @every_kind
 def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
     q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
-    task = Task(path, axes=axes).settled(arm)
+    task = Task(path, axes=axes).resolve_axes(arm)
     error, _ = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
     assert error.shape == (task.rows, 6)
     assert np.abs(error).max() < 1e-14
@@ -110,12 +110,12 @@ def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, p
     q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
     rotations, places = forward_kinematics(arm, q)
     frames = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
-    task = Task(poses(np.arange(6.0), frames), axes=axes).settled(arm)
-    travels, targets = task.travels(task.path.times), task.targets(task.path.times)
-    assert travels.shape == (6, task.travel)
+    task = Task(poses(np.arange(6.0), frames), axes=axes).resolve_axes(arm)
+    travels, targets = task.displacements(task.path.times), task.targets(task.path.times)
+    assert travels.shape == (6, task.displacement_size)
     assert (travels[-1] == 0).all()
     error, _ = task_errors(arm, [task], q[:-1], targets[1:])
-    going = task.travelled(arm, link_frames(arm, list(q[:-1].T)), list(travels[:-1].T))
+    going = task.displacement_components(arm, link_frames(arm, list(q[:-1].T)), list(travels[:-1].T))
     np.testing.assert_allclose(np.broadcast_arrays(*going, np.zeros(5))[:-1], error, atol=1e-10)
 
 
@@ -123,7 +123,7 @@ def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, p
 def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
     q = np.random.default_rng(1).uniform(-1, 1, (40, arm.dof))
     elsewhere = np.random.default_rng(2).uniform(-1, 1, (40, arm.dof))
-    task = Task(path, axes=axes).settled(arm)
+    task = Task(path, axes=axes).resolve_axes(arm)
     targets = targets_at(task, through(arm, elsewhere, path))
     error, _ = task_errors(arm, [task], q, targets)
     rotation, place = forward_kinematics(arm, q)
@@ -146,7 +146,7 @@ def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
 def test_the_jacobian_is_the_slope_of_the_error(arm, axes, path, frame):
     frame = frame if frame in ("tool", *arm.joint_names) else arm.joint_names[2]
     q = np.random.default_rng(3).uniform(-1, 1, (8, arm.dof))
-    task = Task(path, frame=frame, axes=axes).settled(arm)
+    task = Task(path, frame=frame, axes=axes).resolve_axes(arm)
     targets = targets_at(task, through(arm, q, path, frame))
     _, slopes = task_errors(arm, [task], q, targets)
     assert slopes.shape == (task.rows, arm.dof, 8)
@@ -168,7 +168,7 @@ def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
     arm = SPATIAL
     q = rng.uniform(-1, 1, (1, arm.dof))
     rotation, place = forward_kinematics(arm, q)
-    task = Task(POSES, axes="pose").settled(arm)
+    task = Task(POSES, axes="pose").resolve_axes(arm)
     for axis in range(3):
         turn = Pose.from_rpy((0, 0, 0), tuple(angle * np.eye(3)[axis])).rotation
         targets = np.concatenate([place[0], (rotation[0] @ turn).ravel()])[None]
@@ -179,7 +179,7 @@ def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
 def test_a_turn_about_its_own_axis_is_nothing_to_a_task_of_position_and_axis():
     arm, q = SPATIAL, np.random.default_rng(5).uniform(-1, 1, (1, 7))
     rotation, place = forward_kinematics(arm, q)
-    task = Task(POSES, axes="xyz+z-axis").settled(arm)
+    task = Task(POSES, axes="xyz+z-axis").resolve_axes(arm)
     for angle in np.linspace(-np.pi, np.pi, 9):
         turned = rotation[0] @ Pose.from_rpy((0, 0, 0), (0, 0, angle)).rotation
         error, _ = task_errors(arm, [task], q, np.concatenate([place[0], turned.ravel()])[None])
@@ -192,7 +192,7 @@ def test_half_a_turn_is_as_far_as_it_gets_and_never_taken_for_none(axes):
     path = FLAT_POSES if axes == "xy+angle" else POSES
     q = np.random.default_rng(6).uniform(-1, 1, (1, arm.dof))
     rotation, place = forward_kinematics(arm, q)
-    task = Task(path, axes=axes).settled(arm)
+    task = Task(path, axes=axes).resolve_axes(arm)
     about = (0, 0, np.pi) if axes == "xy+angle" else (np.pi, 0, 0)
     size = 2 if axes == "xy+angle" else 3
     for off in (0.0, 1e-13, -1e-13, 1e-9, 1e-6):
@@ -203,8 +203,8 @@ def test_half_a_turn_is_as_far_as_it_gets_and_never_taken_for_none(axes):
 
 def test_errors_of_several_tasks_stand_one_below_the_other():
     arm, q = random_arm(4, 7), np.random.default_rng(7).uniform(-1, 1, (5, 7))
-    first = Task(POINTS_3D).settled(arm)
-    second = Task(POSES, frame="joint5", axes="xyz+z-axis").settled(arm)
+    first = Task(POINTS_3D).resolve_axes(arm)
+    second = Task(POSES, frame="joint5", axes="xyz+z-axis").resolve_axes(arm)
     targets = [task.targets(np.linspace(0, 1, 5)) for task in (first, second)]
     error, slopes = task_errors(arm, [first, second], q, np.concatenate(targets, axis=1))
     for task, wanted, rows in ((first, targets[0], slice(0, 3)), (second, targets[1], slice(3, 8))):
@@ -214,7 +214,7 @@ def test_errors_of_several_tasks_stand_one_below_the_other():
 
 
 def test_a_batch_of_many_blocks_gives_what_its_postures_give():
-    arm, task = panda(), Task(POSES).settled(panda())
+    arm, task = panda(), Task(POSES).resolve_axes(panda())
     q = np.random.default_rng(8).uniform(-1, 1, (13_000, 7))
     targets = np.tile(task.targets(np.array([0.4])), (13_000, 1))
     error, slopes = task_errors(arm, [task], q, targets)
@@ -242,17 +242,17 @@ def test_axes_that_the_path_says_nothing_about_are_refused(path, axes, words, un
 @pytest.mark.parametrize("axes", ["xyz", "xyz+z-axis", "pose"])
 def test_a_planar_arm_is_not_asked_to_leave_its_plane(axes):
     with pytest.raises(InvalidInput, match=r"Marcos 4R moves in a plane: axes must be 'xy' or 'xy\+angle', got"):
-        Task(POSES, axes=axes).settled(PLANAR)
+        Task(POSES, axes=axes).resolve_axes(PLANAR)
 
 
 def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
     with pytest.raises(InvalidInput, match="frame 'elbow' is not on Marcos 4R; its frames: tool, base, joint1"):
-        Task(POINTS_2D, frame="elbow").settled(PLANAR)
+        Task(POINTS_2D, frame="elbow").resolve_axes(PLANAR)
 
 
 def test_the_frame_of_one_arm_is_not_taken_for_that_of_another():
     near, far = marcos_nr(4), marcos_nr(4).with_tool(Pose(np.array([1.0, 0, 0])))
-    q, task = np.zeros((1, 4)), Task(POINTS_2D).settled(near)
+    q, task = np.zeros((1, 4)), Task(POINTS_2D).resolve_axes(near)
     targets = task.targets(np.array([0.0]))
     apart = task_errors(near, [task], q, targets)[0] - task_errors(far, [task], q, targets)[0]
     np.testing.assert_allclose(apart[:, 0], [1.0, 0.0], atol=1e-15)
@@ -260,7 +260,7 @@ def test_the_frame_of_one_arm_is_not_taken_for_that_of_another():
 
 def test_half_a_turn_of_exact_right_angles_about_any_axis_is_seen_as_half_a_turn():
     arm = Arm.from_dh(a=[0.0] * 7, alpha=[0.0] * 7, d=[0.1] * 7, theta=[0.0] * 7, convention="standard")
-    task, place = Task(POSES, axes="pose").settled(arm), np.array([0.0, 0.0, 0.7])
+    task, place = Task(POSES, axes="pose").resolve_axes(arm), np.array([0.0, 0.0, 0.7])
     rng = np.random.default_rng(9)
     axes = [*np.eye(3), np.array([1.0, 1.0, 0.0]) / np.sqrt(2), *rng.normal(size=(5, 3))]
     for axis in axes:

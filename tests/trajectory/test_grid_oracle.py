@@ -16,7 +16,7 @@ from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.postures import sample_postures
 from paretoik.self_motion.starts import rollout_starts
-from paretoik.task.motion_task import motion_task
+from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.obstacles import Circle
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory import grid_terms

@@ -157,7 +157,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
     counts = Counter(said.status.tolist())
     off = float(task.motion(subject.q).tracking_error.max())
     at = int(said.violation_between.argmax())
-    fine = task.resampled(BETWEEN * (len(task.times) - 1) + 1)
+    fine = task.resample(BETWEEN * (len(task.times) - 1) + 1)
     between = fine.motion(task.motion(subject.q[at]).at(fine.times))
     weak = f"{np.count_nonzero(said.weak)} weak: an objective without weight"
     statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())
@@ -170,7 +170,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
             column="worst violation between",
             unit=share,
             ours=float(said.violation_between[at]),
-            note=fine.binding(between),
+            note=fine.describe_violation(between),
         ),
         judged(table, row, "worst tracking error", "m, rad", off, TRACKED),
         judged(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),

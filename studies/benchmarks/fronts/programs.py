@@ -84,7 +84,7 @@ def check(task: MotionTask) -> None:
     """Refuse a task that peers' programs cannot state."""
     assert task.differences == "backward", "backward differences wanted"
     assert task.start is None, "a free start wanted"
-    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.stops else [])]
+    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.ends_at_rest else [])]
     assert not others, f"nothing but limits on joints wanted, got {others}"
 
 

@@ -29,7 +29,7 @@ def growth(problems: Sequence[str], *, seed: int, repeats: int, samples: Sequenc
 def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[Row]:
     whole = task_of(name, "printed", max(samples))
     starts = initial_motions(whole, starts=6, seed=seed)
-    coarse = whole.subsampled(starts.shape[1])
+    coarse = whole.subsample(starts.shape[1])
     seconds, iterations = list[np.ndarray](), list[tuple[int, int]]()
     rows = []
     chosen = 0

@@ -64,7 +64,7 @@ def tracking(name: str, masses: str = "printed", samples: int = SAMPLES) -> pk.T
 def task_of(name: str, masses: str, samples: int) -> MotionTask:
     """Return the task of a problem, thinned out where it has fewer samples than it comes with."""
     if samples < SAMPLES:
-        return tracking(name, masses).task.subsampled(samples)
+        return tracking(name, masses).task.subsample(samples)
     return tracking(name, masses, samples).task
 
 

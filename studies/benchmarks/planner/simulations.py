@@ -176,7 +176,7 @@ def _time(row: str, column: str, ours: float, theirs: float, goal: float | None,
 
 
 def _fine_starts(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    return np.asarray(task.subsampled(q.shape[1]).motion(q).at(task.times))
+    return np.asarray(task.subsample(q.shape[1]).motion(q).at(task.times))
 
 
 def _hits(found: Sequence[Solved], best: float) -> int:
@@ -193,7 +193,7 @@ def _coarse(
     cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[Peered], masses: str, repeats: int
 ) -> list[Row]:
     """Return what all starts take at coarse samples."""
-    program, factors = motion_program(task.subsampled(COARSE), objective_scales(task, q)), np.ones((1, 1))
+    program, factors = motion_program(task.subsample(COARSE), objective_scales(task, q)), np.ones((1, 1))
     rules = [OPTIONS.cold[i % len(OPTIONS.cold)] for i in range(len(q))]
     taken, found = list[float](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(repeats):
@@ -214,7 +214,7 @@ def _coarse(
 def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masses: str) -> list[Row]:
     """Return what one solve takes from the best motion of half the samples."""
     best = plan.best
-    rough = np.asarray(task.subsampled((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
+    rough = np.asarray(task.subsample((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
     program, factors = motion_program(task, np.array([best.objective])), np.ones((1, 1))
     served = {}
     for one in quickest(peers):

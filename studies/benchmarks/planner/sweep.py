@@ -197,7 +197,7 @@ def _ends(
 ) -> tuple[list[list[Solved]], list[Solved]]:
     """Return the distinct optima of each objective, best first, and all solves that they took."""
     found, work = [], list[Solved]()
-    level = task.subsampled(COARSE)
+    level = task.subsample(COARSE)
     for coarse, fine in zip(asked.coarse, asked.fine, strict=True):
         cores.built(coarse, COLD, starts)
         rough = cores.solve(coarse, COLD, "printed", starts)

@@ -13,7 +13,7 @@ from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.tape import as_entry
 from paretoik.errors import InvalidInput
 from paretoik.self_motion.starts import rollout_starts
-from paretoik.task.derivatives import local, traced_sample
+from paretoik.task.traced_motion import trace_sample, trace_sample_function
 from problems import panda, tringali_2020
 
 LIMITED = pk.Arm.planar(
@@ -27,8 +27,8 @@ BENT = pk.line([0.5, 0.1], [0.3, 0.4], duration=2.0, samples=17)
 TASKS = {
     "planar, central": pk.Tracking(LIMITED, BENT, objectives=[pk.kinetic_energy], differences="central", bases=1).task,
     "planar, backward": pk.Tracking(LIMITED, BENT, objectives=[pk.kinetic_energy], bases=1).task,
-    "planar 3R": tringali_2020.simulation_4().task.subsampled(21),
-    "Panda": panda.across_the_table().task.subsampled(11),
+    "planar 3R": tringali_2020.simulation_4().task.subsample(21),
+    "Panda": panda.across_the_table().task.subsample(11),
 }
 POSTURES = {name: rollout_starts(task, 2, np.random.default_rng(0))[0] for name, task in TASKS.items()}
 SERIES = [
@@ -83,9 +83,9 @@ def inputs(motion, sample):
 
 def holds(task, q, function):
     """Hold a function's values and slopes against real motions, those beside it in some direction among them."""
-    motion, sample = task.motion(q), traced_sample(task)
+    motion, sample = task.motion(q), trace_sample(task)
     tape, n = sample.trace.tape, task.arm.dof
-    value = as_entry(tape, local(sample, "it", function))
+    value = as_entry(tape, trace_sample_function(sample, "it", function))
     run = compile_evaluator(tape, [value, *gradient(tape, value, tape.inputs[: 4 * n])])
     found = run(inputs(motion, sample))
     wanted = np.asarray(function(motion), dtype=float)
@@ -121,9 +121,9 @@ def test_what_an_objective_wants_is_said_as_on_real_motions():
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
     task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
     with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance wants position limits"):
-        local(traced_sample(task), "objective it", pk.joint_limit_distance.function)
+        trace_sample_function(trace_sample(task), "objective it", pk.joint_limit_distance.function)
     with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance wants obstacles"):
-        local(traced_sample(task), "objective it", pk.obstacle_clearance.function)
+        trace_sample_function(trace_sample(task), "objective it", pk.obstacle_clearance.function)
 
 
 def test_a_cyclic_motion_is_traced_as_it_is():
@@ -137,7 +137,7 @@ def test_a_cyclic_motion_is_traced_as_it_is():
 @pytest.mark.parametrize("what", ["q", "dq", "torque", "power", "tool", "tool_rotation", "links", "kinetic_energy"])
 def test_what_a_traced_motion_shows_has_the_shape_of_the_real_ones(what, name):
     task = TASKS[name]
-    real, sample = task.motion(POSTURES[name]), traced_sample(task)
+    real, sample = task.motion(POSTURES[name]), trace_sample(task)
     found, wanted = getattr(sample, what), getattr(real, what)
     assert (found.shape, found.ndim, len(found), found.dtype) == (wanted.shape, wanted.ndim, len(wanted), wanted.dtype)
 
@@ -145,7 +145,7 @@ def test_what_a_traced_motion_shows_has_the_shape_of_the_real_ones(what, name):
 @pytest.mark.parametrize("name", TASKS)
 def test_what_is_no_function_of_the_joints_is_the_same_object_or_number(name):
     task = TASKS[name]
-    real, sample = task.motion(POSTURES[name]), traced_sample(task)
+    real, sample = task.motion(POSTURES[name]), trace_sample(task)
     for what in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic"):
         assert getattr(sample, what) == getattr(real, what)
     np.testing.assert_array_equal(sample.time, real.time)
@@ -154,11 +154,11 @@ def test_what_is_no_function_of_the_joints_is_the_same_object_or_number(name):
 
 def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
     task = TASKS["planar, central"]
-    sample = traced_sample(task)
-    assert local(sample, "it", lambda motion: 3) == 3.0
-    found = local(sample, "it", lambda motion: motion.time**2)
+    sample = trace_sample(task)
+    assert trace_sample_function(sample, "it", lambda motion: 3) == 3.0
+    found = trace_sample_function(sample, "it", lambda motion: motion.time**2)
     np.testing.assert_array_equal(sample.trace.parameters[found.index], task.times**2)
-    found = local(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
+    found = trace_sample_function(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
     assert sample.trace.tape.values[found.index] == 2.0
 
 
@@ -175,7 +175,7 @@ def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
     ],
 )
 def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
-    assert local(traced_sample(TASKS["planar, central"]), "it", function) is None
+    assert trace_sample_function(trace_sample(TASKS["planar, central"]), "it", function) is None
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
 )
 def test_what_cannot_be_traced_is_refused_by_name_in_one_line(function, words):
     with pytest.raises(InvalidInput, match=words) as refused:
-        local(traced_sample(TASKS["planar, central"]), "objective mine", function)
+        trace_sample_function(trace_sample(TASKS["planar, central"]), "objective mine", function)
     assert str(refused.value).startswith("objective mine: ")
 
 
@@ -217,12 +217,12 @@ def test_what_a_function_raises_itself_is_not_hidden():
         raise KeyError("mine")
 
     with pytest.raises(KeyError, match="mine"):
-        local(traced_sample(TASKS["planar, central"]), "objective broken", broken)
+        trace_sample_function(trace_sample(TASKS["planar, central"]), "objective broken", broken)
 
 
 def test_the_functions_of_all_objectives_share_what_they_have_in_common():
-    sample = traced_sample(TASKS["Panda"])
-    local(sample, "torque", pk.torque_norm.function)
+    sample = trace_sample(TASKS["Panda"])
+    trace_sample_function(sample, "torque", pk.torque_norm.function)
     before = len(sample.trace.tape.entries)
-    local(sample, "peak", pk.peak_torque.function)
+    trace_sample_function(sample, "peak", pk.peak_torque.function)
     assert len(sample.trace.tape.entries) <= before + 2 * sample.arm.dof

@@ -1,8 +1,8 @@
-"""Derivatives of what users define: a motion made of expressions, and functions of motions traced through it.
+"""A motion made of expressions: functions of motions are traced through it, and have exact derivatives.
 
-An objective is one NumPy function. Called with a ``TracedMotion`` it writes down what it computes, from which exact
-derivatives of any order follow. Most functions look at every sample by itself: positions, velocities, accelerations and
-jerks of one sample give one value. Those are traced once for all samples; the others with every sample in sight.
+An objective is one NumPy function. Called with a ``TracedMotion`` it records its computation, from which exact
+derivatives of any order follow. Most functions depend on one sample at a time: position, velocity, acceleration and
+jerk of a sample give one value. Those are traced once for all samples; the others with all samples as inputs.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, link_frames, node_components
 from paretoik.task.differences import Differences
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Obstacle, to_surface
+from paretoik.task.obstacles import Obstacle, distance_components
 from paretoik.task.task import Task
 
 
 @dataclass(frozen=True, eq=False)
 class TracedMotion:
-    """What a function of motions sees where derivatives are taken: the face of ``Motion``, made of expressions.
+    """The attributes of ``Motion``, made of expressions; functions get it where derivatives are taken.
 
-    ``duration`` [s] is that of the motion, or of what stands for it.
+    ``duration`` [s] is that of the motion.
     """
 
     task: MotionTask
@@ -43,15 +43,15 @@ class TracedMotion:
     duration: float
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):  # what Python asks to see what an object can do
+        if name.startswith("__"):  # protocols that Python probes
             raise AttributeError(name)
         raise InvalidInput(f"motion.{name} has no derivative here")
 
     def __len__(self) -> int:
-        raise InvalidInput("len(motion) has no derivative here: all motions of a batch are wanted at once")
+        raise InvalidInput("len(motion) has no derivative here: functions must take all motions of a batch at once")
 
     def __getitem__(self, index: Any) -> Any:
-        raise InvalidInput("motion[...] has no derivative here: all motions of a batch are wanted at once")
+        raise InvalidInput("motion[...] has no derivative here: functions must take all motions of a batch at once")
 
     @property
     def arm(self) -> Arm:
@@ -75,7 +75,7 @@ class TracedMotion:
 
     @property
     def differences(self) -> Differences:
-        """How rates and integrals are taken."""
+        """The scheme of finite differences and quadrature."""
         return self.task.differences
 
     @property
@@ -118,25 +118,28 @@ class TracedMotion:
     def tool_rotation(self) -> TracedArray:
         """As ``Motion.tool_rotation``."""
         flat = self._by_sample(lambda q, *_: [value for row in self._tool(q)[0] for value in row])
-        return self._parted(flat, 3, 3)
+        return self._reshape(flat, 3, 3)
 
     @cached_property
     def links(self) -> TracedArray:
         """As ``Motion.links``."""
         flat = self._by_sample(lambda q, *_: node_components(self.arm, q))
-        return self._parted(flat, -1, 3)
+        return self._reshape(flat, -1, 3)
 
     @cached_property
     def manipulability(self) -> TracedArray:
         """As ``Motion.manipulability``."""
         flat = self._by_sample(
             lambda q, *_: [
-                slope for task in self.tasks for row in task.slopes(self.arm, link_frames(self.arm, q)) for slope in row
+                entry
+                for task in self.tasks
+                for row in task.jacobian(self.arm, link_frames(self.arm, q))
+                for entry in row
             ]
         )
-        jacobian = self._parted(flat, self.task.rows, self.arm.dof)
-        found: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
-        return found
+        jacobian = self._reshape(flat, self.task.rows, self.arm.dof)
+        measure: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
+        return measure
 
     @cached_property
     def clearance(self) -> TracedArray:
@@ -145,9 +148,9 @@ class TracedMotion:
             raise InvalidInput("motion.clearance wants obstacles, but the problem has none")
         nodes = [self.links[..., axis] for axis in range(3)]
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
-        surface: Any = to_surface  # of arrays; it takes expressions as well
-        gaps = [surface(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
-        least: TracedArray = reduce(np.minimum, [gap.min(-1) for gap in gaps])
+        distance: Any = distance_components  # typed for arrays; it takes expressions as well
+        distances = [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
+        least: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
         return least
 
     def integral(self, series: Any) -> Any:
@@ -160,74 +163,76 @@ class TracedMotion:
         return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
 
     def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
-        """Run a kernel of columns on every sample that is in sight."""
+        """Run a kernel of columns on every sample."""
         joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
         rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
-        found = np.empty((len(rows), len(rows[0])), dtype=object)
+        values = np.empty((len(rows), len(rows[0])), dtype=object)
         for i, row in enumerate(rows):
-            found[i] = row
-        return TracedArray(self.trace, found.reshape(*self.q.entries.shape[:-1], -1), shared=True)
+            values[i] = row
+        return TracedArray(self.trace, values.reshape(*self.q.entries.shape[:-1], -1), shared=True)
 
-    def _parted(self, flat: TracedArray, *shape: int) -> TracedArray:
+    def _reshape(self, flat: TracedArray, *shape: int) -> TracedArray:
         return flat.reshape(*flat.shape[:-1], *shape)
 
 
-def traced_sample(task: MotionTask, *, duration: float | None = None) -> TracedMotion:
-    """Return one sample of a motion of a task, for functions that look at every sample by itself.
+def trace_sample(task: MotionTask, *, duration: float | None = None) -> TracedMotion:
+    """Return one sample of a motion of a task, for functions that depend on one sample at a time.
 
-    ``duration`` [s] is what means over time are taken over; by default the task's own.
+    ``duration`` [s] is what means over time divide by; by default the task's own.
     """
     trace = Trace(len(task.times))
-    lasting = float(np.ptp(task.times)) if duration is None else duration
+    seconds = float(np.ptp(task.times)) if duration is None else duration
     q, dq, ddq, jerk = (trace.inputs(task.arm.dof) for _ in range(4))
-    return TracedMotion(task, trace, q, dq, ddq, jerk, lasting)
+    return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
 
 
-def traced_whole(task: MotionTask) -> TracedMotion:
-    """Return a whole motion of a task with every sample in sight, for functions that look from one at another."""
+def trace_motion(task: MotionTask) -> TracedMotion:
+    """Return a whole motion of a task, for functions that combine several samples."""
     trace = Trace(None)
     q, dq, ddq, jerk = (trace.inputs(len(task.times), task.arm.dof) for _ in range(4))
     return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
 
 
-def whole(motion: TracedMotion, what: str, function: Callable[[Any], Any], form: str) -> list[Expression | float]:
-    """Return what a function computes of a whole motion: one value, or one a sample where its form is a series.
+def trace_motion_function(
+    motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
+) -> list[Expression | float]:
+    """Return the values of a function of a whole motion: one, or one a sample where its form is a series.
 
-    Raises InvalidInput, naming the function and what it did, where its derivative cannot be had.
+    Raises InvalidInput, by ``name``, for a function without derivatives.
     """
-    wanted = motion.time.shape if form in ("integral", "peak") else ()
+    shape = motion.time.shape if form in ("integral", "peak") else ()
     try:
         value = function(motion)
-        found = value if isinstance(value, TracedArray) else np.asarray(value)
-        if found.dtype.kind not in "fiub":
-            raise InvalidInput(f"must return real numbers, got {found.dtype if found.ndim else repr(value)}")
-        if found.shape != wanted:
-            raise InvalidInput(f"({form}) must return shape {wanted} where derivatives are taken, got {found.shape}")
+        array = value if isinstance(value, TracedArray) else np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        if array.shape != shape:
+            raise InvalidInput(f"({form}) must return shape {shape} where derivatives are taken, got {array.shape}")
     except InvalidInput as error:
-        raise InvalidInput(f"{what}: {error}") from None
-    return list((found.entries if isinstance(found, TracedArray) else found).ravel())
+        raise InvalidInput(f"{name}: {error}") from None
+    return list((array.entries if isinstance(array, TracedArray) else array).ravel())
 
 
-def local(motion: TracedMotion, what: str, function: Callable[[Any], Any]) -> Expression | float | None:
-    """Return what a function computes at one sample; None where it looks from one sample at another.
+def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
+    """Return the value of a function at one sample; None where it combines several samples.
 
-    Raises InvalidInput, naming the function and what it did, where its derivative cannot be had.
+    Raises InvalidInput, by ``name``, for a function without derivatives.
     """
     try:
-        return _series(motion, function(motion))
+        return _sample_value(motion, function(motion))
     except NotLocal:
         return None
     except InvalidInput as error:
-        raise InvalidInput(f"{what}: {error}") from None
+        raise InvalidInput(f"{name}: {error}") from None
 
 
-def _series(motion: TracedMotion, value: Any) -> Expression | float:
+def _sample_value(motion: TracedMotion, value: Any) -> Expression | float:
     tape = motion.trace.tape
-    found = value if isinstance(value, TracedArray) else np.asarray(value)
-    if found.dtype.kind not in "fiub":
-        raise InvalidInput(f"must return real numbers, got {found.dtype if found.ndim else repr(value)}")
-    if isinstance(found, TracedArray) and found.entries.shape == ():
-        return Expression(tape, as_entry(tape, found.entries))
-    if isinstance(found, np.ndarray) and found.shape in ((), motion.time.shape):
-        return motion.trace.parameter(found) if found.ndim else float(found)
-    raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {found.shape}")
+    array = value if isinstance(value, TracedArray) else np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+    if isinstance(array, TracedArray) and array.entries.shape == ():
+        return Expression(tape, as_entry(tape, array.entries))
+    if isinstance(array, np.ndarray) and array.shape in ((), motion.time.shape):
+        return motion.trace.parameter(array) if array.ndim else float(array)
+    raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")

@@ -1,0 +1,165 @@
+"""Every part of a motion problem checked, and the motion task that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.robot.pose import finite_array
+from paretoik.task.differences import Differences
+from paretoik.task.limits import Constraint, Limits
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.retraction import task_errors
+from paretoik.task.task import Task
+
+START_TOLERANCE = 1e-6  # m and rad: a start this near the path is moved onto it
+REST_STEP = 1e-4  # fraction of the duration over which a path's final speed is measured
+REST_SPEED = 0.01  # fraction of its mean speed below which a path is at rest
+
+
+def motion_task(
+    arm: Arm,
+    tasks: Path | Task | Sequence[Path | Task],
+    *,
+    objectives: Sequence[Objective],
+    limits: Limits | None = None,
+    constraints: Sequence[Constraint] = (),
+    obstacles: Sequence[Obstacle] = (),
+    link_radius: float = 0.0,
+    start: object = "free",
+    end_velocity: float | None = None,
+    cyclic: bool = False,
+    differences: Differences = "backward",
+    redundant: bool = True,
+) -> MotionTask:
+    """Check everything that a motion problem is made of and return it.
+
+    ``redundant`` refuses tasks that leave no joint over. Raises InvalidInput, naming the thing, for each part that
+    cannot be used.
+    """
+    if not isinstance(arm, Arm):
+        raise InvalidInput(f"arm: an Arm wanted, such as pk.arms.tringali_3r() or Arm.from_urdf(...), got {arm!r}")
+    followed = tuple(_as_task(one).resolve_axes(arm) for one in (tasks if isinstance(tasks, Sequence) else [tasks]))
+    _check_tasks(arm, followed, redundant)
+    _check_objectives_and_limits(objectives, constraints, limits)
+    _check_obstacles(obstacles, link_radius)
+    if cyclic and not all(task.path.is_closed for task in followed):
+        raise InvalidInput("cyclic=True wants a closed path, but the path does not end where it starts")
+    if end_velocity is not None and (end_velocity != 0 or cyclic):
+        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {end_velocity!r}")
+    if end_velocity is not None:
+        _check_paths_end_at_rest(followed)
+    bounds = (limits or Limits()).bounds(arm, followed[0].path.samples)
+    allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
+    widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
+    arm = replace(arm, position_limits=widest)
+    task = MotionTask(
+        arm=arm,
+        tasks=followed,
+        objectives=tuple(objectives),
+        constraints=tuple(constraints),
+        bounds=bounds,
+        obstacles=tuple(obstacles),
+        link_radius=link_radius,
+        min_clearance=(limits or Limits()).clearance,
+        start=None if isinstance(start, str) and start == "free" else _start_posture(arm, start),
+        ends_at_rest=end_velocity is not None,
+        cyclic=cyclic,
+        differences=differences,
+    )
+    if task.start is not None:
+        _check_start(task, task.start)
+    return task
+
+
+def _as_task(value: object) -> Task:
+    if not isinstance(value, Path | Task):
+        raise InvalidInput(f"path wants a Path, a Task or several of them, got {value!r}")
+    return Task(value) if isinstance(value, Path) else value
+
+
+def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
+    if not tasks:
+        raise InvalidInput("wants at least one path or task, got none")
+    times = tasks[0].path.times
+    for i, task in enumerate(tasks[1:], start=2):
+        if not np.array_equal(task.path.times, times):
+            raise InvalidInput(f"task {i}: must be sampled at the same times as task 1")
+    rows = sum(task.rows for task in tasks)
+    if rows > arm.dof - redundant:
+        wish = "is not redundant for this task" if redundant else "has too few joints for this task"
+        raise InvalidInput(f"{arm.name} {wish}: {arm.dof} joints for {rows} equations; ask for fewer axes")
+
+
+def _check_objectives_and_limits(
+    objectives: Sequence[Objective], constraints: Sequence[Constraint], limits: Limits | None
+) -> None:
+    _check_decorated("objective", objectives, Objective)
+    _check_decorated("constraint", constraints, Constraint)
+    if not objectives:
+        raise InvalidInput("objectives: wants at least one, got none")
+    if limits is not None and not isinstance(limits, Limits):
+        raise InvalidInput(f"limits: Limits(...) wanted, got {limits!r}")
+
+
+def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
+    if not isinstance(obstacles, Sequence) or not all(isinstance(one, Obstacle) for one in obstacles):
+        raise InvalidInput(f"obstacles: a list of obstacles wanted, got {obstacles!r}")
+    if not finite_array("link_radius", link_radius, ()) >= 0:
+        raise InvalidInput(f"link_radius: 0 m or more wanted, got {link_radius}")
+
+
+def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constraint], required: type) -> None:
+    if not isinstance(members, Sequence):
+        raise InvalidInput(f"{kind}s: wants a list, got {members!r}")
+    for member in members:
+        if not isinstance(member, required):
+            raise InvalidInput(f"{kind}s: wants functions decorated with @{kind}, got {member!r}")
+    names = [member.name for member in members]
+    if len(set(names)) != len(names):
+        raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
+
+
+def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
+    for task in tasks:
+        path = task.path
+        instants = np.array([1.0 - REST_STEP, 1.0]) * path.duration
+        end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
+        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
+        if end > REST_SPEED * mean:
+            raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, but it ends at {end:.3g} m/s")
+
+
+def _start_posture(arm: Arm, start: object) -> np.ndarray:
+    try:
+        q = np.array(start, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {start!r}") from None
+    if q.shape != (arm.dof,) or not np.all(np.isfinite(q)):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {start!r}")
+    return q
+
+
+def _check_start(task: MotionTask, start: np.ndarray) -> None:
+    error, _ = task_errors(task.arm, task.tasks, start[None], task.targets[:1])
+    distance = float(np.abs(error).max())
+    if distance > START_TOLERANCE:
+        raise InvalidInput(
+            f"start is {distance:.3g} m (or rad) off the path's first sample; wants at most {START_TOLERANCE}"
+        )
+    if "position" in task.bounds:
+        lower, upper = task.bounds["position"][0].T
+        outside = (start < lower) | (start > upper)
+        if outside.any():
+            j = int(np.argmax(outside))
+            raise InvalidInput(
+                f"start: {task.arm.joint_names[j]} at {start[j]:.6g} is outside its limits {lower[j]:.6g} to "
+                f"{upper[j]:.6g}"
+            )

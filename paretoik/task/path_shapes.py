@@ -1,0 +1,203 @@
+"""How paths are made: straight lines, circles, splines through waypoints, and poses at given times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.pose import ArrayLike, Pose, finite_array, rotation_vector
+from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
+from paretoik.task.path import Path, even_times, positive_number, rotation_angles, sample_count, sample_curve
+from paretoik.task.timing import check_law
+
+
+def line(
+    start: Pose | ArrayLike,
+    end: Pose | ArrayLike,
+    *,
+    duration: float,
+    samples: int = 101,
+    timing: str = "raised-cosine",
+) -> Path:
+    """Straight path between two points (2-D or 3-D) [m], or two poses, in ``duration`` [s] by a time law.
+
+    Between poses the orientation turns at the same law about one axis, by at most half a turn (the geodesic).
+
+    Raises
+    ------
+    InvalidInput
+        For ends of different kinds or at the same place, a bad duration, fewer than 3 samples, an unknown time law.
+
+    >>> path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0)
+    >>> path
+    Path(101 2-D points, 1 s)
+    >>> path.at(0.5)[0].round(5)
+    array([0.28305, 0.0763 ])
+    """
+    times = even_times(duration, samples)
+    if isinstance(start, Pose) and isinstance(end, Pose):
+        rotation = rotation_vector(start.rotation.T @ end.rotation)
+        shape = Line(start.position, end.position - start.position, start.quaternion, rotation)
+    elif isinstance(start, Pose) or isinstance(end, Pose):
+        raise InvalidInput("line: start and end must both be poses or both be points, got one of each")
+    else:
+        origin, goal = _point("line start", start), _point("line end", end)
+        if len(origin) != len(goal):
+            raise InvalidInput(f"line: start and end must both be 2-D or 3-D, got {len(origin)}-D and {len(goal)}-D")
+        shape = Line(origin, goal - origin, None, np.zeros(3))
+    if max(np.linalg.norm(shape.step), np.linalg.norm(shape.rotation_vector)) <= CLOSURE_TOLERANCE:
+        raise InvalidInput(f"line: must have a length, but start and end are both {shape.origin.tolist()}")
+    return sample_curve(TimedCurve(shape, float(duration), check_law(timing)), times)
+
+
+def circle(
+    center: Pose | ArrayLike,
+    radius: float,
+    *,
+    duration: float,
+    samples: int = 101,
+    start_angle: float = 0.0,
+    turns: float = 1,
+    timing: str = "raised-cosine",
+    normal: ArrayLike | None = None,
+) -> Path:
+    """Circle of ``radius`` [m] about ``center``, ``turns`` times round in ``duration`` [s] (a part of 1 is an arc).
+
+    A 2-D or 3-D ``center`` gives a path of points; a 3-D circle goes round counter-clockwise about ``normal`` (default
+    +z) and counts ``start_angle`` [rad] from the direction of +x in its plane (of +y where the normal is along x). A
+    pose gives a path of poses: a circle in the pose's own xy-plane, counted from its own x, all in the pose's
+    orientation. Negative ``turns`` go the other way round.
+
+    Raises
+    ------
+    InvalidInput
+        For a radius that is not positive, no turns, a zero normal or one with nothing to do, and as ``line`` does.
+
+    >>> circle([0.5, 0.0], 0.1, duration=2.0, start_angle=np.pi).positions[0].round(12)
+    array([0.4, 0. ])
+    """
+    times = even_times(duration, samples)
+    radius = positive_number("circle radius", radius, "m")
+    sweep = 2 * np.pi * float(finite_array("circle turns", turns, shape=()))
+    if sweep == 0:
+        raise InvalidInput("circle turns: must not be 0")
+    phase = float(finite_array("circle start_angle", start_angle, shape=()))
+    origin = center.position if isinstance(center, Pose) else _point("circle center", center)
+    if isinstance(center, Pose):
+        axes = center.rotation.T[:2]
+    elif len(origin) == 2:
+        axes = np.eye(2)
+    else:
+        axes = _plane_axes((0.0, 0.0, 1.0) if normal is None else normal)
+    if normal is not None and (isinstance(center, Pose) or len(origin) == 2):
+        raise InvalidInput("circle normal: only goes with a 3-D point as center; a pose has its own plane, 2-D has one")
+    orientation = center.quaternion if isinstance(center, Pose) else None
+    shape = Circle(origin, radius * axes, phase, sweep, orientation)
+    return sample_curve(TimedCurve(shape, float(duration), check_law(timing)), times)
+
+
+def waypoints(
+    points: Sequence[Pose] | ArrayLike,
+    *,
+    duration: float,
+    samples: int = 101,
+    timing: str = "raised-cosine",
+) -> Path:
+    """Smooth path through all ``points``: an array (n, 2 or 3) [m] or a sequence of poses, in ``duration`` [s].
+
+    A C² cubic spline over the chord length between the points (over the angle between them where poses only turn),
+    periodic if the last point is the first again, with SciPy's ``RotationSpline`` for orientations. ``timing`` governs
+    the chord length covered. The samples are even in time, so in general none falls on a point between the ends.
+
+    Raises
+    ------
+    InvalidInput
+        For fewer than 2 points, one that is where the last one was (with its index), and as ``line`` does.
+
+    >>> path = waypoints([[0, 0], [1, 1], [2, 0]], duration=1.0)
+    >>> path.at(0.5)[0].round(12)
+    array([1., 1.])
+    """
+    times = even_times(duration, samples)
+    positions, quaternions = _points_or_poses("waypoints", points)
+    if len(positions) < 2:
+        raise InvalidInput(f"waypoints: must be at least 2, got {len(positions)}")
+    lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    if quaternions is not None and lengths.max() <= CLOSURE_TOLERANCE:
+        lengths = rotation_angles(quaternions)
+    repeated = np.flatnonzero(lengths <= CLOSURE_TOLERANCE)
+    if len(repeated):
+        first = int(repeated[0])
+        raise InvalidInput(f"waypoints: must differ from one to the next, but {first} and {first + 1} are the same")
+    knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
+    knots[-1] = 1.0
+    return sample_curve(
+        TimedCurve(interpolate(knots, positions, quaternions), float(duration), check_law(timing)), times
+    )
+
+
+def poses(times: ArrayLike, poses: Sequence[Pose] | ArrayLike) -> Path:
+    """Path through ``poses`` at ``times`` [s]: a sequence of poses, or an array of points (time, 2 or 3) [m].
+
+    The given times, which start at 0, are the samples. Between them runs a C² cubic spline, periodic if the last
+    position is the first again, with SciPy's ``RotationSpline`` for orientations.
+
+    Raises
+    ------
+    InvalidInput
+        For times that do not increase (with the index) or start at 0, fewer than 3, or more or fewer than the poses.
+
+    >>> poses([0.0, 0.2, 1.0], [[0.5, 0.0], [0.5, 0.1], [0.5, 0.3]]).at(0.2)[0].round(12)
+    array([0.5, 0.1])
+    """
+    instants = finite_array("path times", times)
+    if instants.ndim != 1:
+        raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
+    positions, quaternions = _points_or_poses("poses", poses)
+    if len(instants) != len(positions):
+        raise InvalidInput(f"poses: must be one for each time, got {len(positions)} for {len(instants)} times")
+    sample_count(len(instants))
+    if instants[0] != 0:
+        raise InvalidInput(f"path times: must start at 0 s, got {instants[0]:g}")
+    decreasing = np.flatnonzero(np.diff(instants) <= 0)
+    if len(decreasing):
+        k = int(decreasing[0]) + 1
+        raise InvalidInput(f"path times: must increase, got {instants[k]:g} after {instants[k - 1]:g} at index {k}")
+    return sample_curve(interpolate(instants, positions, quaternions), instants)
+
+
+def _point(name: str, value: ArrayLike) -> np.ndarray:
+    point = finite_array(name, value)
+    if point.shape not in ((2,), (3,)):
+        raise InvalidInput(f"{name}: must be a 2-D or 3-D point, got shape {point.shape}")
+    return point
+
+
+def _points_or_poses(name: str, values: Sequence[Pose] | ArrayLike) -> tuple[np.ndarray, np.ndarray | None]:
+    poses = [value for value in values if isinstance(value, Pose)] if isinstance(values, Sequence) else []
+    if isinstance(values, Sequence) and poses:
+        if len(poses) < len(values):
+            first = next(i for i, value in enumerate(values) if not isinstance(value, Pose))
+            raise InvalidInput(f"{name}: must be all poses or all points, but index {first} is no pose")
+        return np.stack([pose.position for pose in poses]), np.stack([pose.quaternion for pose in poses])
+    points = finite_array(name, cast(ArrayLike, values))
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise InvalidInput(f"{name}: must be poses or an array of points (n, 2) or (n, 3), got shape {points.shape}")
+    return points, None
+
+
+def _plane_axes(normal: ArrayLike) -> Float[np.ndarray, "2 3"]:
+    direction = finite_array("circle normal", normal, shape=(3,))
+    length = float(np.linalg.norm(direction))
+    if length == 0:
+        raise InvalidInput("circle normal: must not be zero")
+    direction /= length
+    along_x = np.abs(direction[0]) > 1 - 1e-9
+    first = np.eye(3)[1 if along_x else 0]
+    first = first - direction * (first @ direction)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)])

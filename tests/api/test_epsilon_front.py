@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+import pytest
+
+import paretoik as pk
+from tests.api.problems import tracking
+
+
+def test_points_are_shown_as_they_come_and_all_are_certified(problem):
+    seen = []
+    front = pk.epsilon_front(problem, points=5, starts=6, observe=seen.append)
+    assert {(progress.stage, progress.total) for progress in seen} == {("point", 5)}
+    assert seen[-1].done >= len(front) >= 4
+    assert front.certificates.kkt_residual.max() <= 1e-6
+    assert front.provenance["settings"] == {"points": 5, "starts": 6, "seed": 0}
+
+
+def test_one_objective_is_left_to_plan():
+    with pytest.raises(pk.InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
+        pk.epsilon_front(tracking(pk.kinetic_energy))
+
+
+@pytest.mark.parametrize(("settings", "words"), [({"points": 1}, "points: an integer of at least 2 wanted, got 1")])
+def test_settings_that_make_no_sense_are_refused(problem, settings, words):
+    with pytest.raises(pk.InvalidInput, match=words):
+        pk.epsilon_front(problem, **settings)

@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from tests.api.problems import PATH, tracking
+
+
+def test_levels_are_shown_coarse_to_fine_with_starts_and_optima():
+    seen = []
+    found = pk.plan(tracking(pk.kinetic_energy), starts=6, observe=seen.append)
+    samples = len(PATH.times)
+    assert {(progress.stage, progress.total) for progress in seen} == {("sample", samples)}
+    assert [progress.done for progress in seen] == sorted(progress.done for progress in seen)
+    assert seen[-1].done == samples
+    assert seen[-1].summary.endswith(f"{len(found.optima)} distinct optima")
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"starts": 0}, "starts: an integer of at least 1 wanted, got 0"),
+        ({"seed": -1}, "seed: an integer of at least 0 wanted, got -1"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(settings, words):
+    with pytest.raises(pk.InvalidInput, match=words):
+        pk.plan(tracking(pk.kinetic_energy), **settings)
+
+
+def test_several_objectives_are_refused_by_name(problem):
+    with pytest.raises(pk.InvalidInput, match="plan: one objective wanted, got 2: kinetic_energy, torque_norm"):
+        pk.plan(problem)
+
+
+def test_motions_of_another_length_or_off_the_path_cannot_be_started_from(problem):
+    one = tracking(pk.kinetic_energy)
+    motions = one.decode(np.array([[0.5, *np.zeros(one.n_var - 1)]]))
+    with pytest.raises(pk.InvalidInput, match=r"initial: motions of .* with 21 samples wanted, got .* with 20"):
+        pk.plan(one, initial=one.task.truncate(20).motion(motions.q[:, :20]))
+    with pytest.raises(pk.InvalidInput, match="initial: motions on the path wanted, got one that is"):
+        pk.plan(one, initial=one.task.motion(motions.q + 0.1))

@@ -1,0 +1,108 @@
+"""One run: its folder says what became of it, whatever becomes of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from paretoik.api.progress import RunProgress
+from paretoik.api.run_session import Display, run_session
+from paretoik.errors import Infeasible
+from paretoik.front.front import Front
+from paretoik.review.generation import Generation
+from paretoik.run_files import RECORDING, RUN
+from tests.search.problems import Constant
+
+DISPLAY = Display(names=("a",), units=("",), maximised=(False,), timeline="generation")
+
+
+def session(out, **settings):
+    given = {"settings": {"seed": 1}, "overwrite": False, "reference": None, "observe": None}
+    return run_session(Constant(1), out=out, **(given | settings))
+
+
+def front(provenance, value: float = 1.0) -> Front:
+    return Front(
+        ids=np.array([0]),
+        objectives=np.array([[value]]),
+        names=["a"],
+        units=[""],
+        maximised=[False],
+        provenance=provenance,
+    )
+
+
+def stored(folder) -> dict:
+    return json.loads((folder / RUN).read_text())
+
+
+def test_a_run_says_that_it_is_running_until_it_has_a_front(tmp_path):
+    with session(tmp_path, reference="mine.py:problem") as run:
+        assert stored(tmp_path)["status"] == "running"
+        run.finish(front({**run.provenance, "status": "generations"}))
+    kept = Front.load(tmp_path).provenance
+    assert (kept["status"], kept["problem"], kept["settings"]) == ("generations", "mine.py:problem", {"seed": 1})
+    assert set(kept["versions"]) == {"paretoik", "pymoo", "numpy"}
+
+
+def test_a_failure_stands_in_the_folder(tmp_path):
+    with pytest.raises(Infeasible), session(tmp_path):
+        raise Infeasible("no motion within the limits")
+    assert (stored(tmp_path)["status"], stored(tmp_path)["reason"]) == ("Infeasible", "no motion within the limits")
+
+
+def test_a_failure_after_a_draft_keeps_the_draft(tmp_path):
+    def work():
+        with session(tmp_path) as run:
+            run.save_draft(front({**run.provenance, "status": "generations"}, 3.0))
+            raise RuntimeError("the lamp went out")
+
+    with pytest.raises(RuntimeError):
+        work()
+    kept = Front.load(tmp_path)
+    assert kept.objectives[0, 0] == 3.0
+    assert (kept.provenance["status"], kept.provenance["reason"]) == ("RuntimeError", "the lamp went out")
+
+
+def test_a_failure_after_the_end_leaves_the_front_as_it_is(tmp_path):
+    def work():
+        with session(tmp_path) as run:
+            run.finish(front({**run.provenance, "status": "generations"}))
+            raise RuntimeError("no ink for the picture")
+
+    with pytest.raises(RuntimeError):
+        work()
+    assert Front.load(tmp_path).provenance["status"] == "generations"
+
+
+def test_observer_and_recorder_see_the_same_generations(tmp_path):
+    seen: list[RunProgress] = []
+    F = np.array([[1.0]])
+    generation = Generation(number=1, population=F, front=F, front_ids=np.array([0]), hypervolume=0.0)
+    with session(tmp_path, observe=seen.append) as run:
+        assert run.is_watched
+        run.start(DISPLAY)
+        shown = RunProgress(stage="generation", done=1, total=2, seconds=run.seconds, generation=generation)
+        run.show(shown)
+        run.show(replace(shown, stage="refinement", generation=None))
+        run.finish(front(run.provenance))
+    assert [progress.stage for progress in seen] == ["generation", "refinement", "saving"]
+    assert (tmp_path / RECORDING).stat().st_size > 0
+
+
+def test_without_a_folder_nothing_is_written_and_signals_are_still_caught(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with session(None) as run:
+        run.start(DISPLAY)
+        assert not run.is_watched
+        assert run.signal is None
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert run.signal == "SIGTERM"
+        run.save_draft(front({}))
+        run.finish(front({}))
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,56 @@
+"""What verbs get of a formulation, and of a plain pymoo problem that has none of the optional parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymoo.problems.multi.zdt import ZDT1
+
+import paretoik as pk
+from paretoik.errors import InvalidInput
+from paretoik.formulations import protocol
+from tests.api.problems import tracking
+
+PLAIN = ZDT1(n_var=3)
+
+
+class Explaining:
+    n_var, n_obj, constraint_names = 2, 1, ("wall", "floor")
+
+    def explain(self, genes):
+        return ["through the floor"] * len(genes)
+
+
+def test_a_plain_problem_is_searched_and_has_no_motions_branches_or_preferences():
+    protocol.check_formulation(PLAIN)
+    assert protocol.timeline(PLAIN) == "generation"
+    assert not protocol.has_branches(PLAIN)
+    assert protocol.decode(PLAIN, np.zeros((1, 3))) is None
+    assert protocol.reweigh(PLAIN, pk.solve(PLAIN, population=8, generations=1), pk.Weights(f1=1.0)) is None
+    with pytest.raises(InvalidInput, match="initial: wants genes, as this problem cannot encode motions"):
+        protocol.encode(PLAIN, None)
+
+
+def test_the_limit_that_is_violated_most_is_named():
+    violation = np.array([0.1, 0.5])
+    assert protocol.explain_violation(PLAIN, np.zeros((1, 3)), violation) == (
+        "constraint 2",
+        "constraint 2 is violated by 0.5",
+    )
+    assert protocol.explain_violation(Explaining(), np.zeros((1, 2)), violation) == ("floor", "through the floor")
+
+
+def test_a_thing_without_objectives_is_no_formulation():
+    with pytest.raises(InvalidInput, match="problem: a pymoo problem wanted, such as Tracking, got 3"):
+        protocol.check_formulation(3)
+
+
+def test_tracking_encodes_what_it_decodes_and_restores_its_motions():
+    problem = tracking(velocity=6.0)
+    front = pk.solve(problem, population=12, generations=2)
+    assert protocol.has_branches(problem)
+    genes, deviation = protocol.encode(problem, protocol.decode(problem, np.array(front.genes)))
+    assert genes.shape == front.genes.shape
+    assert deviation.max() < 1e-6
+    restored = protocol.restore_motions(problem, front)
+    np.testing.assert_array_equal(restored.torque, front.motions.torque)
