@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik import Arm, Path, PredictiveTracking, Tracking, arms, circle, kinetic_energy, line
+from paretoik import Arm, Motion, Path, Tracking, Tuning, arms, circle, kinetic_energy, line, measures, methods, plan
 
 START = (0.0, 0.327, -0.754)  # rad
 LENGTHS = (0.176, 0.176, 0.1375)
@@ -70,6 +70,18 @@ def trajectory_4() -> Tracking:
     return problem(4)
 
 
-def rhythm() -> PredictiveTracking:
-    """Find the rhythm of looking ahead along 0.7 m: energy against the work of an update."""
-    return PredictiveTracking(arms.tringali_3r(), trajectory(4, 201), start=START)
+def schedule() -> Tuning:
+    """Find how far, how finely and how often to predict along 0.7 m: energy against the work of an update."""
+    return schedule_along(4, optimum=plan(problem(4, samples=201)).best.motion)
+
+
+def schedule_along(number: int, *, optimum: Motion, arm: Arm | None = None, samples: int = 201) -> Tuning:
+    """Return the search for the numbers of predictive control; one objective is the distance from an optimum."""
+    return Tuning(
+        arm or arms.tringali_3r(),
+        trajectory(number, samples),
+        methods.PredictiveKineticEnergy(),
+        parameters=["horizon", "prediction_time", "update_share", "terminal"],
+        objectives=[kinetic_energy, measures.evaluations, measures.distance_to(optimum)],
+        starts=[START],
+    )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
-from paretoik import Path, Pose, ProjectionGains, arms, joint_limit_nearness, poses, velocity_limit_nearness
+from paretoik import Path, Pose, Tuning, arms, joint_limit_nearness, methods, poses, velocity_limit_nearness
 
 STEP = 0.005  # s
 FEEDBACK = 80.0  # 1/s
@@ -32,6 +32,7 @@ ENDS = {  # positions [m] and Euler angles [°]
     ),
 }
 EULER = "ZYZ"
+DAMPING_RANGE = methods.Parameter("damping", 1e-3, 1e-1, scale="log", fields=("region", "damping"))
 
 
 def simulation(duration: float = 0.3) -> Path:
@@ -45,15 +46,36 @@ def experiment(duration: float = 1.855) -> Path:
     return _path("experiment", np.concatenate([way, way[-2::-1]]))
 
 
-def weighted_gains() -> ProjectionGains:
+def weighted_gains(judged_starts: int = 5) -> Tuning:
     """Find the numbers of weighted gradient projection along the path of section 3.2, velocities limited."""
-    return ProjectionGains(arms.wan_7r(), experiment(), criteria=[velocity_limit_nearness])
+    method = methods.WeightedGradientProjection(criteria=[velocity_limit_nearness])
+    names: list[str | methods.Parameter] = [
+        "start",
+        "feedback",
+        DAMPING_RANGE,
+        "buffer",
+        "repulsion",
+        "band",
+        "gain of velocity_limit_nearness",
+    ]
+    return _tuning(method, names, judged_starts)
 
 
-def plain_gains() -> ProjectionGains:
+def plain_gains(judged_starts: int = 5) -> Tuning:
     """Find the numbers of gradient projection along the same path, positions and velocities limited."""
-    criteria = [joint_limit_nearness, velocity_limit_nearness]
-    return ProjectionGains(arms.wan_7r(), experiment(), family="plain", criteria=criteria)
+    criteria = [velocity_limit_nearness, joint_limit_nearness]
+    names: list[str | methods.Parameter] = [
+        "start",
+        "feedback",
+        DAMPING_RANGE,
+        *(f"gain of {each.name}" for each in criteria),
+    ]
+    return _tuning(methods.GradientProjection(criteria=criteria), names, judged_starts)
+
+
+def _tuning(method: methods.GradientProjection, names: list[str | methods.Parameter], judged_starts: int) -> Tuning:
+    """Return the search for a method's numbers; the path leaves the arm's reach, so that errors count, not a limit."""
+    return Tuning(arms.wan_7r(), experiment(), method, parameters=names, judged_starts=judged_starts, tolerance=None)
 
 
 def modified_trapezoid(u: np.ndarray) -> np.ndarray:

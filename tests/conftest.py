@@ -10,8 +10,8 @@ import hypothesis
 import jaxtyping
 import pytest
 
-import paretoik.capability.motors
-import paretoik.capability.planar_maxima
+import paretoik.capability.compiled.actuators
+import paretoik.capability.compiled.planar_maxima
 import paretoik.closed_loop.admissible_steps
 import paretoik.closed_loop.configurations
 import paretoik.closed_loop.engine

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Joints
-from paretoik.capability import motors as compiled
+from paretoik.capability.compiled import actuators as compiled
 from paretoik.capability.rods import check_geometry, reached, spread
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.arm import Arm
@@ -72,7 +72,7 @@ class MotorCurve:
             else np.ones_like(turned)
             for turned in (share, -share)
         )
-        bearable = np.abs(share) <= 1.0 + compiled.ROUNDING
+        bearable = np.abs(share) <= 1.0 + compiled.OPTIONS.overload
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
     def room(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
@@ -347,7 +347,7 @@ def _best(actuation: Actuation, q: Joints, torque: Joints, what: int) -> np.ndar
     if q.shape != torque.shape or not q.ndim or q.shape[-1] != actuation.dof:
         raise InvalidInput(f"actuation: arrays (..., {actuation.dof}) wanted, got {q.shape} and {torque.shape}")
     found = np.empty((q.size // actuation.dof, actuation.dof, 2))
-    compiled.joints(actuation.table, *(each.reshape(-1, actuation.dof) for each in (q, torque)), what, found)
+    compiled.joint_maxima(actuation.table, *(each.reshape(-1, actuation.dof) for each in (q, torque)), what, found)
     return found.reshape(*q.shape, 2)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Joints
-from paretoik.capability import motors, planar_maxima
 from paretoik.capability.actuation import Actuation, DistributedActuation, holding, joint_speeds, overloaded
 from paretoik.capability.capability import Capability, Quantity
+from paretoik.capability.compiled import actuators, planar_maxima
 from paretoik.capability.zonotopes import fastest, strongest
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, ParetoikError, SolverFailed
 from paretoik.nlp.dense_sqp import minimised
@@ -113,8 +113,8 @@ def _swept(
 ) -> np.ndarray:
     """Return the best postures of a planar arm with three joints."""
     values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
-    what = motors.SPEED if quantity == "velocity" else motors.HOLD
-    if not planar_maxima.maxima((table, actuation.table, position, what), directions, values, q):
+    what = actuators.SPEED if quantity == "velocity" else actuators.HOLD
+    if not planar_maxima.write_maxima((table, actuation.table, position, what), directions, values, q):
         raise _out_of_reach(table, position)
     if (values < 0).any():
         raise _refused(arm, actuation, several_postures(arm, position, min(samples, FEW), rng), position)

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation, MotorCurve, holding, joint_speeds
-from paretoik.capability.motors import gears
+from paretoik.capability.compiled.actuators import gears
 from paretoik.nlp.traced import Smooth, smooth
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm

@@ -23,9 +23,9 @@ from paretoik.capability.best_postures import best_postures, loads
 from paretoik.capability.capability import Quantity
 from paretoik.capability.zonotopes import fastest, strongest, turning
 from paretoik.errors import InvalidInput, check_size
+from paretoik.inputs import finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

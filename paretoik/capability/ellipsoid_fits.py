@@ -11,8 +11,8 @@ from paretoik.capability.polynomials import empty_polynomials, orthogonal_design
 from paretoik.capability.speed_models import PolynomialEllipsoids
 from paretoik.capability.speed_samples import Directions, Positions, Speeds, check_determined, checked_samples
 from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.inputs import finite_array
 from paretoik.nlp.ellipsoid_fit import fit_inverse_squares, symmetric_basis
-from paretoik.robot.pose import finite_array
 
 
 @dataclass(frozen=True, kw_only=True)

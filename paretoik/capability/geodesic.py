@@ -15,8 +15,8 @@ from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed, check_size
+from paretoik.inputs import ArrayLike, finite_array
 from paretoik.nlp.interval_program import Pieces
-from paretoik.robot.pose import ArrayLike, finite_array
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 SAMPLES = 64  # of a path, at least, before its time is believed

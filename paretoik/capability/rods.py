@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import finite_array
+from paretoik.inputs import finite_array
 
 
 def reached(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tuple[float, float]:

@@ -28,8 +28,8 @@ from paretoik.capability.geodesic import (
 )
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed, check_size
+from paretoik.inputs import ArrayLike, finite_array
 from paretoik.nlp.interval_program import IntervalSolver, Pieces
-from paretoik.robot.pose import ArrayLike, finite_array
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
 

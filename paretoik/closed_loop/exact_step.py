@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.compilation import compiled
+from paretoik.compilation import compiled, inlined
+from paretoik.nlp.compiled.scalar_search import golden_section
 
 NEAREST, FINE, FARTHEST = 1e-7, 0.1, 8.0  # of the radii [rad]: evenly in their logarithm up to FINE, then evenly
 RADII = (40, 80), (24, 40)  # for one redundant degree, and for two
 ANGLES = 24
 ERROR, RADIUS, SUM = range(3)  # what is least
 KEPT = 3, 6  # cells of the grid that are searched further
-GOLDEN = 0.6180339887498949
 HALVINGS, TURNS = 36, 150
 SMALL = 1e-9  # of the radius: a simplex that has ended
 NEWTON, EXACT = 12, 1e-13  # iterations, and what counts as no error [m]
@@ -99,23 +99,16 @@ def _worth(rho, missed, what, ranges):
     return weight * (rho / reach) ** 2 + (1.0 - weight) * (missed - least) / width
 
 
+@inlined
+def _worth_at(rho, arguments):
+    theta, what, ranges, scene, q = arguments
+    return _worth(rho, _missed(rho, theta, scene, q), what, ranges)
+
+
 @compiled
 def _along(low, high, theta, what, ranges, scene, q):
-    """Return (worth, ρ) of the least between two radii, by golden sections."""
-    middle = 0.5 * (low + high)
-    a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_a = _worth(a, _missed(a, theta, scene, q), what, ranges)
-    at_b = _worth(b, _missed(b, theta, scene, q), what, ranges)
-    for _ in range(HALVINGS):
-        if at_a < at_b or (at_a == at_b and b > middle):  # where both are blocked towards what may be free
-            high, b, at_b = b, a, at_a
-            a = high - GOLDEN * (high - low)
-            at_a = _worth(a, _missed(a, theta, scene, q), what, ranges)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + GOLDEN * (high - low)
-            at_b = _worth(b, _missed(b, theta, scene, q), what, ranges)
-    return (at_a, a) if at_a <= at_b else (at_b, b)
+    """Return (worth, ρ) of the least between two radii, by golden sections; from blocked ones towards the middle."""
+    return golden_section(_worth_at, (theta, what, ranges, scene, q), low, high, HALVINGS, 0.5 * (low + high))
 
 
 @compiled

@@ -10,11 +10,11 @@ from jaxtyping import Float
 from paretoik.closed_loop.workspace import SLACK
 from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
+from paretoik.inputs import finite_array
 from paretoik.robot.kinematics import link_nodes
-from paretoik.robot.pose import finite_array
+from paretoik.task.distances import clearance
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import clearance
 
 
 def nearest_obstacle(task: MotionTask, q: np.ndarray) -> str:

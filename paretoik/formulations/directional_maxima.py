@@ -30,11 +30,11 @@ from paretoik.formulations.configurations import Stance, Stances
 from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
 from paretoik.formulations.violations import explained
 from paretoik.front.front import Front
+from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 

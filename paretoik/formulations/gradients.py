@@ -73,9 +73,9 @@ class Differentiable(Protocol):
 def require_program(verb: str, problem: Any) -> Differentiable:
     """Return a formulation that has gradients; raise InvalidInput, naming the verb, for others."""
     if not hasattr(problem, "program"):
+        name = type(problem).__name__
         raise InvalidInput(
-            f"{verb}: a formulation with gradients wanted (Tracking, DirectionalMaxima, PointToPoint), got "
-            f"{type(problem).__name__}"
+            f"{verb}: a problem with gradients wanted, such as Tracking, got {name}, which offers no program()"
         )
     formulation: Differentiable = problem
     return formulation

@@ -28,11 +28,11 @@ from paretoik.formulations.gradients import Individuals, dense_front_points, den
 from paretoik.formulations.initial_paths import Ways, ways
 from paretoik.formulations.violations import explained
 from paretoik.front.front import Front
+from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract

@@ -1,178 +1,218 @@
-"""The minimum of a small nonlinear program over the samples ahead, compiled; ``horizon`` says what of."""
+"""Newton's method in the null space of a small program over the samples ahead, compiled; see ``horizon``."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
-from paretoik.resolution.matrices import decomposed, substituted
+from paretoik.resolution.matrices import cholesky, solve_cholesky
 
-ITERATIONS = 60
-CORRECTIONS = 12  # of Newton's method back onto the path
-STATIONARY, ON_PATH = 1e-9, 1e-12  # share of the objective's slope; m or rad
-ACCEPTED = 1e-10  # m or rad: rounding may keep from ON_PATH, but not from this
-SHORTEST = 1e-7  # share of a step
-LONGEST = 0.5  # rad or m: of one joint in one step
-ENOUGH = 1e-4  # share of what a step promises
-STIFFENED = 1e-3  # share of the largest curvature that is added first where one is negative
+
+class NewtonOptions(NamedTuple):
+    """Settings of the iterations."""
+
+    iterations: int = 60
+    corrections: int = 12  # of Newton's method back onto the path
+    stationarity: float = 1e-9  # of the reduced gradient, share of the gradient's largest entry
+    stalled_stationarity: float = 1e-6  # the same, accepted where rounding hides any descent
+    feasibility: float = 1e-12  # m or rad: of the path's equations
+    stalled_feasibility: float = 1e-10  # m or rad: accepted where rounding hides any progress
+    largest_move: float = 0.5  # rad or m: of one joint in one step
+    shortest_step: float = 1e-7  # share of a step
+    sufficient_decrease: float = 1e-4  # share of the predicted decrease (Armijo; Nocedal & Wright, Eq. 3.4)
+    regularisation: float = 1e-3  # share of the Hessian's largest diagonal entry added first where it is indefinite
+
+
+OPTIONS = NewtonOptions()
 
 
 @compiled
-def minimised(first, second, row, column, given, ahead, dof, rows):
-    """Lead the positions, the first of ``given``, to a minimum; return (objective, whether it is one, iterations).
+def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
+    """Overwrite the positions in ``inputs`` with a local minimum; return (objective, converged, iterations).
 
-    ``given`` (inputs, 1) has positions, what is known, and multipliers after that. ``first`` gives the objective, its
-    gradient, equations and their Jacobian, ``second`` the Hessian at ``row`` and ``column``. Every step is that of the
-    quadratic model in the null space of the Jacobian, led back onto the path; where the model has no minimum it is made
-    stiffer. Source: Nocedal & Wright, Numerical Optimization, algorithm 3.3 and section 16.2; Gabay 1982.
+    ``inputs`` (inputs, 1) has positions, what is fixed, and multipliers after that. ``derivatives`` gives the
+    objective, its gradient, equations and their Jacobian, ``hessian`` its entries at ``row`` and ``column``. Every step
+    minimises the quadratic model in the null space of the Jacobian and is retracted onto the path; where the reduced
+    Hessian is indefinite it is regularised. Source: Nocedal & Wright, Numerical Optimization, algorithm 3.3 and
+    section 16.2; Gabay 1982.
     """
-    size, count, free = ahead * dof, ahead * rows, ahead * (dof - rows)
-    prices = given.shape[0] - dof - count
-    found = np.empty((1 + size + count + count * dof, 1))
-    flat, asked = found.reshape(found.shape[0]), given.reshape(given.shape[0])
-    bends, H = np.empty((row.shape[0], 1)), np.zeros((size, size))
-    basis, step, before = np.zeros((size, free)), np.empty(size), np.empty(size)
-    reduced, factor, pull, slope = np.empty((free, free)), np.empty((free, free)), np.empty(free), np.empty(free)
-    factors, room = np.empty((ahead, rows, rows)), np.empty(rows)
-    if not _onto_path(first, given, found, factors, room, ahead, dof, rows):
-        return found[0, 0], False, 0
-    for iteration in range(ITERATIONS):
-        value, steep, left = found[0, 0], 0.0, 0.0
+    size, count, free = horizon * dof, horizon * rows, horizon * (dof - rows)
+    first_multiplier = inputs.shape[0] - dof - count
+    outputs = np.empty((1 + size + count + count * dof, 1))
+    flat, known = outputs.reshape(outputs.shape[0]), inputs.reshape(inputs.shape[0])
+    entries, H = np.empty((row.shape[0], 1)), np.zeros((size, size))
+    basis, step = np.zeros((size, free)), np.empty(size)
+    reduced, factor = np.empty((free, free)), np.empty((free, free))
+    direction, slope = np.empty(free), np.empty(free)
+    factors, work = np.empty((horizon, rows, rows)), np.empty(rows)
+    if not _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
+        return outputs[0, 0], False, 0
+    for iteration in range(OPTIONS.iterations):
+        value, largest = outputs[0, 0], 0.0
         gradient = flat[1 : 1 + size]
-        J = flat[1 + size + count :].reshape((ahead, rows, dof))
-        _priced(J, factors, gradient, asked[prices : prices + count], room)
-        for k in range(ahead):
-            _null_basis(
-                J[k], factors[k], room, basis[k * dof : (k + 1) * dof, k * (dof - rows) : (k + 1) * (dof - rows)]
-            )
+        J = flat[1 + size + count :].reshape((horizon, rows, dof))
+        _least_squares_multipliers(J, factors, gradient, known[first_multiplier : first_multiplier + count], work)
+        for k in range(horizon):
+            block = basis[k * dof : (k + 1) * dof, k * (dof - rows) : (k + 1) * (dof - rows)]
+            _null_basis(J[k], factors[k], work, block)
         for j in range(size):
-            steep = max(steep, abs(gradient[j]))
-        for a in range(free):
-            slope[a] = 0.0
-            for j in range(size):
-                slope[a] += basis[j, a] * gradient[j]
-            left = max(left, abs(slope[a]))
-            pull[a] = slope[a]
-        if left <= STATIONARY * steep:
+            largest = max(largest, abs(gradient[j]))
+        residual = _reduce_gradient(gradient, basis, slope)
+        if residual <= OPTIONS.stationarity * largest:
             return value, True, iteration
-        run(second, given, bends)
+        run(hessian, inputs, entries)
         for e in range(row.shape[0]):
-            H[row[e], column[e]] = H[column[e], row[e]] = bends[e, 0]
-        _reduced(H, basis, reduced)
-        if not _stiff(reduced, factor):
+            H[row[e], column[e]] = H[column[e], row[e]] = entries[e, 0]
+        _reduce_hessian(H, basis, reduced)
+        if not _factorise_regularised(reduced, factor):
             return value, False, iteration
-        substituted(factor, pull)
-        longest, promised = 0.0, 0.0
+        direction[:] = slope
+        solve_cholesky(factor, direction)
+        decrease = 0.0
         for a in range(free):
-            promised += slope[a] * pull[a]
+            decrease += slope[a] * direction[a]
         for j in range(size):
-            before[j], step[j] = given[j, 0], 0.0
+            step[j] = 0.0
             for a in range(free):
-                step[j] -= basis[j, a] * pull[a]
-            longest = max(longest, abs(step[j]))
-        share = min(1.0, LONGEST / longest)
-        while True:
-            for j in range(size):
-                given[j, 0] = before[j] + share * step[j]
-            there = _onto_path(first, given, found, factors, room, ahead, dof, rows)
-            if there and found[0, 0] <= value - ENOUGH * share * promised + 1e-14 * abs(value):
-                break
-            share *= 0.5
-            if share < SHORTEST:  # rounding hides what is left
-                for j in range(size):
-                    given[j, 0] = before[j]
-                return value, left <= 1e3 * STATIONARY * steep, iteration
-    return found[0, 0], False, ITERATIONS
+                step[j] -= basis[j, a] * direction[a]
+        if not _line_search(
+            derivatives, inputs, outputs, step, value, decrease, factors, work, horizon, dof, rows
+        ):  # rounding hides any further descent
+            return value, residual <= OPTIONS.stalled_stationarity * largest, iteration
+    return outputs[0, 0], False, OPTIONS.iterations
 
 
 @compiled
-def _onto_path(first, given, found, factors, room, ahead, dof, rows):
-    """Lead positions onto the path by Newton's method, the shortest way; return whether they came there.
+def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, horizon, dof, rows):
+    """Take the longest of ever shorter steps that decreases the objective sufficiently; return whether there is one.
 
-    What the program gives at the end is in ``found``, the factors of J Jᵀ of every sample in ``factors``.
+    Without one the positions stay as they were.
     """
-    size, count = ahead * dof, ahead * rows
-    square, worst, flat = np.empty((rows, rows)), np.inf, found.reshape(found.shape[0])
-    for correction in range(CORRECTIONS):
-        run(first, given, found)
-        gap, J = flat[1 + size : 1 + size + count], flat[1 + size + count :].reshape((ahead, rows, dof))
-        off = 0.0
+    size = step.shape[0]
+    start, largest = np.empty(size), 0.0
+    for j in range(size):
+        start[j] = inputs[j, 0]
+        largest = max(largest, abs(step[j]))
+    length = min(1.0, OPTIONS.largest_move / largest)
+    while True:
+        for j in range(size):
+            inputs[j, 0] = start[j] + length * step[j]
+        feasible = _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows)
+        upper = value - OPTIONS.sufficient_decrease * length * decrease + 1e-14 * abs(value)
+        if feasible and outputs[0, 0] <= upper:
+            return True
+        length *= 0.5
+        if length < OPTIONS.shortest_step:
+            break
+    for j in range(size):
+        inputs[j, 0] = start[j]
+    return False
+
+
+@compiled
+def _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
+    """Correct positions onto the path by Newton's method with shortest steps; return whether they arrive.
+
+    ``outputs`` are those of the program there, ``factors`` the Cholesky factors of J Jᵀ of every sample.
+    """
+    size, count = horizon * dof, horizon * rows
+    square, previous, flat = np.empty((rows, rows)), np.inf, outputs.reshape(outputs.shape[0])
+    for correction in range(OPTIONS.corrections):
+        run(derivatives, inputs, outputs)
+        equations, J = flat[1 + size : 1 + size + count], flat[1 + size + count :].reshape((horizon, rows, dof))
+        residual = 0.0
         for i in range(count):
-            off = max(off, abs(gap[i]))
-        for k in range(ahead):
+            residual = max(residual, abs(equations[i]))
+        for k in range(horizon):
             for i in range(rows):
                 for m in range(rows):
                     square[i, m] = 0.0
                     for j in range(dof):
                         square[i, m] += J[k, i, j] * J[k, m, j]
-            if not decomposed(square, factors[k]):
+            if not cholesky(square, factors[k]):
                 return False
-        if off <= ON_PATH or (off <= ACCEPTED and off >= 0.5 * worst):
+        if residual <= OPTIONS.feasibility:
             return True
-        if not off < np.inf or (correction > 3 and off > worst):
+        if residual <= OPTIONS.stalled_feasibility and residual >= 0.5 * previous:
+            return True
+        if not residual < np.inf or (correction > 3 and residual > previous):
             return False
-        worst = off
-        for k in range(ahead):
+        previous = residual
+        for k in range(horizon):
             for i in range(rows):
-                room[i] = gap[k * rows + i]
-            substituted(factors[k], room)
+                work[i] = equations[k * rows + i]
+            solve_cholesky(factors[k], work)
             for j in range(dof):
                 move = 0.0
                 for i in range(rows):
-                    move -= J[k, i, j] * room[i]
-                given[k * dof + j, 0] += min(max(move, -LONGEST), LONGEST)
+                    move -= J[k, i, j] * work[i]
+                inputs[k * dof + j, 0] += min(max(move, -OPTIONS.largest_move), OPTIONS.largest_move)
     return False
 
 
 @compiled
-def _null_basis(J, factor, room, basis):
+def _null_basis(J, factor, work, basis):
     """Write an orthonormal basis (dof, dof − rows) of the null space, by projected unit vectors, the longest first."""
     rows, dof = J.shape
-    left = np.eye(dof)
+    projected = np.eye(dof)
     for j in range(dof):
         for i in range(rows):
-            room[i] = J[i, j]
-        substituted(factor, room)
+            work[i] = J[i, j]
+        solve_cholesky(factor, work)
         for k in range(dof):
             for i in range(rows):
-                left[k, j] -= J[i, k] * room[i]
+                projected[k, j] -= J[i, k] * work[i]
     for a in range(basis.shape[1]):
-        best, most = 0, -1.0
+        longest, largest = 0, -1.0
         for j in range(dof):
-            total = 0.0
+            square = 0.0
             for k in range(dof):
-                total += left[k, j] ** 2
-            if total > most:
-                best, most = j, total
+                square += projected[k, j] ** 2
+            if square > largest:
+                longest, largest = j, square
         for k in range(dof):
-            basis[k, a] = left[k, best] / np.sqrt(most)
+            basis[k, a] = projected[k, longest] / np.sqrt(largest)
         for j in range(dof):
-            total = 0.0
+            product = 0.0
             for k in range(dof):
-                total += basis[k, a] * left[k, j]
+                product += basis[k, a] * projected[k, j]
             for k in range(dof):
-                left[k, j] -= total * basis[k, a]
+                projected[k, j] -= product * basis[k, a]
 
 
 @compiled
-def _priced(J, factors, slope, multipliers, room):
-    """Write the multipliers that leave least of the slope."""
-    ahead, rows, dof = J.shape
-    for k in range(ahead):
+def _least_squares_multipliers(J, factors, gradient, multipliers, work):
+    """Write the multipliers that minimise ‖∇f + Jᵀν‖. Source: Nocedal & Wright, Eq. 18.21."""
+    horizon, rows, dof = J.shape
+    for k in range(horizon):
         for i in range(rows):
             total = 0.0
             for j in range(dof):
-                total -= J[k, i, j] * slope[k * dof + j]
-            room[i] = total
-        substituted(factors[k], room)
+                total -= J[k, i, j] * gradient[k * dof + j]
+            work[i] = total
+        solve_cholesky(factors[k], work)
         for i in range(rows):
-            multipliers[k * rows + i] = room[i]
+            multipliers[k * rows + i] = work[i]
 
 
 @compiled
-def _reduced(H, basis, reduced):
-    """Write the curvature in the null space."""
+def _reduce_gradient(gradient, basis, reduced):
+    """Write the gradient in the null space; return its largest entry."""
+    largest = 0.0
+    for a in range(basis.shape[1]):
+        reduced[a] = 0.0
+        for j in range(basis.shape[0]):
+            reduced[a] += basis[j, a] * gradient[j]
+        largest = max(largest, abs(reduced[a]))
+    return largest
+
+
+@compiled
+def _reduce_hessian(H, basis, reduced):
+    """Write the Hessian in the null space."""
     size, free = basis.shape
     for a in range(free):
         for b in range(a + 1):
@@ -185,18 +225,21 @@ def _reduced(H, basis, reduced):
 
 
 @compiled
-def _stiff(reduced, factor):
-    """Decompose a matrix, with as much added to its diagonal as that takes."""
-    free = reduced.shape[0]
+def _factorise_regularised(matrix, factor):
+    """Factorise a matrix, with as much added to its diagonal as that takes; return whether it succeeds.
+
+    Source: Nocedal & Wright, algorithm 3.3.
+    """
+    size = matrix.shape[0]
     largest = 0.0
-    for a in range(free):
-        largest = max(largest, abs(reduced[a, a]))
+    for a in range(size):
+        largest = max(largest, abs(matrix[a, a]))
     added = 0.0
     for _ in range(60):
-        if decomposed(reduced, factor):
+        if cholesky(matrix, factor):
             return True
-        more = max(2.0 * added, STIFFENED * largest)
-        for a in range(free):
-            reduced[a, a] += more - added
-        added = more
+        shift = max(2.0 * added, OPTIONS.regularisation * largest)
+        for a in range(size):
+            matrix[a, a] += shift - added
+        added = shift
     return False

@@ -1,7 +1,7 @@
-"""Motions followed step by step, compiled: any of the methods, on lanes of starts and parameters.
+"""Motions followed step by step, compiled: any of the methods, on a batch of starts and parameters.
 
-With weights D, A = J D Jᵀ + ρ²I and velocities v that the task wants, a step is D Jᵀ A⁻¹ v + z − B z, where z is the
-sum of what pushes joints off their limits and of the gradients of criteria, and B is D Jᵀ A⁻¹ J; in the paper's variant
+With weights D, A = J D Jᵀ + ρ²I and task velocities v, a step is D Jᵀ A⁻¹ v + z − B z, where z is the sum of the
+repulsion from joint limits and of the gradients of criteria, and B is D Jᵀ A⁻¹ J; in the paper's variant
 E Jᵀ A⁻¹ J E, D = E².
 """
 
@@ -11,277 +11,254 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
 from paretoik.compilation import compiled
-from paretoik.resolution.matrices import decomposed, least_eigenvalue, substituted
-from paretoik.resolution.traces import DAMPED, DONE, HELD, LONGEST, SHORTENED
+from paretoik.resolution.joint_weights import buffer_depth, clamping_weight, criterion_weight, least_norm_weight
+from paretoik.resolution.matrices import cholesky, smallest_eigenvalue, solve_cholesky
+from paretoik.resolution.traces import DAMPED, DONE, HELD, SHORTENED, STEP_LIMIT
 
-ALIKE, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighed
+UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighted
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
-BEYOND = 1e12  # weight of a joint at its limit or past it
+WEIGHT_AT_LIMIT = 1e12  # of the weighted least norm, at a position limit or past it
 
 
 @compiled
-def followed(first, last, parts, table, steps, limits, modes, settings, gains, signs, traces):
-    """Follow the motions of lanes ``first`` to ``last``; everything that comes out is in ``traces``.
+def follow(first, last, parts, table, steps, limits, modes, settings, gains, scaling, traces):
+    """Follow the motions ``first`` to ``last`` of a batch; all results are in ``traces``.
 
-    ``table`` (time, rows) is what the program wants of every sample besides positions and rates, ``steps`` (time − 1)
-    the times between them, ``limits`` (1 or time, dof, 3) lower, upper and the range between. ``modes``: how joints are
-    weighed, whether the projector is the paper's, whether criteria are normalised. ``settings`` (lanes, columns);
-    ``gains`` (lanes, criteria, 2): gain and rank, 0 for the first; ``signs`` (criteria, 3): −1 for what is maximised,
-    reference, scale.
+    ``table`` (time, rows) is the data of the step program, ``steps`` (time − 1) the times between samples, ``limits``
+    (1 or time, dof, 3) lower, upper and range. ``modes``: how joints are weighted, whether the projector is the
+    paper's, whether criteria are normalised. ``settings`` (motions, columns); ``gains`` (motions, criteria, 2): gain
+    and rank, 0 for the first; ``scaling`` (criteria, 3): −1 for what is maximised, reference, scale.
     """
     q, errors, damping, weights, coefficients, repulsion, projected, velocities, status = traces
-    lower, upper, ranges = limits[..., 0], limits[..., 1], limits[..., 2]
     time, n = q.shape[1], q.shape[2]
-    rows, criteria = errors.shape[2], signs.shape[0]
-    weighing, printed, normalised = modes
+    rows, criteria = errors.shape[2], scaling.shape[0]
+    weighting, printed, _ = modes
     count = last - first
-    given = np.zeros((4 * n + table.shape[1], count))
-    found = np.empty((parts[3].shape[0], count))
-    leaning = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
-    J, A, factor, spare = (
-        np.empty((rows, n)),
-        np.empty((rows, rows)),
-        np.empty((rows, rows)),
-        np.empty((rows + 4, rows)),
-    )
-    D, E, z, pushes, wanted = np.ones(n), np.ones(n), np.empty(n), np.zeros(n), np.empty(rows)
+    inputs = np.zeros((4 * n + table.shape[1], count))
+    outputs = np.empty((parts[3].shape[0], count))
+    previous_slope = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
+    J, A, factor = np.empty((rows, n)), np.empty((rows, rows)), np.empty((rows, rows))
+    work, v = np.empty((rows + 4, rows)), np.empty(rows)
+    D, E, z, repulsive = np.ones(n), np.ones(n), np.empty(n), np.zeros(n)
     for k in range(time):
-        for j in range(n):
-            for lane in range(count):
-                given[j, lane] = q[first + lane, k, j]
-                given[n + j, lane] = velocities[first + lane, k - 1, j] if k > 0 else 0.0
-        for j in range(table.shape[1]):
-            for lane in range(count):
-                given[4 * n + j, lane] = table[k, j]
-        run_first(parts, given, found, count)
-        for lane in range(count):
-            here = first + lane
+        _fill_inputs(k, first, q, velocities, table, inputs)
+        run_first(parts, inputs, outputs, count)
+        for local in range(count):
+            motion = first + local
             for i in range(rows):
-                errors[here, k, i] = found[i, lane]
+                errors[motion, k, i] = outputs[i, local]
             if k == time - 1:
                 continue
-            dt, at = steps[k], min(k, lower.shape[0] - 1)
+            dt, at = steps[k], min(k, limits.shape[0] - 1)
             for i in range(rows):
-                wanted[i] = found[rows + i, lane] / dt + settings[here, FEEDBACK] * found[i, lane]
+                v[i] = outputs[rows + i, local] / dt + settings[motion, FEEDBACK] * outputs[i, local]
                 for j in range(n):
-                    J[i, j] = found[2 * rows + i * n + j, lane]
-            for j in range(n):
-                place = q[here, k, j]
-                if weighing == LEAST_NORM:
-                    E[j] = _least_norm(place, lower[at, j], upper[at, j], ranges[at, j], leaning, lane, j)
-                    weights[here, k, j] = 1.0 / E[j] if E[j] > 0 else BEYOND
-                    D[j] = E[j]
-                elif weighing == CLAMPING:
-                    into = depth(place, lower[at, j], upper[at, j], settings[here, BUFFER] * ranges[at, j])
-                    E[j] = clamping(into)
-                    pushes[j] = -(1.0 - E[j]) * into * settings[here, REPULSION] if ranges[at, j] > 0.0 else 0.0
-                    weights[here, k, j] = E[j]
-                    D[j] = E[j] * E[j]
-            for i in range(rows):
-                for m in range(i + 1):
-                    total = 0.0
-                    for j in range(n):
-                        total += J[i, j] * D[j] * J[m, j]
-                    A[i, m] = A[m, i] = total
-            squared = damped(A, settings[here, REGION], settings[here, DAMPING], factor, spare)
+                    J[i, j] = outputs[2 * rows + i * n + j, local]
+            if weighting == LEAST_NORM:
+                _weight_by_norm(q[motion, k], limits[at], previous_slope[local], D, E, weights[motion, k])
+            elif weighting == CLAMPING:
+                _clamp(q[motion, k], limits[at], settings[motion], D, E, repulsive, weights[motion, k])
+            _weighted_square(J, D, A)
+            squared = squared_damping(A, settings[motion, REGION], settings[motion, DAMPING], factor, work)
             for i in range(rows):
                 A[i, i] += squared
-            damping[here, k] = np.sqrt(squared)
-            status[here, k] = DAMPED if squared > 0 else DONE
-            if not decomposed(A, factor):
-                farthest = 0.0
+            damping[motion, k] = np.sqrt(squared)
+            status[motion, k] = DAMPED if squared > 0 else DONE
+            if not cholesky(A, factor):
+                largest = 0.0
                 for j in range(n):
-                    repulsion[here, k, j] = velocities[here, k, j] = pushes[j]
-                    farthest = max(farthest, abs(dt * pushes[j]))
-                _shortened(here, k, farthest, velocities, repulsion, projected, status)
-                status[here, k] = HELD
-                for j in range(n):
-                    q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
+                    repulsion[motion, k, j] = velocities[motion, k, j] = repulsive[j]
+                    largest = max(largest, abs(dt * repulsive[j]))
+                _limit_step(motion, k, largest, velocities, repulsion, projected, status)
+                status[motion, k] = HELD
+                _advance(motion, k, dt, q, velocities)
                 continue
-            substituted(factor, wanted)
+            solve_cholesky(factor, v)
             for j in range(n):
                 total = 0.0
                 for i in range(rows):
-                    total += J[i, j] * wanted[i]
-                velocities[here, k, j] = D[j] * total
-            if weighing == CLAMPING:
+                    total += J[i, j] * v[i]
+                velocities[motion, k, j] = D[j] * total
+            if weighting == CLAMPING:
                 for j in range(n):
-                    z[j] = pushes[j]
-                _projected(J, D, E, factor, printed, z, wanted, repulsion[here, k])
+                    z[j] = repulsive[j]
+                _project(J, D, E, factor, printed, z, v, repulsion[motion, k])
                 for j in range(n):
-                    velocities[here, k, j] += repulsion[here, k, j]
+                    velocities[motion, k, j] += repulsion[motion, k, j]
             for c in range(criteria):
-                base = 2 * rows + rows * n + c * (n + 1)
-                sign, scale = signs[c, 0], signs[c, 2]
-                share = gains[here, c, 0]
-                if normalised:
-                    share *= coefficient(sign * (signs[c, 1] - found[base, lane] / scale), sign, settings[here, BAND])
-                for j in range(n + 1):
-                    if not abs(found[base + j, lane]) < np.inf:
-                        share = np.nan
-                coefficients[here, k, c] = share
-                if not abs(share) < np.inf:
+                gradient = outputs[2 * rows + rows * n + c * (n + 1) :, local]
+                gain = _criterion_gain(gradient, modes, settings[motion], gains[motion, c], scaling[c], n)
+                coefficients[motion, k, c] = gain
+                if not abs(gain) < np.inf:
                     continue
+                _descend(gradient, gain, modes, gains[motion, c, 1] / criteria, scaling[c, 0], limits[at], E, z)
+                _project(J, D, E, factor, printed, z, v, projected[motion, k, c])
                 for j in range(n):
-                    priority = np.exp(-gains[here, c, 1] / criteria * E[j]) if normalised else 1.0
-                    fixed = weighing == CLAMPING and not ranges[at, j] > 0.0
-                    z[j] = 0.0 if fixed else -sign * share * priority * found[base + 1 + j, lane]
-                _projected(J, D, E, factor, printed, z, wanted, projected[here, k, c])
-                for j in range(n):
-                    velocities[here, k, j] += projected[here, k, c, j]
-            farthest = 0.0
+                    velocities[motion, k, j] += projected[motion, k, c, j]
+            largest = 0.0
             for j in range(n):
-                farthest = np.maximum(farthest, abs(dt * velocities[here, k, j]))  # NaN stays
-            _shortened(here, k, farthest, velocities, repulsion, projected, status)
-            for j in range(n):
-                q[here, k + 1, j] = q[here, k, j] + dt * velocities[here, k, j]
+                largest = np.maximum(largest, abs(dt * velocities[motion, k, j]))  # NaN stays
+            _limit_step(motion, k, largest, velocities, repulsion, projected, status)
+            _advance(motion, k, dt, q, velocities)
 
 
 @compiled
-def stepped(k, dt, slopes, wanted, free, q, velocities, repulsion, projected, status):
-    """Take a step of every lane with what the task wants and, of ``free`` (lanes, dof), what it leaves.
+def _fill_inputs(k, first, q, velocities, table, inputs):
+    """Write the inputs of the step program at sample k: positions, the last velocities, and the sample's data."""
+    n, count = q.shape[2], inputs.shape[1]
+    for j in range(n):
+        for local in range(count):
+            inputs[j, local] = q[first + local, k, j]
+            inputs[n + j, local] = velocities[first + local, k - 1, j] if k > 0 else 0.0
+    for j in range(table.shape[1]):
+        for local in range(count):
+            inputs[4 * n + j, local] = table[k, j]
 
-    ``slopes`` (lanes, rows · dof) are the entries of the Jacobian, ``wanted`` (lanes, rows) the task's velocities.
-    Source: Tringali & Cocuzza 2021, Eq. 2.
-    """
-    n, rows = free.shape[1], wanted.shape[1]
-    A, factor, left, right = np.empty((rows, rows)), np.empty((rows, rows)), np.empty(rows), np.empty(rows)
-    for lane in range(free.shape[0]):
-        J = slopes[lane]
-        for i in range(rows):
-            left[i] = right[i] = wanted[lane, i]
+
+@compiled
+def _weight_by_norm(q, limits, previous_slope, D, E, weights):
+    """Write the inverse weights of the weighted least norm, and the weights."""
+    for j in range(q.shape[0]):
+        E[j] = least_norm_weight(q[j], limits[j, 0], limits[j, 1], limits[j, 2], previous_slope, j)
+        weights[j] = 1.0 / E[j] if E[j] > 0 else WEIGHT_AT_LIMIT
+        D[j] = E[j]
+
+
+@compiled
+def _clamp(q, limits, settings, D, E, repulsive, weights):
+    """Write the clamping weights and the repulsion from position limits. Source: Wan et al. 2018, Eqs. 15 to 20."""
+    for j in range(q.shape[0]):
+        depth = buffer_depth(q[j], limits[j, 0], limits[j, 1], settings[BUFFER] * limits[j, 2])
+        E[j] = clamping_weight(depth)
+        repulsive[j] = -(1.0 - E[j]) * depth * settings[REPULSION] if limits[j, 2] > 0.0 else 0.0
+        weights[j] = E[j]
+        D[j] = E[j] * E[j]
+
+
+@compiled
+def _weighted_square(J, D, A):
+    """Write A = J D Jᵀ."""
+    rows, n = J.shape
+    for i in range(rows):
+        for m in range(i + 1):
+            total = 0.0
             for j in range(n):
-                left[i] -= J[i * n + j] * free[lane, j]
+                total += J[i, j] * D[j] * J[m, j]
+            A[i, m] = A[m, i] = total
+
+
+@compiled
+def _criterion_gain(outputs, modes, settings, gains, scaling, n):
+    """Return the gain of a criterion, normalised or not; NaN where its value or gradient is not finite."""
+    gain = gains[0]
+    if modes[2]:
+        sign = scaling[0]
+        gain *= criterion_weight(sign * (scaling[1] - outputs[0] / scaling[2]), sign, settings[BAND])
+    for j in range(n + 1):
+        if not abs(outputs[j]) < np.inf:
+            gain = np.nan
+    return gain
+
+
+@compiled
+def _descend(outputs, gain, modes, rank, sign, limits, E, z):
+    """Write the velocities that descend a criterion. Source: Wan et al. 2018, Eqs. 12 and 29."""
+    weighting, _, normalised = modes
+    for j in range(z.shape[0]):
+        priority = np.exp(-rank * E[j]) if normalised else 1.0
+        fixed = weighting == CLAMPING and not limits[j, 2] > 0.0
+        z[j] = 0.0 if fixed else -sign * gain * priority * outputs[1 + j]
+
+
+@compiled
+def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, projected, status):
+    """Take a step of every motion with the task's velocities and the projection of ``secondary`` (motions, dof).
+
+    ``jacobian`` (motions, rows · dof), ``task_velocity`` (motions, rows). Source: Tringali & Cocuzza 2021, Eq. 2.
+    """
+    n, rows = secondary.shape[1], task_velocity.shape[1]
+    A, factor, both, task_only = np.empty((rows, rows)), np.empty((rows, rows)), np.empty(rows), np.empty(rows)
+    for motion in range(secondary.shape[0]):
+        J = jacobian[motion]
+        for i in range(rows):
+            both[i] = task_only[i] = task_velocity[motion, i]
+            for j in range(n):
+                both[i] -= J[i * n + j] * secondary[motion, j]
             for m in range(i + 1):
                 total = 0.0
                 for j in range(n):
                     total += J[i * n + j] * J[m * n + j]
                 A[i, m] = A[m, i] = total
-        status[lane, k] = DONE
-        farthest = np.inf
-        if decomposed(A, factor):
-            substituted(factor, left)
-            substituted(factor, right)
-            farthest = 0.0
+        status[motion, k] = DONE
+        largest = np.inf
+        if cholesky(A, factor):
+            solve_cholesky(factor, both)
+            solve_cholesky(factor, task_only)
+            largest = 0.0
             for j in range(n):
-                both, own = free[lane, j], 0.0
+                velocity, shortest = secondary[motion, j], 0.0
                 for i in range(rows):
-                    both += J[i * n + j] * left[i]
-                    own += J[i * n + j] * right[i]
-                velocities[lane, k, j], projected[lane, k, 0, j] = both, both - own
-                farthest = np.maximum(farthest, abs(dt * both))  # NaN stays
-        _shortened(lane, k, farthest, velocities, repulsion, projected, status)
-        for j in range(n):
-            q[lane, k + 1, j] = q[lane, k, j] + dt * velocities[lane, k, j]
+                    velocity += J[i * n + j] * both[i]
+                    shortest += J[i * n + j] * task_only[i]
+                velocities[motion, k, j], projected[motion, k, 0, j] = velocity, velocity - shortest
+                largest = np.maximum(largest, abs(dt * velocity))  # NaN stays
+        _limit_step(motion, k, largest, velocities, repulsion, projected, status)
+        _advance(motion, k, dt, q, velocities)
 
 
 @compiled
-def _shortened(lane, k, farthest, velocities, repulsion, projected, status):
-    """Shorten a step that is too long; take none where there is none."""
-    if farthest < np.inf and farthest <= LONGEST:
+def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
+    """Shorten a step whose largest move is too long; take none where it is not finite."""
+    if largest < np.inf and largest <= STEP_LIMIT:
         return
-    held = not farthest < np.inf
-    status[lane, k] = HELD if held else SHORTENED
-    share = 0.0 if held else LONGEST / farthest
+    held = not largest < np.inf
+    status[motion, k] = HELD if held else SHORTENED
+    share = 0.0 if held else STEP_LIMIT / largest
     for j in range(velocities.shape[2]):
-        velocities[lane, k, j] = 0.0 if held else share * velocities[lane, k, j]
-        repulsion[lane, k, j] = 0.0 if held else share * repulsion[lane, k, j]
+        velocities[motion, k, j] = 0.0 if held else share * velocities[motion, k, j]
+        repulsion[motion, k, j] = 0.0 if held else share * repulsion[motion, k, j]
         for c in range(projected.shape[2]):
-            projected[lane, k, c, j] = 0.0 if held else share * projected[lane, k, c, j]
+            projected[motion, k, c, j] = 0.0 if held else share * projected[motion, k, c, j]
 
 
 @compiled
-def depth(place, lower, upper, width):
-    """Return how deep in a buffer so wide a joint is: −1 at its lower limit or past it, 0 between, 1 at the upper.
+def _advance(motion, k, dt, q, velocities):
+    """Take an Euler step."""
+    for j in range(q.shape[2]):
+        q[motion, k + 1, j] = q[motion, k, j] + dt * velocities[motion, k, j]
 
-    Source: Wan et al. 2018, Eqs. 16 and 20.
+
+@compiled
+def squared_damping(A, region, highest, factor, work):
+    """Return ρ² of Wan et al. 2018, Eq. 4, for A = J D Jᵀ, whose smallest eigenvalue is σ_min².
+
+    The eigenvalue is computed only where A − ε²I is not positive definite.
     """
-    if not width < np.inf:
-        return 0.0
-    low, high = lower + width - place, place - (upper - width)
-    if low >= 0 and low >= high:
-        return -min(low / width, 1.0) if width > 0 else -1.0
-    if high >= 0:
-        return min(high / width, 1.0) if width > 0 else 1.0
-    return 0.0
-
-
-@compiled
-def clamping(into):
-    """Return the weight of a joint so deep in its buffer: from 1 outside to 0 at its limit. Source: Eq. 17."""
-    d = abs(into)
-    if d <= 0.0:
-        return 1.0
-    if d >= 1.0:
-        return 0.0
-    return 0.5 - 0.5 * np.tanh(1.0 / (1.0 - d) - 1.0 / d)
-
-
-@compiled
-def coefficient(exponent, sign, band):
-    """Return the weight of a criterion: 1 where its normalised value is below ``band``, 0 above 1 − band.
-
-    ``exponent`` is (reference − H) times the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
-    """
-    value = np.exp(min(exponent, 0.0)) if sign > 0 else 1.0 - np.exp(min(-exponent, 700.0))
-    s = min(max((value - band) / (1.0 - 2.0 * band), 0.0), 1.0)
-    return 1.0 - s * s * (3.0 - 2.0 * s)
-
-
-@compiled
-def _least_norm(place, lower, upper, between, leaning, lane, j):
-    """Return the inverse weight of a joint, that of Eq. 10, and remember its slope for the next step.
-
-    A joint with one limit is slowed in the half of its range that is next to it.
-    """
-    if not between < np.inf:
-        return 1.0
-    above, below = upper - place, place - lower
-    if above == np.inf:
-        above = max(between - below, below)
-    elif below == np.inf:
-        below = max(between - above, above)
-    if above <= 0.0 or below <= 0.0:
-        steep = BEYOND
-    else:
-        inside = between**2 * (below - above) / (4.0 * above * above * below * below)
-        steep = min(abs(inside), BEYOND)
-    nearer = steep >= leaning[lane, j]
-    leaning[lane, j] = steep
-    return 1.0 / (1.0 + steep) if nearer else 1.0
-
-
-@compiled
-def damped(A, region, most, factor, spare):
-    """Return ρ² of Eq. 4 for A = J D Jᵀ, whose least eigenvalue is σ_min².
-
-    That is looked for only where A − ε²I is not positive definite, for which it is enough to try.
-    """
-    if not (region > 0.0 and most > 0.0):
+    if not (region > 0.0 and highest > 0.0):
         return 0.0
     rows = A.shape[0]
     for i in range(rows):
         for m in range(rows):
-            spare[i, m] = A[i, m]
-        spare[i, i] -= region * region
-    if decomposed(spare[:rows], factor):
+            work[i, m] = A[i, m]
+        work[i, i] -= region * region
+    if cholesky(work[:rows], factor):
         return 0.0
-    least = max(least_eigenvalue(A, spare), 0.0)
-    return max(most * most * (1.0 - least / (region * region)), 0.0)
+    smallest = max(smallest_eigenvalue(A, work), 0.0)
+    return max(highest * highest * (1.0 - smallest / (region * region)), 0.0)
 
 
 @compiled
-def _projected(J, D, E, factor, printed, z, room, found):
-    """Write what is left of velocities where they may not disturb the task."""
+def _project(J, D, E, factor, printed, z, work, projected):
+    """Write the projection of z onto the null space of the task."""
     rows, n = J.shape
     for i in range(rows):
         total = 0.0
         for j in range(n):
             total += J[i, j] * (z[j] * E[j] if printed else z[j])
-        room[i] = total
-    substituted(factor, room)
+        work[i] = total
+    solve_cholesky(factor, work)
     for j in range(n):
         total = 0.0
         for i in range(rows):
-            total += J[i, j] * room[i]
-        found[j] = z[j] - (E[j] if printed else D[j]) * total
+            total += J[i, j] * work[i]
+        projected[j] = z[j] - (E[j] if printed else D[j]) * total

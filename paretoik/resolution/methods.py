@@ -6,65 +6,26 @@ differ in D, in ρ and in z. A method's numbers and the gains of criteria may be
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, Literal, TypeAlias, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import finite_array
+from paretoik.inputs import finite_array
+from paretoik.resolution.criterion import Criterion as Criterion
+from paretoik.resolution.method import Method as Method
+from paretoik.resolution.method import number
+from paretoik.resolution.parameters import Number as Number
+from paretoik.resolution.parameters import Parameter as Parameter
 from paretoik.task.objectives import Objective, kinetic_energy
 
-Number: TypeAlias = float | np.ndarray
 Variant = Literal["paper", "consistent"]
-POSITIVE, SHARE = {"within": (0.0, np.inf)}, {"within": (0.0, 0.5)}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Criterion:
-    """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
-
-    ``gain`` scales its gradient and must not be negative. In ``WeightedGradientProjection`` its weight falls from 1
-    where the criterion is bad to 0 where it is good, told by H, its value over ``scale``: normalised to
-    exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
-    best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
-    A mean over time, as ``manipulability`` is, counts as its value at the sample: ``motion.duration`` is 1 s there.
-
-    Raises InvalidInput for other objectives and for numbers out of range.
-    """
-
-    objective: Objective
-    gain: Number = 1.0
-    reference: float = 0.0
-    scale: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
-            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {self.objective!r}")
-        what = f"criterion {self.objective.name}"
-        finite_array(f"{what}, reference", self.reference, ())
-        if not finite_array(f"{what}, scale", self.scale, ()) > 0:
-            raise InvalidInput(f"{what}: a positive scale wanted, got {self.scale}")
-        if not (finite_array(f"{what}, gain", self.gain) >= 0).all():
-            raise InvalidInput(f"{what}: a gain of 0 or more wanted, got {self.gain}")
-
-
-class Method:
-    """A way to resolve one motion; ``resolve`` takes any."""
-
-
-def _check_ranges(method: Any) -> None:
-    """Raise InvalidInput for a number outside of what its field is within."""
-    for each in fields(method):
-        if "within" not in each.metadata:
-            continue
-        low, high = each.metadata["within"]
-        given, what = getattr(method, each.name), f"{type(method).__name__}: {each.name}"
-        values, upper = finite_array(what, given), "" if np.isinf(high) else f" and less than {high:g}"
-        if not ((values >= low) & (values < high)).all():
-            raise InvalidInput(f"{what} of {low:g} or more{upper} wanted, got {given}")
+Gradient = TypeVar("Gradient", bound="GradientProjection")
+Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
+Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,9 +39,19 @@ class VelocityMethod(Method):
 
     def __post_init__(self) -> None:
         """Check that numbers are within their ranges; of the feedback ``resolve`` does, which knows the steps."""
-        _check_ranges(self)
+        super().__post_init__()
         if self.feedback is not None:
             finite_array(f"{type(self).__name__}: feedback", self.feedback)
+
+    @property
+    def criterion_list(self) -> tuple[Criterion, ...]:
+        """What is improved on the side."""
+        return ()
+
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default; the feedback's range follows from the steps."""
+        highest = 1.0 / float(np.diff(times).max())
+        return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,8 +77,8 @@ class DampedLeastSquares(VelocityMethod):
     2018, Eqs. 3 and 4.
     """
 
-    region: Number = field(default=0.02, metadata=POSITIVE)
-    damping: Number = field(default=0.02, metadata=POSITIVE)
+    region: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
+    damping: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,21 +101,33 @@ class GradientProjection(DampedLeastSquares):
 
     criteria: Sequence[Criterion | Objective] | Criterion | Objective = ()
 
+    def __post_init__(self) -> None:
+        """Check numbers and criteria."""
+        super().__post_init__()
+        object.__setattr__(self, "criteria", self.criterion_list)
+        names = [one.objective.name for one in self.criterion_list]
+        if len(set(names)) != len(names):
+            raise InvalidInput(f"criteria: names must differ, got {', '.join(names)}")
+
     @property
-    def settled(self) -> tuple[Criterion, ...]:
+    def criterion_list(self) -> tuple[Criterion, ...]:
         """The criteria, all of them with gains; raises InvalidInput for what is none."""
         given = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
         if not isinstance(given, Iterable):
             raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {given!r}")
         return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in given)
 
-    def __post_init__(self) -> None:
-        """Check numbers and criteria."""
-        super().__post_init__()
-        object.__setattr__(self, "criteria", self.settled)
-        names = [one.objective.name for one in self.settled]
-        if len(set(names)) != len(names):
-            raise InvalidInput(f"criteria: names must differ, got {', '.join(names)}")
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default, the gain of every criterion among them."""
+        return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
+
+    def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
+        """Return the method with values (motions,) for some of its numbers and of its criteria's gains."""
+        gains = {one.parameter.name: one for one in self.criterion_list}
+        criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
+        return replace(
+            super().with_values({k: v for k, v in values.items() if k not in gains}, times), criteria=criteria
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,9 +146,9 @@ class WeightedGradientProjection(GradientProjection):
     signs by which criteria are descended.
     """
 
-    buffer: Number = field(default=0.25, metadata=SHARE)
-    repulsion: Number = field(default=np.pi, metadata=POSITIVE)
-    band: Number = field(default=0.3, metadata=SHARE)
+    buffer: Number = field(default=0.25, metadata=number(below=0.5, search=(0.02, 0.48)))
+    repulsion: Number = field(default=np.pi, metadata=number(search=(0.0, 2 * np.pi)))
+    band: Number = field(default=0.3, metadata=number(below=0.5, search=(0.02, 0.48)))
     priorities: np.ndarray | None = None
     variant: Variant = "consistent"
 
@@ -177,6 +160,25 @@ class WeightedGradientProjection(GradientProjection):
         if self.variant not in get_args(Variant):
             raise InvalidInput(f"variant must be one of {', '.join(get_args(Variant))}, got {self.variant!r}")
 
+    @property
+    def _priority_names(self) -> list[str]:
+        return [f"priority of {one.objective.name}" for one in self.criterion_list]
+
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default; of several criteria the lowest priority comes first."""
+        names = self._priority_names if len(self.criterion_list) > 1 else []
+        return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
+
+    def with_values(self: Weighted, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Weighted:
+        """Return the method with values (motions,) for some of its numbers, gains and priorities."""
+        names = self._priority_names
+        method = super().with_values({k: v for k, v in values.items() if k not in names}, times)
+        if not any(name in values for name in names):
+            return method
+        default = np.linspace(0.0, 1.0, len(names)) if self.priorities is None else np.asarray(self.priorities)
+        columns = np.broadcast_arrays(*(values.get(name, default[..., c]) for c, name in enumerate(names)))
+        return replace(method, priorities=np.stack(columns, axis=-1))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveKineticEnergy(Method):
@@ -185,8 +187,8 @@ class PredictiveKineticEnergy(Method):
     ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
     ``horizon`` h is how many samples ahead are looked at, ``prediction_step`` ΔT [s] how far apart they are, by default
     0.2 of the path's duration over h, and ``update_interval`` [s] how often, by default half of that. The last of them
-    counts ``terminal`` times more: what comes after the horizon costs as well. These may be arrays (*batch,).
-    ``feedback`` [1/s] of the tracking error, one number, is 0 by default: open loop, as in the paper.
+    counts ``terminal`` times more: what comes after the horizon costs as well. ``feedback`` [1/s] of the tracking error
+    is 0 by default: open loop, as in the paper. These may be arrays (*batch,).
 
     Raises InvalidInput for numbers out of range. Source: Tringali & Cocuzza 2021, PMKE.
     """
@@ -195,24 +197,65 @@ class PredictiveKineticEnergy(Method):
     horizon: int | np.ndarray = 2
     prediction_step: Number | None = None
     update_interval: Number | None = None
-    terminal: Number = field(default=0.0, metadata=POSITIVE)
-    feedback: float = 0.0
+    terminal: Number = field(default=0.0, metadata=number(search=(0.0, 4.0)))
+    feedback: Number = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        _check_ranges(self)
+        super().__post_init__()
         finite_array("PredictiveKineticEnergy: horizon", self.horizon)
-        ahead = np.asarray(self.horizon)
-        if ahead.dtype.kind not in "iu" or not (ahead >= 1).all():
+        horizon = np.asarray(self.horizon)
+        if horizon.dtype.kind not in "iu" or not (horizon >= 1).all():
             raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")
         for name in ("prediction_step", "update_interval"):
             given = getattr(self, name)
             if given is not None and not (finite_array(f"PredictiveKineticEnergy: {name}", given) > 0).all():
                 raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {given}")
-        if not finite_array("PredictiveKineticEnergy: feedback", self.feedback, ()) >= 0:
+        if not (finite_array("PredictiveKineticEnergy: feedback", self.feedback) >= 0).all():
             raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {self.feedback}")
         if not isinstance(self.objective, Objective):
             raise InvalidInput(f"PredictiveKineticEnergy: an objective wanted, got {self.objective!r}")
+
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default.
+
+        Beside its fields these are ``prediction_time`` [s], the horizon times the prediction step, and
+        ``update_share``, the update interval over the prediction time.
+
+        Raises InvalidInput for a path of fewer than three samples.
+        """
+        if len(times) < 3:
+            raise InvalidInput(f"path: at least 3 samples wanted, got {len(times)}")
+        return (
+            Parameter("horizon", 1, min(6, (len(times) - 1) // 2), scale="integer"),
+            Parameter("prediction_time", 0.0, 0.5 * float(times[-1] - times[0])),
+            Parameter("update_share", 0.0, 1.0),
+            *super().parameters(times),
+        )
+
+    def with_values(
+        self: Predictive, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]
+    ) -> Predictive:
+        """Return the method with values (motions,) for some of its numbers.
+
+        Times become whole samples: at least one, and as many as fit into the path.
+        """
+        dt, derived = float(times[1] - times[0]), ("prediction_time", "update_share")
+        fields = {name: value for name, value in values.items() if name not in derived}
+        horizon = np.asarray(values.get("horizon", self.horizon))
+        if "prediction_time" in values:
+            stride = np.maximum(np.floor(values["prediction_time"] / dt / horizon + 1e-9), 1)
+            fields["prediction_step"] = stride * dt
+        elif "prediction_step" in values:
+            longest = (len(times) - 1) // horizon
+            fields["prediction_step"] = np.clip(np.round(values["prediction_step"] / dt), 1, longest) * dt
+        if "update_share" in values:
+            step = fields.get("prediction_step", self.prediction_step)
+            stride = 0.2 * (times[-1] - times[0]) / horizon / dt if step is None else np.asarray(step) / dt
+            fields["update_interval"] = np.maximum(np.round(values["update_share"] * stride * horizon), 1) * dt
+        elif "update_interval" in values:
+            fields["update_interval"] = np.maximum(np.round(values["update_interval"] / dt), 1) * dt
+        return super().with_values(fields, times)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -220,13 +263,13 @@ class Nedungadi(Method):
     """The motion along which the kinetic energy's integral is stationary, from the start on: exact, not by steps.
 
     It begins with the velocities of least kinetic energy, and no torque drives the self-motion. ``tolerance`` is that
-    of every integration step. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq. 20, its sign
-    corrected. Raises InvalidInput for a tolerance that is not positive.
+    of every integration step; it may be an array (*batch,). Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza
+    2020, Eq. 20, its sign corrected. Raises InvalidInput for a tolerance that is not positive.
     """
 
-    tolerance: float = 1e-8
+    tolerance: Number = field(default=1e-8, metadata={"search": (1e-12, 1e-3), "scale": "log"})
 
     def __post_init__(self) -> None:
         """Check the tolerance."""
-        if not finite_array("Nedungadi: tolerance", self.tolerance, ()) > 0:
+        if not (finite_array("Nedungadi: tolerance", self.tolerance) > 0).all():
             raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {self.tolerance}")

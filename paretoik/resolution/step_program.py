@@ -1,4 +1,4 @@
-"""What a step wants to know of a posture, written down: errors, Jacobian, criteria and their gradients."""
+"""The program of one step at a posture: task errors, Jacobian, criteria and their gradients."""
 
 from __future__ import annotations
 
@@ -21,50 +21,50 @@ from paretoik.task.traced_motion import trace_sample, trace_sample_function
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepProgram:
-    """What a step computes from positions, velocities, accelerations and jerks (dof rows each) and a row of ``table``.
+    """The program of a step; its inputs are q, q̇, q̈, jerk (dof rows each) and a row of ``table``.
 
-    The table (time, rows) has the targets of every sample, how far they go to the next, and what changes with time in
-    criteria. Accelerations and jerks are not read. The program writes the errors, how far the target goes in the same
-    coordinates, the entries of the Jacobian by rows, then of every criterion its value and its gradient: with respect
-    to positions, or to velocities where it reads these alone.
+    The table (time, rows) has the targets of every sample, their travel to the next, and data of criteria that vary
+    with time. Accelerations and jerks are not read. The outputs are the task errors, the travel of the target in the
+    same coordinates, the Jacobian by rows, then of every criterion its value and its gradient: with respect to
+    positions, or to velocities where it reads these alone.
     """
 
-    written: Evaluator
+    program: Evaluator
     table: Float[np.ndarray, "time rows"]
 
 
 def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram:
-    """Write down one step of a task.
+    """Return the program of one step of a task.
 
     Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
     """
     motion = trace_sample(task, duration=1.0)  # means over time are then what they are of one sample
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
-    targets, going = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
+    targets, travel = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
     links = link_frames(task.arm, list(motion.q.entries))
-    outputs, along, slopes = list[Any](), list[Any](), list[Any]()
+    errors, advances, jacobian = list[Any](), list[Any](), list[Any]()
     for each in task.tasks:
         error, rows = each.errors(task.arm, links, targets[: each.target_size])
-        outputs += error
-        along += each.displacement_components(task.arm, links, going[: each.displacement_size])
-        slopes += [slope for row in rows for slope in row]
-        targets, going = targets[each.target_size :], going[each.displacement_size :]
-    places = [as_entry(tape, value) for value in (*outputs, *along, *slopes)]
+        errors += error
+        advances += each.displacement_components(task.arm, links, travel[: each.displacement_size])
+        jacobian += [slope for row in rows for slope in row]
+        targets, travel = targets[each.target_size :], travel[each.displacement_size :]
+    outputs = [as_entry(tape, value) for value in (*errors, *advances, *jacobian)]
     inputs = [
         [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
     ]
-    for one in criteria:
-        what = f"criterion {one.name}"
-        value = trace_sample_function(motion, what, one.function)
+    for criterion in criteria:
+        what = f"criterion {criterion.name}"
+        value = trace_sample_function(motion, what, criterion.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
         read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
             raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
-        places += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
+        outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     return StepProgram(
-        written=compile_evaluator(tape, places),
+        program=compile_evaluator(tape, outputs),
         table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.parameters.values())], axis=1),
     )

@@ -1,4 +1,4 @@
-"""What comes out of a method: a motion, and what happened at every step."""
+"""The result of a method: a motion, and what happened at every step."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 STATUS = np.array(["done", "damped", "shortened", "held"])
-DONE, DAMPED, SHORTENED, HELD = range(4)  # places in it
-LONGEST = 1.0  # rad or m that a joint goes in a step, at most: farther, a slope tells nothing
+DONE, DAMPED, SHORTENED, HELD = range(4)  # indices into STATUS
+STEP_LIMIT = 1.0  # rad or m: the largest move of a joint in one step; a Jacobian says nothing farther away
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traces:
     """What a method did at every step, to the sample after it; steps = time − 1.
 
-    ``errors`` [m, rad] are what the task still wanted at every sample, ``velocities`` [rad/s, m/s] what was commanded,
-    ``damping`` ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient
-    projection, else 1. ``coefficients`` are those of the criteria, NaN where one gave no number and was left out,
-    ``repulsion`` and ``projected`` the velocities that were added to the task's: by what pushes joints off their
-    limits, and by each criterion. ``status`` says of each step whether it was "done", "damped", "shortened" to at most
-    1 rad or m of every joint, all of it by one share, or "held": joints do nothing for the task, and are pushed off
-    their limits alone, for with the weights that they have no velocity of theirs is what the task wants.
+    ``errors`` [m, rad] are the task errors at every sample, ``velocities`` [rad/s, m/s] the commanded ones, ``damping``
+    ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient projection, else 1.
+    ``coefficients`` are those of the criteria, NaN where one is not finite and was left out; ``repulsion`` and
+    ``projected`` the velocities added to the task's: by the repulsion from joint limits, and by each criterion.
+    ``status`` says of each step whether it was "done", "damped", "shortened" to a move of at most 1 rad or m of every
+    joint, or "held": the weighted Jacobian is singular and undamped, so that joints follow the repulsion alone.
     """
 
     errors: Float[np.ndarray, "*batch time rows"]
@@ -49,9 +48,9 @@ class ResolvedMotion(Motion):
     traces: Traces
 
     def __getitem__(self, index: Any) -> ResolvedMotion:
-        picked = super().__getitem__(index)
-        assert isinstance(picked, ResolvedMotion)
-        return replace(picked, traces=self.traces[index])
+        motion = super().__getitem__(index)
+        assert isinstance(motion, ResolvedMotion)
+        return replace(motion, traces=self.traces[index])
 
     @classmethod
     def of(
@@ -62,15 +61,15 @@ class ResolvedMotion(Motion):
         traces: dict[str, np.ndarray],
         kind: type[Traces] = Traces,
     ) -> ResolvedMotion:
-        """Return joint positions (motions, time, dof) and traces as ``resolved`` gives room for, as a batch."""
+        """Return joint positions (motions, time, dof) and arrays as ``empty_traces`` makes them, as a batch."""
         shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()}
         motion = task.motion(q.reshape(*batch, *q.shape[1:]))
-        made = kind(**{**shaped, "status": STATUS[shaped["status"]]})
-        return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=made)
+        result = kind(**{**shaped, "status": STATUS[shaped["status"]]})
+        return cls(**{each.name: getattr(motion, each.name) for each in fields(motion)}, traces=result)
 
 
-def resolved(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
-    """Return room for the traces of so many motions; ``status`` in numbers, places in STATUS."""
+def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
+    """Return arrays for the traces of ``count`` motions, to be filled; ``status`` as indices into STATUS."""
     steps = time - 1
     return {
         "errors": np.zeros((count, time, rows)),

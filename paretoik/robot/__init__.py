@@ -1,4 +1,4 @@
-"""What moves: arms, their kinematics and dynamics, and where their descriptions come from."""
+"""Arms, their kinematics and dynamics, and how they are made: from lengths, Denavit–Hartenberg tables or URDFs."""
 
 import lazy_loader
 

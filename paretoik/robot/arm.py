@@ -10,19 +10,22 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Matrix3, Vector3
+from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
+from paretoik.inputs import ArrayLike
+from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
-from paretoik.robot.pose import ArrayLike, Pose
+from paretoik.robot.denavit_hartenberg import joint_placements
+from paretoik.robot.pose import Pose
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
-EARTH = (0.0, 0.0, -9.81)
+EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A named place on the arm: a pose in the frame of link ``link`` (−1: the base)."""
+    """A named frame on the arm: a pose in the frame of link ``link`` (−1: the base)."""
 
     link: int
     pose: Pose
@@ -32,10 +35,10 @@ class Frame:
 class Arm:
     """A serial arm, frozen; make one with ``planar``, ``from_dh`` or ``from_urdf``.
 
-    Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the one before
-    (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where there is
-    none. ``notices`` say what a file had that the arm has not, such as frozen joints. Every way to make or change
-    an arm raises InvalidInput for what no arm can be.
+    Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the previous
+    one (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where
+    there is none. ``notices`` say what a file had that the arm has not, such as frozen joints. Every constructor and
+    every method that returns an arm raises InvalidInput for values that no arm can have.
     """
 
     name: str
@@ -55,14 +58,15 @@ class Arm:
     notices: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check what every constructor relies on."""
+        """Check names, types and limits; make the arrays read-only."""
         if not self.joint_names:
             raise InvalidInput(f"arm {self.name}: wants at least one moving joint, has none")
         if len(set(self.joint_names)) != self.dof:
             raise InvalidInput(f"arm {self.name}: joint names must differ, got {', '.join(self.joint_names)}")
-        for kind in self.joint_types:
-            if kind not in JOINT_TYPES:
-                raise InvalidInput(f"arm {self.name}: joint type must be one of {', '.join(JOINT_TYPES)}, got {kind!r}")
+        for joint_type in self.joint_types:
+            if joint_type not in JOINT_TYPES:
+                wish = f"joint type must be one of {', '.join(JOINT_TYPES)}"
+                raise InvalidInput(f"arm {self.name}: {wish}, got {joint_type!r}")
         for name, (low, high) in zip(self.joint_names, np.reshape(self.position_limits, (-1, 2)), strict=False):
             if not low <= high:
                 raise InvalidInput(
@@ -78,8 +82,8 @@ class Arm:
 
     @property
     def periodic(self) -> np.ndarray:
-        """Whether each joint turns about an axis, so that its angle matters modulo 2π; shape (dof,)."""
-        return np.array([kind != "prismatic" for kind in self.joint_types])
+        """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,)."""
+        return np.array([joint_type != "prismatic" for joint_type in self.joint_types])
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"
@@ -108,20 +112,20 @@ class Arm:
         >>> Arm.planar(lengths=[1.0, 1.0, 1.0]).dof
         3
         """
-        length = _numbers("lengths", lengths, None, positive=True)
+        length = number_array("lengths", lengths, None, positive=True)
         count = len(length)
         mass, center, inertia = (
-            np.zeros(count) if values is None else _numbers(what, values, count, positive=False)
-            for what, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
+            np.zeros(count) if values is None else number_array(field_name, values, count)
+            for field_name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
         )
         if masses is not None and (np.any(mass < 0) or np.any(inertia < 0)):
             raise InvalidInput("planar arm: masses and inertias must not be negative")
-        before = np.concatenate([[0.0], length[:-1]])
+        offsets = np.concatenate([[0.0], length[:-1]])
         return cls(
             name=name,
             joint_names=tuple(f"joint{i + 1}" for i in range(count)),
-            joint_types=_revolute(count),
-            placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in before),
+            joint_types=_all_revolute(count),
+            placements=tuple(Pose(np.array([x, 0.0, 0.0])) for x in offsets),
             bodies=tuple(
                 Body(mass=float(m), center=np.array([c, 0.0, 0.0]), inertia=np.diag([0.0, j, j]))
                 for m, c, j in zip(mass, center, inertia, strict=True)
@@ -129,9 +133,9 @@ class Arm:
             tool=Pose(np.array([length[-1], 0.0, 0.0])),
             base=Pose(np.zeros(3)),
             gravity=np.zeros(3),
-            position_limits=limit_pairs("position_limits", position_limits, count),
-            velocity_limits=magnitudes("velocity_limits", velocity_limits, count),
-            torque_limits=magnitudes("torque_limits", torque_limits, count),
+            position_limits=limit_rows("position_limits", position_limits, count),
+            velocity_limits=symmetric_limits("velocity_limits", velocity_limits, count),
+            torque_limits=symmetric_limits("torque_limits", torque_limits, count),
             is_planar=True,
         )
 
@@ -167,19 +171,14 @@ class Arm:
         if convention not in ("modified", "standard"):
             raise InvalidInput(f"convention must be 'modified' or 'standard', got {convention!r}")
         count = len(np.atleast_1d(a))
-        table = {k: _numbers(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
-        kinds = _revolute(count) if types is None else tuple(types)
+        table = {k: number_array(k, v, count) for k, v in (("a", a), ("alpha", alpha), ("d", d), ("theta", theta))}
+        kinds = _all_revolute(count) if types is None else tuple(types)
         if len(kinds) != count:
             raise InvalidInput(f"types wants {count} values, one a joint, got {len(kinds)}")
-        shifts = [_transform(0.0, 0.0, table["d"][i], table["theta"][i]) for i in range(count)]
-        bends = [_transform(table["a"][i], table["alpha"][i], 0.0, 0.0) for i in range(count)]
-        bodies = _bodies(masses, centers, inertias, count)
-        # The joint moves along z, so its constant offset d and theta commute with it and may stand on either side.
-        if convention == "modified":
-            placements, tool = [bends[i] @ shifts[i] for i in range(count)], Pose(np.zeros(3))
-        else:
-            placements = [(bends[i - 1] if i else Pose(np.zeros(3))) @ shifts[i] for i in range(count)]
-            tool, bodies = bends[-1], tuple(transform_body(body, bends[i]) for i, body in enumerate(bodies))
+        bodies = body_tuple(masses, centers, inertias, count)
+        placements, link_frames, tool = joint_placements(**table, convention=convention)
+        if convention == "standard":
+            bodies = tuple(transform_body(body, frame) for body, frame in zip(bodies, link_frames, strict=True))
         names = tuple(joint_names) if joint_names is not None else tuple(f"joint{i + 1}" for i in range(count))
         if len(names) != count:
             raise InvalidInput(f"joint_names wants {count} names, got {len(names)}")
@@ -187,14 +186,14 @@ class Arm:
             name=name,
             joint_names=names,
             joint_types=kinds,
-            placements=tuple(placements),
+            placements=placements,
             bodies=bodies,
             tool=tool,
             base=Pose(np.zeros(3)),
-            gravity=np.array(EARTH),
-            position_limits=limit_pairs("position_limits", position_limits, count),
-            velocity_limits=magnitudes("velocity_limits", velocity_limits, count),
-            torque_limits=magnitudes("torque_limits", torque_limits, count),
+            gravity=np.array(EARTH_GRAVITY),
+            position_limits=limit_rows("position_limits", position_limits, count),
+            velocity_limits=symmetric_limits("velocity_limits", velocity_limits, count),
+            torque_limits=symmetric_limits("torque_limits", torque_limits, count),
         )
 
     @classmethod
@@ -239,52 +238,23 @@ class Arm:
         return replace(self, bodies=(*self.bodies[:-1], last))
 
     def mounted(self, *, base: Pose | None = None, gravity: object = None) -> Arm:
-        """Return the arm standing at ``base`` in the world, under ``gravity`` (3,) [m/s²] given in world axes."""
-        field_ = self.gravity if gravity is None else np.asarray(gravity, dtype=float)
-        if field_.shape != (3,) or not np.all(np.isfinite(field_)):
+        """Return the arm mounted at ``base`` in the world, under ``gravity`` (3,) [m/s²] given in world axes."""
+        vector = self.gravity if gravity is None else np.asarray(gravity, dtype=float)
+        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
             raise InvalidInput(f"gravity wants three finite numbers, got {gravity!r}")
-        return replace(self, base=self.base if base is None else base, gravity=field_.copy())
+        return replace(self, base=self.base if base is None else base, gravity=vector.copy())
 
     def fixed(self, positions: Mapping[str, float] | None = None, /, **joints: float) -> Arm:
         """Return the arm with joints frozen at values [rad or m], by name: ``arm.fixed(joint2=0.3)``.
 
-        Raises InvalidInput for an unknown joint, a value that is not finite, or when no joint would be left.
+        Raises InvalidInput for an unknown joint, a value that is not finite, or for the last moving joint.
         """
+        from paretoik.robot.fixed_joints import fix_joint  # here, because it builds on this class
+
         arm = self
         for joint, value in {**(positions or {}), **joints}.items():
-            arm = arm._without(joint, value)
+            arm = fix_joint(arm, joint, value)
         return arm
-
-    def _without(self, joint: str, value: float) -> Arm:
-        if joint not in self.joint_names:
-            raise InvalidInput(f"joint {joint!r} is not on {self.name}; its joints: {', '.join(self.joint_names)}")
-        if not np.isfinite(value):
-            raise InvalidInput(f"joint {joint}: wants a finite value to be fixed at, got {value}")
-        if self.dof == 1:
-            raise InvalidInput(f"joint {joint}: the last moving joint of {self.name} cannot be fixed")
-        i = self.joint_names.index(joint)
-        held = self.placements[i] @ joint_motion(self.joint_types[i], float(value))
-        placements, bodies, tool = list(self.placements), list(self.bodies), self.tool
-        if i + 1 < self.dof:
-            placements[i + 1] = held @ placements[i + 1]
-        else:
-            tool = held @ tool
-        if i > 0:
-            bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], held))
-        del placements[i], bodies[i]
-        keep = np.arange(self.dof) != i
-        return replace(
-            self,
-            joint_names=tuple(np.array(self.joint_names, dtype=object)[keep]),
-            joint_types=tuple(np.array(self.joint_types, dtype=object)[keep]),
-            placements=tuple(placements),
-            bodies=tuple(bodies),
-            tool=tool,
-            position_limits=self.position_limits[keep],
-            velocity_limits=self.velocity_limits[keep],
-            torque_limits=self.torque_limits[keep],
-            frames={name: _reattached(frame, i, held) for name, frame in self.frames.items()},
-        )
 
     def frame(self, name: str) -> Frame:
         """Return the frame called ``name``: "tool", "base", a link named after its joint, or a link of the URDF.
@@ -292,91 +262,17 @@ class Arm:
         Raises InvalidInput listing the valid names.
         """
         origin = Pose(np.zeros(3))
-        own = {joint: Frame(link=i, pose=origin) for i, joint in enumerate(self.joint_names)}
-        known = {
+        frames = {
             "tool": Frame(link=self.dof - 1, pose=self.tool),
             "base": Frame(link=-1, pose=origin),
-            **own,
+            **{joint: Frame(link=i, pose=origin) for i, joint in enumerate(self.joint_names)},
             **{link: frame for link, frame in self.frames.items() if link not in ("tool", "base")},
         }
-        if name not in known:
-            raise InvalidInput(f"frame {name!r} is not on {self.name}; its frames: {', '.join(known)}")
-        return known[name]
+        if name not in frames:
+            raise InvalidInput(f"frame {name!r} is not on {self.name}; its frames: {', '.join(frames)}")
+        return frames[name]
 
 
-def joint_motion(kind: JointType, value: float) -> Pose:
-    """Return the pose that a joint at ``value`` [rad or m] adds after its placement."""
-    if kind == "prismatic":
-        return Pose(np.array([0.0, 0.0, value]))
-    return Pose(np.zeros(3), np.array([np.cos(value / 2), 0.0, 0.0, np.sin(value / 2)]))
-
-
-def limit_pairs(what: str, given: object, count: int) -> Float[np.ndarray, "dof 2"]:
-    """Return limits as rows (lower, upper), (count, 2); None is unlimited, a tuple (lower, upper), else symmetric."""
-    if given is None:
-        return np.tile([-np.inf, np.inf], (count, 1))
-    try:
-        lower, upper = given if isinstance(given, tuple) and len(given) == 2 else (-np.asarray(given, float), given)
-        rows = np.stack([np.broadcast_to(np.asarray(side, float), (count,)) for side in (lower, upper)], axis=-1)
-    except ValueError:
-        raise InvalidInput(f"{what} wants one value or {count}, one a joint, got {given!r}") from None
-    if np.isnan(rows).any() or np.any(rows[:, 0] > rows[:, 1]):
-        bad = int(np.argmax(np.isnan(rows).any(axis=1) | (rows[:, 0] > rows[:, 1])))
-        raise InvalidInput(f"{what} of joint {bad + 1}: wants lower ≤ upper, got {rows[bad, 0]} and {rows[bad, 1]}")
-    return rows
-
-
-def magnitudes(what: str, given: object, count: int) -> Float[np.ndarray, " dof"]:
-    """Return symmetric limits (count,); None means unlimited."""
-    try:
-        values = np.broadcast_to(np.asarray(np.inf if given is None else given, float), (count,)).copy()
-    except ValueError:
-        raise InvalidInput(f"{what} wants one value or {count}, one a joint, got {given!r}") from None
-    if not np.all(values > 0):
-        raise InvalidInput(f"{what} wants positive values, got {given!r}")
-    return values
-
-
-def _revolute(count: int) -> tuple[JointType, ...]:
-    kinds: list[JointType] = ["revolute"] * count
-    return tuple(kinds)
-
-
-def _numbers(what: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
-    array = np.asarray(values, dtype=float)
-    if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
-        wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one a joint"
-        raise InvalidInput(f"{what} wants {wish}, got {values!r}")
-    if len(array) == 0:
-        raise InvalidInput(f"{what} wants at least one moving joint's value, got none")
-    if positive and np.any(array <= 0):
-        raise InvalidInput(f"{what} wants positive numbers, got {values!r}")
-    return array
-
-
-def _bodies(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    mass = np.zeros(count) if masses is None else _numbers("masses", masses, count)
-    center = np.zeros((count, 3)) if centers is None else np.asarray(centers, float)
-    inertia = np.zeros((count, 3, 3)) if inertias is None else np.asarray(inertias, float)
-    if center.shape != (count, 3) or inertia.shape != (count, 3, 3):
-        raise InvalidInput(
-            f"centers and inertias want shapes {(count, 3)} and {(count, 3, 3)}, got {center.shape} and {inertia.shape}"
-        )
-    return tuple(Body.from_values(f"link {i + 1}", mass[i], center[i], inertia[i]) for i in range(count))
-
-
-def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:
-    rotation: Matrix3 = np.array(
-        [
-            [np.cos(theta), -np.sin(theta), 0.0],
-            [np.cos(alpha) * np.sin(theta), np.cos(alpha) * np.cos(theta), -np.sin(alpha)],
-            [np.sin(alpha) * np.sin(theta), np.sin(alpha) * np.cos(theta), np.cos(alpha)],
-        ]
-    )
-    return Pose.from_matrix(rotation, np.array([a, -np.sin(alpha) * d, np.cos(alpha) * d]))
-
-
-def _reattached(frame: Frame, joint: int, held: Pose) -> Frame:
-    if frame.link < joint:
-        return frame
-    return Frame(link=frame.link - 1, pose=held @ frame.pose if frame.link == joint else frame.pose)
+def _all_revolute(count: int) -> tuple[JointType, ...]:
+    types: list[JointType] = ["revolute"] * count
+    return tuple(types)

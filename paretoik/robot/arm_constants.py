@@ -84,11 +84,11 @@ def pose_constants(pose: Pose) -> tuple[Matrix, Vector]:
 
 
 def _regroup_inertias(arm: Arm) -> list[np.ndarray]:
-    """Return each link's pseudo-inertia (4, 4) after passing on to the link before what the joint does not move.
+    """Return each link's pseudo-inertia (4, 4) regrouped: moments that a joint does not move go to the link before.
 
     Mass on the axis of a rotating joint may as well belong to the link before, and so may the rotary inertia of a
-    prismatic link: no motion, torque or energy can tell. Passed from the tip to the base, most entries vanish, and the
-    kernels skip zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
+    prismatic link: motions, torques and energies are the same. Passed from the tip to the base, most entries vanish,
+    and the kernels skip zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
     """
     inertias = [body.pseudo_inertia for body in arm.bodies]
     for i in reversed(range(arm.dof)):

@@ -65,7 +65,7 @@ class Body:
 
 
 def inertia_fault(inertia: Matrix3) -> str | None:
-    """Return what keeps a tensor from being a real body's inertia, or None."""
+    """Return why a tensor is not the inertia of a real body, or None."""
     size = float(np.abs(inertia).max())
     if size < INERTIA_TOLERANCE:
         return None
@@ -73,7 +73,7 @@ def inertia_fault(inertia: Matrix3) -> str | None:
         return "inertia must be symmetric"
     principal = np.linalg.eigvalsh(inertia)
     if principal[0] < -1e-9 * size:
-        return f"inertia must be positive, its least principal moment is {principal[0]:.3g} kg m²"
+        return f"inertia must be positive, its smallest principal moment is {principal[0]:.3g} kg m²"
     if principal[0] + principal[1] < principal[2] * (1 - 1e-6):
         return (
             f"inertia breaks the triangle inequality: principal moments {principal[0]:.4g}, {principal[1]:.4g} and "

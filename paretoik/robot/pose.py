@@ -1,4 +1,4 @@
-"""Positions with orientations: the pose of one frame, and functions on whole arrays of rotations.
+"""Poses: position and orientation of one frame, and functions on arrays of rotations.
 
 Quaternions are (w, x, y, z) of length 1; a quaternion and its negative are the same orientation. Rotation matrices turn
 coordinates in the frame into coordinates outside it: a pose takes a point to ``position + rotation @ point``.
@@ -7,25 +7,20 @@ coordinates in the frame into coordinates outside it: a pose takes a point to ``
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Matrix3, Quaternion, Vector3
 from paretoik.errors import InvalidInput
+from paretoik.inputs import ArrayLike, finite_array
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike as ArrayLike
-else:
-    ArrayLike = object  # what callers give is checked by value here, and refused from our own tree of errors
-
-UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix may be off by this much and is then made exact
+UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
 
 
 @dataclass(frozen=True, init=False, eq=False)
 class Pose:
-    """The place and orientation of one frame: ``position`` [m] and unit ``quaternion`` (w, x, y, z).
+    """Position and orientation of one frame: ``position`` [m] and unit ``quaternion`` (w, x, y, z).
 
     A quaternion within 1e-6 of length 1 is normalised, any other refused. Both arrays are read-only.
 
@@ -43,9 +38,9 @@ class Pose:
     quaternion: Quaternion
 
     def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
-        place = finite_array("pose position", position, shape=(3,))
+        coordinates = finite_array("pose position", position, shape=(3,))
         orientation = unit_quaternions("pose quaternion", finite_array("pose quaternion", quaternion, shape=(4,)))
-        for name, value in (("position", place), ("quaternion", orientation)):
+        for name, value in (("position", coordinates), ("quaternion", orientation)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
@@ -60,19 +55,19 @@ class Pose:
 
         A rotation within 1e-6 of an orthogonal matrix is made orthogonal, any other (mirrors included) refused.
         """
-        given = finite_array("pose matrix", matrix)
-        if given.shape == (4, 4) and position is None:
-            if np.abs(given[3] - (0.0, 0.0, 0.0, 1.0)).max() > UNIT_TOLERANCE:
-                raise InvalidInput(f"pose matrix: the last row must be 0 0 0 1, got {given[3].tolist()}")
-            given, position = given[:3, :3], given[:3, 3]
-        if given.shape != (3, 3):
-            raise InvalidInput(f"pose matrix: must be (3, 3), or (4, 4) without a position, got shape {given.shape}")
-        excess = float(np.abs(given.T @ given - np.eye(3)).max())
-        determinant = float(np.linalg.det(given))
+        array = finite_array("pose matrix", matrix)
+        if array.shape == (4, 4) and position is None:
+            if np.abs(array[3] - (0.0, 0.0, 0.0, 1.0)).max() > UNIT_TOLERANCE:
+                raise InvalidInput(f"pose matrix: the last row must be 0 0 0 1, got {array[3].tolist()}")
+            array, position = array[:3, :3], array[:3, 3]
+        if array.shape != (3, 3):
+            raise InvalidInput(f"pose matrix: must be (3, 3), or (4, 4) without a position, got shape {array.shape}")
+        excess = float(np.abs(array.T @ array - np.eye(3)).max())
+        determinant = float(np.linalg.det(array))
         if excess > 2 * UNIT_TOLERANCE or determinant < 0:
             fact = f"got determinant {determinant:.6g} and RᵀR off the identity by {excess:.3g}"
             raise InvalidInput(f"pose matrix: must be a rotation, {fact}")
-        return cls((0.0, 0.0, 0.0) if position is None else position, matrix_to_quaternion(given))
+        return cls((0.0, 0.0, 0.0) if position is None else position, matrix_to_quaternion(array))
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
@@ -85,7 +80,7 @@ class Pose:
 
     @classmethod
     def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
-        """Pose in the xy-plane: place (x, y) [m], turned by ``angle`` [rad] about +z."""
+        """Pose in the xy-plane: position (x, y) [m], rotated by ``angle`` [rad] about +z."""
         half = float(finite_array("pose angle", angle, shape=())) / 2
         return cls((x, y, 0.0), (np.cos(half), 0.0, 0.0, np.sin(half)))
 
@@ -102,7 +97,7 @@ class Pose:
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """``self @ other``: the pose, outside self's frame, of what is at ``other`` inside it."""
+        """Return the pose of ``other``, which is given in this frame, in the frame that this pose is given in."""
         if not isinstance(other, Pose):
             return NotImplemented
         return Pose(self.apply(other.position), quaternion_product(self.quaternion, other.quaternion))
@@ -112,38 +107,20 @@ class Pose:
         return Pose(-(self.rotation.T @ self.position), self.quaternion * (1.0, -1.0, -1.0, -1.0))
 
     def apply(self, points: ArrayLike) -> Float[np.ndarray, "*batch 3"]:
-        """Coordinates outside the frame of ``points`` (..., 3) given inside it [m]."""
+        """Return ``points`` (..., 3) [m], given in this frame, in the frame that this pose is given in."""
         inside = finite_array("points", points)
         if inside.shape[-1:] != (3,):
             raise InvalidInput(f"points: the last axis must have 3 coordinates, got shape {inside.shape}")
-        moved: np.ndarray = inside @ self.rotation.T + self.position
-        return moved
-
-
-def finite_array(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Copy ``value`` into a new float array, or refuse by ``name`` what is not real, finite and of ``shape``."""
-    try:
-        given = np.asarray(value)
-    except ValueError:
-        raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
-    if given.dtype.kind not in "iuf":
-        raise InvalidInput(f"{name}: must hold real numbers, got {given.dtype}")
-    if shape is not None and given.shape != shape:
-        raise InvalidInput(f"{name}: must have shape {shape}, got shape {given.shape}")
-    finite = np.isfinite(given)
-    if not finite.all():
-        first = tuple(int(i) for i in np.argwhere(~finite)[0])
-        where = f" at index {first[0] if len(first) == 1 else first}" if first else ""
-        raise InvalidInput(f"{name}: must be finite, got {given[first]}{where}")
-    return given.astype(float)
+        outside: np.ndarray = inside @ self.rotation.T + self.position
+        return outside
 
 
 def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
     """Normalise quaternions that are within 1e-6 of length 1; refuse the first other one by ``name`` and index."""
     lengths = np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    wrong = np.argwhere(np.abs(lengths[..., 0] - 1) > UNIT_TOLERANCE)
-    if len(wrong):
-        first = tuple(int(i) for i in wrong[0])
+    invalid = np.argwhere(np.abs(lengths[..., 0] - 1) > UNIT_TOLERANCE)
+    if len(invalid):
+        first = tuple(int(i) for i in invalid[0])
         where = f" at index {first[0] if len(first) == 1 else first}" if first else ""
         raise InvalidInput(
             f"{name}: must have length 1 within {UNIT_TOLERANCE:g}, "
@@ -156,7 +133,7 @@ def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> F
 def quaternion_product(
     left: Float[np.ndarray, "*#batch 4"], right: Float[np.ndarray, "*#batch 4"]
 ) -> Float[np.ndarray, "*batch 4"]:
-    """Hamilton's product: the orientation of turning by ``right`` first, then by ``left``."""
+    """Return Hamilton's product: the rotation by ``right`` first, then by ``left``."""
     a, b, c, d = np.moveaxis(left, -1, 0)
     w, x, y, z = np.moveaxis(right, -1, 0)
     return np.stack(
@@ -171,7 +148,7 @@ def quaternion_product(
 
 
 def quaternion_to_matrix(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Turn unit quaternions (w, x, y, z) into rotation matrices."""
+    """Return the rotation matrices of unit quaternions (w, x, y, z)."""
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     matrices = np.empty((*w.shape, 3, 3))
     matrices[..., 0, 0] = 1 - 2 * (y * y + z * z)
@@ -184,14 +161,14 @@ def quaternion_to_matrix(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np
 
 
 def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Turn rotation matrices into unit quaternions with w ≥ 0.
+    """Return the unit quaternions (w, x, y, z) with w ≥ 0 of rotation matrices.
 
     Shepperd's method: the matrix gives 4 q qᵀ, whose row of largest diagonal, normalised, is q without cancellation.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(matrices, (-2, -1), (0, 1))
     trace = np.asarray(xx + yy + zz)
     quaternions = np.stack([1 + trace, zy - yz, xz - zx, yx - xy], axis=-1)
-    far = ~(trace > 0)  # turned by more than 120 degrees: w may be too small to divide by
+    far = ~(trace > 0)  # rotations by more than 120 degrees: w may be too small to divide by
     if far.any():
         products = np.empty((4, 4, int(far.sum())))
         xx, xy, xz, yx, yy, yz, zx, zy, zz = np.moveaxis(matrices[far].reshape(-1, 9), -1, 0)
@@ -207,9 +184,9 @@ def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.
 
 
 def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """Axis times angle [rad], angle in [0, π], of rotation matrices: the logarithm, accurate near 0 and near π alike.
+    """Return axis · angle [rad], angle in [0, π], of rotation matrices: the logarithm, accurate near 0 and near π.
 
-    At π itself both signs of the axis are right and one is given.
+    At π itself both signs of the axis are correct and one is returned.
 
     >>> rotation_vector(Pose.from_rpy([0, 0, 0], [0, 0, 1e-9]).rotation)
     array([0.e+00, 0.e+00, 1.e-09])
@@ -217,25 +194,13 @@ def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarr
     quaternions = matrix_to_quaternion(matrices)
     vector_part = quaternions[..., 1:]
     sines = np.sqrt((vector_part * vector_part).sum(axis=-1))  # of half the angle
-    turning = sines > 0
-    factors = 2 * np.arctan2(sines, quaternions[..., 0]) / np.where(turning, sines, 1.0)
-    vectors: np.ndarray = np.where(turning, factors, 2.0)[..., None] * vector_part
+    nonzero = sines > 0
+    factors = 2 * np.arctan2(sines, quaternions[..., 0]) / np.where(nonzero, sines, 1.0)
+    vectors: np.ndarray = np.where(nonzero, factors, 2.0)[..., None] * vector_part
     return vectors
 
 
 def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Turn rotation vectors [rad] into unit quaternions (w, x, y, z): the exponential, continuous in the vector."""
+    """Return the unit quaternions (w, x, y, z) of rotation vectors [rad]: the exponential, continuous in the vector."""
     half_angles = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True)) / 2
     return np.concatenate([np.cos(half_angles), 0.5 * np.sinc(half_angles / np.pi) * vectors], axis=-1)
-
-
-def vector_to_matrix(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Turn rotation vectors [rad] into rotation matrices: the inverse of :func:`rotation_vector`."""
-    return quaternion_to_matrix(vector_to_quaternion(vectors))
-
-
-def orientation_error(
-    rotations: Float[np.ndarray, "*#batch 3 3"], desired: Float[np.ndarray, "*#batch 3 3"]
-) -> Float[np.ndarray, "*batch 3"]:
-    """Rotation vector [rad] of RᵀR_d: the turn, in the coordinates of R's own frame, that takes R to R_d."""
-    return rotation_vector(np.swapaxes(rotations, -1, -2) @ desired)

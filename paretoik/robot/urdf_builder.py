@@ -6,7 +6,7 @@ import numpy as np
 
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput, InvalidRobot
-from paretoik.robot.arm import EARTH, Arm, Frame, JointType
+from paretoik.robot.arm import EARTH_GRAVITY, Arm, Frame, JointType
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain
@@ -37,7 +37,7 @@ def build_arm(source: str, robot: RobotDescription, chain: Chain) -> Arm:
         bodies=bodies,
         tool=frames[chain.tip].pose,
         base=Pose(np.zeros(3)),
-        gravity=np.array(EARTH),
+        gravity=np.array(EARTH_GRAVITY),
         position_limits=np.array([[joint.lower, joint.upper] for joint in moving]),
         velocity_limits=np.array([joint.velocity or np.inf for joint in moving]),
         torque_limits=np.array([joint.effort or np.inf for joint in moving]),

@@ -1,4 +1,4 @@
-"""The chain of a URDF that becomes an arm: joints that move between base and tip, and what is frozen."""
+"""The chain of a URDF that becomes an arm: joints that move between base and tip, and frozen ones."""
 
 from __future__ import annotations
 

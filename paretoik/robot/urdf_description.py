@@ -35,7 +35,7 @@ class LinkDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class JointDescription:
-    """A joint and where it stands on its parent; ``axis`` has length 1, limits are infinite where there is none."""
+    """A joint and its origin on the parent link; ``axis`` has length 1, limits are infinite where there is none."""
 
     name: str
     type: str

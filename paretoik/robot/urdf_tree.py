@@ -14,7 +14,7 @@ Fault = tuple[int, str]  # line of the file, message
 def find_tree_faults(
     links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription], lines: Mapping[str, int]
 ) -> list[Fault]:
-    """Return what keeps links and joints from being one tree, each with a line; ``lines`` are those of the joints."""
+    """Return why links and joints are not one tree, each fault with its line; ``lines`` are those of the joints."""
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():

@@ -28,7 +28,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-
 
 @dataclass(frozen=True, kw_only=True)
 class ValidationOptions:
-    """How much of a file is read and told."""
+    """How much of a file is read, and how much of it messages quote."""
 
     max_links: int = 1000
     max_name: int = 200  # characters

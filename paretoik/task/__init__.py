@@ -1,4 +1,4 @@
-"""What is asked: path, timing, motion, objectives, limits, obstacles, and the task they make."""
+"""Motion problems: paths and their timing, motions, objectives, limits, obstacles, and the task that they make."""
 
 import lazy_loader
 

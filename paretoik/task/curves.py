@@ -1,4 +1,4 @@
-"""Curves: what a path is between its samples, as data that can be called and pickled."""
+"""Curves: a path as a continuous function of time, callable data that can be pickled."""
 
 from __future__ import annotations
 

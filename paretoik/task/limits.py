@@ -22,7 +22,7 @@ Bounds = Float[np.ndarray, "#time dof 2"]
 class Limits:
     """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|.
 
-    Units are rad, s, N m and W; m and N for sliding joints. Each is a tuple (lower, upper), or a number or array
+    Units are rad, s, N m and W; m and N for prismatic joints. Each is a tuple (lower, upper), or a number or array
     taken as symmetric; arrays are (dof,), or (time, dof) to vary along the path; a mapping goes by joint name, joints
     not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
     the smallest distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every

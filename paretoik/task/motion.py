@@ -16,7 +16,8 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.task.differences import Differences, first_derivative, quadrature_weights, second_derivative
-from paretoik.task.obstacles import Obstacle, clearance
+from paretoik.task.distances import clearance
+from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.task.task import Task
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_array
 from paretoik.robot.arm import Arm
-from paretoik.robot.pose import finite_array
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion_task import MotionTask

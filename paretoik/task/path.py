@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import ArrayLike, finite_array, quaternion_to_matrix, rotation_vector
+from paretoik.inputs import ArrayLike, finite_array, positive_number
+from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Curve
 
 Points: TypeAlias = Float[np.ndarray, "time axes"]
@@ -139,11 +140,3 @@ def rotation_angles(quaternions: np.ndarray) -> np.ndarray:
     matrices = quaternion_to_matrix(quaternions)
     angles: np.ndarray = np.linalg.norm(rotation_vector(np.swapaxes(matrices[:-1], -1, -2) @ matrices[1:]), axis=-1)
     return angles
-
-
-def positive_number(name: str, value: float, unit: str) -> float:
-    """Return ``value`` as a float; raises InvalidInput, by ``name``, where it is not positive."""
-    number = float(finite_array(name, value, shape=()))
-    if number <= 0:
-        raise InvalidInput(f"{name}: must be positive, got {number:g} {unit}")
-    return number

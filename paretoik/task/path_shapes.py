@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.robot.pose import ArrayLike, Pose, finite_array, rotation_vector
+from paretoik.inputs import ArrayLike, finite_array, positive_number
+from paretoik.robot.pose import Pose, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
-from paretoik.task.path import Path, even_times, positive_number, rotation_angles, sample_count, sample_curve
+from paretoik.task.path import Path, even_times, rotation_angles, sample_count, sample_curve
 from paretoik.task.timing import check_law
 
 

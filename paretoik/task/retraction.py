@@ -27,7 +27,7 @@ class RetractionOptions:
 
     max_iterations: int = 12
     max_step: float = 1.0  # rad or m, along any one direction
-    cache_size: int = 64  # evaluators kept: one for every arm and set of frames and axes
+    cache_size: int = 64  # evaluators in memory: one for every arm and set of frames and axes
 
 
 OPTIONS = RetractionOptions()

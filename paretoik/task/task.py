@@ -41,7 +41,7 @@ class Task:
     """Frame ``frame`` of the arm follows ``path`` in ``axes``.
 
     axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
-    and direction of the frame's z axis, "pose" for all six. None takes what the path gives: its points, or its poses
+    and direction of the frame's z axis, "pose" for all six. None takes the axes of the path: its points, or its poses
     (in the plane for a planar arm). Position errors are in m in world axes; orientation errors are the rotation vector
     [rad] of RᵀR_d.
 
@@ -66,7 +66,7 @@ class Task:
     def resolve_axes(self, arm: Arm) -> Task:
         """Return the task with the axes that an arm and the path imply where none are given.
 
-        Raises InvalidInput where a planar arm is asked for what it cannot do, or the frame is not on the arm.
+        Raises InvalidInput for axes that a planar arm does not have, or a frame that is not on the arm.
         """
         arm.frame(self.frame)
         points, oriented = self.path.positions, self.path.quaternions is not None

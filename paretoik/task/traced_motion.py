@@ -22,8 +22,9 @@ from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, link_frames, node_components
 from paretoik.task.differences import Differences
+from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Obstacle, distance_components
+from paretoik.task.obstacles import Obstacle
 from paretoik.task.task import Task
 
 
@@ -150,8 +151,8 @@ class TracedMotion:
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
         distance: Any = distance_components  # typed for arrays; it takes expressions as well
         distances = [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
-        least: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
-        return least
+        smallest: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
+        return smallest
 
     def integral(self, series: Any) -> Any:
         """As ``Motion.integral``."""

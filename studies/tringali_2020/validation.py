@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 import paretoik as pk
-from paretoik.resolution.variational import Extremal, shooting, variational
+from paretoik.resolution.shooting import shoot_extremals
+from paretoik.resolution.variational import Extremal, integrate_extremal
 from paretoik.self_motion.branches import branch_labels
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.plan import Optimum
@@ -53,8 +54,8 @@ def table_4(simulation: Simulation, names: Mapping[str, str], finer: Simulation 
     """
     optima = named(simulation.plan.optima, names)
     starts = _starts(list(optima.values()))
-    right = variational(simulation.problem.task, starts, tolerance=INTEGRATED)
-    wrong = variational(simulation.problem.task, starts, tolerance=INTEGRATED, as_printed=True)
+    right = integrate_extremal(simulation.problem.task, starts, tolerance=INTEGRATED)
+    wrong = integrate_extremal(simulation.problem.task, starts, tolerance=INTEGRATED, as_printed=True)
     rows: dict[str, list[Row]] = {}
     for k, (name, optimum) in enumerate(optima.items()):
         rows[name] = _compared(simulation, name, optimum, right, wrong, k)
@@ -117,7 +118,7 @@ def _compared(
 def _repeated(masses: str, finer: Simulation, names: Mapping[str, str]) -> list[Row]:
     """Return the mean difference at more samples."""
     optima, samples = named(finer.plan.optima, names), len(finer.problem.task.times)
-    found = variational(finer.problem.task, _starts(list(optima.values())), tolerance=INTEGRATED)
+    found = integrate_extremal(finer.problem.task, _starts(list(optima.values())), tolerance=INTEGRATED)
     column, note = f"mean |Δq|, {samples} samples", "falls with the step: what differs is the discretisation"
     rows = []
     for k, (name, optimum) in enumerate(optima.items()):
@@ -129,7 +130,7 @@ def _repeated(masses: str, finer: Simulation, names: Mapping[str, str]) -> list[
 def _freed(simulation: Simulation, optima: Mapping[str, Optimum], starts: np.ndarray) -> list[Row]:
     """Return the energies of the motions of Eq. 20 that leave no self-motion at their end."""
     found, column, rows = (
-        shooting(simulation.problem.task, starts, tolerance=FREED),
+        shoot_extremals(simulation.problem.task, starts, tolerance=FREED),
         "Nedungadi, start sought",
         list[Row](),
     )

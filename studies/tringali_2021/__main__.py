@@ -10,7 +10,16 @@ from pathlib import Path
 from studies.reporting import report
 from studies.tringali_2021.pictures import draw
 from studies.tringali_2021.real_time import real_time_rows
-from studies.tringali_2021.trajectories import MASSES, NUMBERS, bounded, followed, passing, searched, table_5, told
+from studies.tringali_2021.trajectories import (
+    MASSES,
+    NUMBERS,
+    lower_bound_row,
+    resolve_trajectory,
+    schedule_rows,
+    singularity_rows,
+    table_5,
+    text_rows,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -19,20 +28,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="8 starts of the global method, no bound, 1 round of timing, one rhythm searched",
+        help="8 starts of the global method, no bound, 1 round of timing, one schedule searched",
     )
     parser.add_argument("--json", type=Path, help="file to write the rows to")
     parser.add_argument("--out", type=Path, default=Path("runs/tringali_2021"), help="folder for the pictures")
     given = parser.parse_args(arguments)
     starts, rounds, generations = (8, 1, 5) if given.quick else (48, 5, 30)
-    found = [followed(number, masses, starts=starts) for masses in MASSES for number in NUMBERS]
-    rows = [row for one in found for row in table_5(one)]
-    rows += [] if given.quick else [bounded(4, "fitted")]
-    rows += [row for one in found for row in told(one)] + passing(found) + real_time_rows(rounds=rounds)
+    trajectories = [resolve_trajectory(number, masses, starts=starts) for masses in MASSES for number in NUMBERS]
+    rows = [row for one in trajectories for row in table_5(one)]
+    rows += [] if given.quick else [lower_bound_row(4, "fitted")]
+    rows += (
+        [row for one in trajectories for row in text_rows(one)]
+        + singularity_rows(trajectories)
+        + real_time_rows(rounds=rounds)
+    )
     for number in (3,) if given.quick else NUMBERS:
-        rows += searched(number, "fitted", starts=starts, generations=generations)
+        rows += schedule_rows(number, "fitted", starts=starts, generations=generations)
     report(sorted(rows, key=lambda row: row.table.startswith("an update")), json_file=given.json)
-    pictures = draw(given.out, found)
+    pictures = draw(given.out, trajectories)
     print(f"{len(pictures)} pictures in {given.out}", file=sys.stderr)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 import paretoik as pk
-from paretoik.resolution.horizon import Found, Horizon, horizon
-from paretoik.resolution.predictive import PredictiveTraces, predicted
-from paretoik.resolution.resolve import TOLERANCE
+from paretoik.resolution.follow import TRACKING_TOLERANCE
+from paretoik.resolution.horizon import HorizonProgram, HorizonSolution, horizon_program
+from paretoik.resolution.predictive import PredictiveTraces, follow_predictively
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021
 from problems.tringali_2021 import START
@@ -26,26 +26,26 @@ SAME = 1e-6  # relative: energies of the same motion
 class Slsqp:
     """The same program handed to SciPy's SLSQP, with derivatives by differences or with ours."""
 
-    program: Horizon
+    program: HorizonProgram
     exact: bool
 
-    def solved(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> Found:
+    def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
         """Return what SLSQP finds from positions ahead."""
-        rest = np.zeros(self.program.ahead * self.program.rows + self.program.dof)
-        known = np.concatenate([posture, velocity, targets.ravel(), rest])
-        size, count, own = q.size, self.program.ahead * self.program.rows, self.program
+        zeros = np.zeros(self.program.horizon * self.program.rows + self.program.dof)
+        fixed = np.concatenate([posture, velocity, targets.ravel(), zeros])
+        size, count, program = q.size, self.program.horizon * self.program.rows, self.program
 
         def at(z: np.ndarray) -> np.ndarray:
-            return np.asarray(own.first(np.concatenate([z, known])[:, None])[:, 0])
+            return np.asarray(program.derivatives(np.concatenate([z, fixed])[:, None])[:, 0])
 
         def jacobian(z: np.ndarray) -> np.ndarray:
-            blocks = at(z)[1 + size + count :].reshape(own.ahead, own.rows, own.dof)
-            whole = np.zeros((own.ahead, own.rows, own.ahead, own.dof))
-            whole[np.arange(own.ahead), :, np.arange(own.ahead)] = blocks
-            return whole.reshape(count, size)
+            blocks = at(z)[1 + size + count :].reshape(program.horizon, program.rows, program.dof)
+            jacobian_matrix = np.zeros((program.horizon, program.rows, program.horizon, program.dof))
+            jacobian_matrix[np.arange(program.horizon), :, np.arange(program.horizon)] = blocks
+            return jacobian_matrix.reshape(count, size)
 
         scale = max(float(at(q.ravel())[0]), 1e-12)
-        found = minimize(
+        result = minimize(
             lambda z: at(z)[0] / scale,
             q.ravel(),
             jac=(lambda z: at(z)[1 : 1 + size] / scale) if self.exact else None,
@@ -57,16 +57,16 @@ class Slsqp:
             },
             options={"ftol": 1e-12, "maxiter": 200},
         )
-        return Found(
-            q=found.x.reshape(q.shape), value=found.fun * scale, converged=bool(found.success), iterations=found.nit
+        return HorizonSolution(
+            q=result.x.reshape(q.shape), value=result.fun * scale, converged=bool(result.success), iterations=result.nit
         )
 
 
-def updated(solver: str) -> Callable[..., Horizon | Slsqp]:
-    """Return what writes the program of a look ahead for a solver."""
+def make_solver(solver: str) -> Callable[..., HorizonProgram | Slsqp]:
+    """Return what makes the solver of a prediction."""
     if solver == "ours":
-        return horizon
-    return lambda *given: Slsqp(program=horizon(*given), exact="exact" in solver)
+        return horizon_program
+    return lambda *arguments: Slsqp(program=horizon_program(*arguments), exact="exact" in solver)
 
 
 def real_time_rows(*, rounds: int) -> list[Row]:
@@ -76,12 +76,14 @@ def real_time_rows(*, rounds: int) -> list[Row]:
     energies: dict[str, list[float]] = {solver: [] for solver in solvers}
     tasks: list[MotionTask] = [tringali_2021.problem(number, arm_of("fitted")).task for number in NUMBERS]
     for task in tasks[:1]:
-        predicted(task, pk.methods.PredictiveKineticEnergy(), np.array(START), tolerance=TOLERANCE)  # compiled once
+        follow_predictively(
+            task, pk.methods.PredictiveKineticEnergy(), np.array(START), tolerance=TRACKING_TOLERANCE
+        )  # compiled once
     for turn in range(rounds):
         for task in tasks:
             for solver in solvers:
-                given = task, pk.methods.PredictiveKineticEnergy(), np.array(START)
-                motion = predicted(*given, tolerance=TOLERANCE, program=updated(solver))
+                arguments = task, pk.methods.PredictiveKineticEnergy(), np.array(START)
+                motion = follow_predictively(*arguments, tolerance=TRACKING_TOLERANCE, make_solver=make_solver(solver))
                 assert isinstance(motion.traces, PredictiveTraces)
                 seconds[solver].append(motion.traces.seconds)
                 if turn == 0:
@@ -89,18 +91,18 @@ def real_time_rows(*, rounds: int) -> list[Row]:
     rows = []
     ours = float(np.median(np.concatenate(seconds["ours"])))
     for solver in solvers:
-        taken = np.concatenate(seconds[solver])
-        low, middle, high, last = np.quantile(taken, [0.25, 0.5, 0.75, 0.99])
-        apart = max(abs(a / b - 1) for a, b in zip(energies[solver], energies["ours"], strict=True))
+        elapsed = np.concatenate(seconds[solver])
+        low, middle, high, last = np.quantile(elapsed, [0.25, 0.5, 0.75, 0.99])
+        difference = max(abs(a / b - 1) for a, b in zip(energies[solver], energies["ours"], strict=True))
         notes = [f"quartiles {1e3 * low:.2f} and {1e3 * high:.2f} ms, 99 % within {1e3 * last:.2f} ms"]
         if solver == "ours":
             lost = "LOSS: " if middle > GOAL else ""
-            notes.append(f"{lost}goal {1e3 * GOAL:g} ms; {len(taken)} updates")
+            notes.append(f"{lost}goal {1e3 * GOAL:g} ms; {len(elapsed)} updates")
         else:
             goal = TIMES if "differences" in solver else None
             lost = "LOSS: " if goal is not None and middle / ours < goal else ""
             notes.append(f"{lost}{middle / ours:.1f} times ours" + (f", goal {goal:g}" if goal else ""))
-            notes.append(f"energies {'the same' if apart < SAME else 'apart'}, within {apart:.1e}")
+            notes.append(f"energies {'the same' if difference < SAME else 'apart'}, within {difference:.1e}")
         rows.append(
             Row(
                 table="an update, optimisation and spline, median",

@@ -50,7 +50,7 @@ def arm_of(masses: str) -> pk.Arm:
     return pk.arms.tringali_3r(masses="fitted" if masses == "fitted" else "printed")
 
 
-def followed(number: int, masses: str, *, starts: int, samples: int = tringali_2021.SAMPLES) -> Trajectory:
+def resolve_trajectory(number: int, masses: str, *, starts: int, samples: int = tringali_2021.SAMPLES) -> Trajectory:
     """Resolve a trajectory by all methods; ``starts`` are those of the global one."""
     arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
     plan = pk.plan(tringali_2021.problem(number, arm, samples), starts=starts)
@@ -98,22 +98,22 @@ def table_5(trajectory: Trajectory) -> list[Row]:
     return rows
 
 
-def bounded(number: int, masses: str, *, samples: int = 201) -> Row:
+def lower_bound_row(number: int, masses: str, *, samples: int = 201) -> Row:
     """Return what no motion at all can be better than, by the grid oracle, beside the best that is planned."""
     problem = tringali_2021.problem(number, arm_of(masses), samples)
-    found, best = grid_oracle(problem.task), pk.plan(problem).best.objective
+    oracle, best = grid_oracle(problem.task), pk.plan(problem).best.objective
     return Row(
         table=f"Table 5, {masses} masses",
         row=f"trajectory {number}",
         column="bound from below",
         unit="J s",
-        ours=found.lower_bound,
+        ours=oracle.lower_bound,
         paper=paper()["Table 5", f"trajectory {number}", "global"],
-        note=f"{samples} samples; the best planned, {best:.4g}, is within {1 - found.lower_bound / best:.1%} of it",
+        note=f"{samples} samples; the best planned, {best:.4g}, is within {1 - oracle.lower_bound / best:.1%} of it",
     )
 
 
-def told(trajectory: Trajectory) -> list[Row]:
+def text_rows(trajectory: Trajectory) -> list[Row]:
     """Return the greatest joint speeds and the least spectral radii that the text has."""
     rows = []
     for (table, row, column), printed in paper().items():
@@ -144,49 +144,52 @@ def spectral_radius(motion: pk.Motion) -> np.ndarray:
     return np.asarray(np.linalg.eigvalsh(inertia_matrix(motion.arm, motion.q))[..., -1])
 
 
-def searched(number: int, masses: str, *, starts: int, generations: int, samples: int = 201) -> list[Row]:
-    """Return what a search for the rhythm finds beside the paper's rhythm, and how near the global optimum."""
+def schedule_rows(number: int, masses: str, *, starts: int, generations: int, samples: int = 201) -> list[Row]:
+    """Return what a search for the schedule of predictions finds, the paper's beside it, and the global optimum."""
     arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
-    problem = pk.PredictiveTracking(arm, path, start=START, starts=starts)
+    optimum = pk.plan(tringali_2021.problem(number, arm, samples), starts=starts).best.motion
+    problem = tringali_2021.schedule_along(number, optimum=optimum, arm=arm, samples=samples)
     front = pk.solve(problem, population=40, generations=generations, seed=0)
-    least = float(pk.kinetic_energy(problem.optimum))
-    own = float(
+    lowest = float(pk.kinetic_energy(optimum))
+    paper_schedule = float(
         pk.kinetic_energy(pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy(), start=START, unreachable="track"))
     )
     assert front.genes is not None
     best = problem.method(front.genes[:1])
+    assert isinstance(best, pk.methods.PredictiveKineticEnergy)
     step, again = (np.atleast_1d(np.asarray(each))[0] for each in (best.prediction_step, best.update_interval))
     return [
         Row(
-            table=f"the rhythm searched for, {samples} samples, {masses} masses",
+            table=f"the schedule searched for, {samples} samples, {masses} masses",
             row=f"trajectory {number}",
             column="least kinetic energy",
             unit="J s",
             ours=float(front.objectives[0, 0]),
-            paper=own,
-            note=f"beside the paper's rhythm; {100 * (front.objectives[0, 0] / least - 1):+.1f} % and "
-            f"{100 * (own / least - 1):+.1f} % from the global optimum; h = {np.atleast_1d(best.horizon)[0]}, "
-            f"ΔT = {step:.2g} s, every {again:.2g} s, terminal {np.atleast_1d(best.terminal)[0]:.2g}; "
+            paper=paper_schedule,
+            note=f"beside the paper's schedule; {100 * (front.objectives[0, 0] / lowest - 1):+.1f} % and "
+            f"{100 * (paper_schedule / lowest - 1):+.1f} % from the global optimum; "
+            f"h = {np.atleast_1d(best.horizon)[0]}, ΔT = {step:.2g} s, every {again:.2g} s, "
+            f"terminal {np.atleast_1d(best.terminal)[0]:.2g}; "
             f"{front.objectives[0, 1]:.0f} samples looked at an update; {len(front)} points",
         )
     ]
 
 
-def passing(trajectories: Sequence[Trajectory]) -> list[Row]:
+def singularity_rows(trajectories: Sequence[Trajectory]) -> list[Row]:
     """Return how near trajectory 3 comes to a singularity by either local method: Figure 6."""
     rows = []
     for one in trajectories:
         if one.number == 3:
             for name in ("PMKE", "LSV"):
-                least = one.motions[name].manipulability
+                lowest = one.motions[name].manipulability
                 rows.append(
                     Row(
                         table=f"how near to a singularity, {one.masses} masses",
                         row=one.name,
                         column=name,
                         unit="m²",
-                        ours=float(least.min()),
-                        note=f"least √det(J Jᵀ), at {one.motions[name].time[least.argmin()]:.2f} s"
+                        ours=float(lowest.min()),
+                        note=f"least √det(J Jᵀ), at {one.motions[name].time[lowest.argmin()]:.2f} s"
                         + ("; the paper's LSV hits it at 6.5 s" if name == "LSV" else ""),
                     )
                 )

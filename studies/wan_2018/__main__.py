@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from studies.reporting import report
-from studies.wan_2018.fronts import compared_rows
+from studies.wan_2018.fronts import comparison_rows
 from studies.wan_2018.methods import speed_row, table_rows
 
 
@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     population, rounds, seeds = (60, 3, 3) if given.quick else (1000, 15, 31)
     rows = [row for table in ("Table 2", "Table 3") for row in table_rows(table, population=population)]
     rows.append(speed_row(rounds=rounds))
-    rows += compared_rows(seeds=seeds, generations=5) if given.quick else compared_rows(seeds=seeds)
+    rows += comparison_rows(seeds=seeds, generations=5) if given.quick else comparison_rows(seeds=seeds)
     report(rows, json_file=given.json)
 
 

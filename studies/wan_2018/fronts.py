@@ -17,51 +17,45 @@ import paretoik as pk
 from problems import wan_2018
 from studies.reporting import Row, holm
 
-FAMILIES = ("weighted", "plain")
+FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
 LEVEL = 0.05
 CORNER = 1.1  # of the ranges: the reference point of the hypervolume
 LOW, HIGH = 0.01, 0.02  # quantiles that the ranges leave out at either end: what no one would use
 
 
-def searched(family: str, seed: int, *, population: int, generations: int, several: int) -> np.ndarray:
+def search_front(family: str, seed: int, *, population: int, generations: int, judged_starts: int) -> np.ndarray:
     """Return the front (points, 4), minimised, that a search of a family's numbers gives."""
-    criteria = [pk.velocity_limit_nearness]
-    criteria += [] if family == "weighted" else [pk.joint_limit_nearness]
-    problem = pk.ProjectionGains(
-        pk.arms.wan_7r(),
-        wan_2018.experiment(),
-        family="weighted" if family == "weighted" else "plain",
-        criteria=criteria,
-        several=several,
-    )
+    problem = FAMILIES[family](judged_starts)
     front = pk.solve(problem, population=population, generations=generations, seed=seed)
     signs = np.where(problem.maximised, -1.0, 1.0)
     return np.asarray(front.objectives * signs)
 
 
-def compared_rows(*, seeds: int, population: int = 24, generations: int = 15, several: int = 3) -> list[Row]:
+def comparison_rows(*, seeds: int, population: int = 24, generations: int = 15, judged_starts: int = 3) -> list[Row]:
     """Return indicators of both families' fronts, medians over seeds, and whether they differ."""
     fronts: dict[str, list[np.ndarray]] = {family: [] for family in FAMILIES}
     for seed in range(seeds):
         for family in FAMILIES:
-            found = searched(family, seed, population=population, generations=generations, several=several)
-            fronts[family].append(_scaled(found))
+            front = search_front(
+                family, seed, population=population, generations=generations, judged_starts=judged_starts
+            )
+            fronts[family].append(_log_scale(front))
             print(f"\r{seed + 1} of {seeds} seeds", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
     union = np.concatenate([front for each in fronts.values() for front in each])
     union = union[moocore.is_nondominated(union)]
-    least, most = np.quantile(union, [LOW, 1 - HIGH], axis=0)
-    span = np.where(most > least, most - least, 1.0)
+    lower, upper = np.quantile(union, [LOW, 1 - HIGH], axis=0)
+    span = np.where(upper > lower, upper - lower, 1.0)
 
-    def placed(front: np.ndarray) -> np.ndarray:
-        return np.clip((front - least) / span, 0.0, None)
+    def normalise(front: np.ndarray) -> np.ndarray:
+        return np.clip((front - lower) / span, 0.0, None)
 
-    best = placed(union)
+    best = normalise(union)
     measures: dict[str, Callable[[np.ndarray], float]] = {
-        "hypervolume": lambda front: moocore.hypervolume(placed(front), ref=[CORNER] * front.shape[1]),
-        "IGD+": lambda front: moocore.igd_plus(placed(front), ref=best),
-        "additive ε": lambda front: moocore.epsilon_additive(placed(front), ref=best),
+        "hypervolume": lambda front: moocore.hypervolume(normalise(front), ref=[CORNER] * front.shape[1]),
+        "IGD+": lambda front: moocore.igd_plus(normalise(front), ref=best),
+        "additive ε": lambda front: moocore.epsilon_additive(normalise(front), ref=best),
     }
     medians, tests, sizes = [], list[float](), []
     for name, measure in measures.items():
@@ -83,8 +77,8 @@ def compared_rows(*, seeds: int, population: int = 24, generations: int = 15, se
                 unit="",
                 ours=one,
                 paper=other,
-                note=f"from {several} starts each: {verdict}, p {p:.1e} (Holm), A12 {better:.2f}, ratio of medians "
-                f"{low:.3f} to {high:.3f}",
+                note=f"from {judged_starts} starts each: {verdict}, p {p:.1e} (Holm), A12 {better:.2f}, "
+                f"ratio of medians {low:.3f} to {high:.3f}",
             )
         )
     return rows
@@ -94,7 +88,7 @@ def _ratio(ours: np.ndarray, theirs: np.ndarray) -> float:
     return float(np.median(ours) / np.median(theirs))
 
 
-def _scaled(front: np.ndarray) -> np.ndarray:
+def _log_scale(front: np.ndarray) -> np.ndarray:
     """Return error, speed and roughness as powers of ten; the margin as it is."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(np.isfinite(LEAST), np.log10(np.maximum(front, LEAST)), front)

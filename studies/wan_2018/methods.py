@@ -40,11 +40,11 @@ def paper() -> dict[tuple[str, str, str], float]:
         return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
-def compared(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
+def paper_methods(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
     """Return the methods of Table 2 (limits on positions alone) or Table 3 (and on velocities)."""
     positions = pk.methods.Criterion(objective=pk.joint_limit_nearness, gain=GAIN_POSITIONS, reference=7.0)
     velocities = pk.methods.Criterion(objective=pk.velocity_limit_nearness, gain=GAIN_VELOCITIES, reference=7.0)
-    first: dict[str, pk.methods.DampedLeastSquares] = (
+    methods: dict[str, pk.methods.DampedLeastSquares] = (
         {"WLN": pk.methods.WeightedLeastNorm(feedback=FEEDBACK, region=REGION, damping=DAMPING)}
         if table == "Table 2"
         else {
@@ -54,7 +54,7 @@ def compared(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
         }
     )
     for name, variant in VARIANTS.items():
-        first[name] = pk.methods.WeightedGradientProjection(
+        methods[name] = pk.methods.WeightedGradientProjection(
             criteria=[] if table == "Table 2" else [velocities],
             variant=variant,
             feedback=FEEDBACK,
@@ -64,19 +64,19 @@ def compared(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
             repulsion=REPULSION,
             band=BAND,
         )
-    return first
+    return methods
 
 
-def starts(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
-    """Return postures (found, 7) of the first pose, within the limits, from so many random ones."""
+def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
+    """Return postures (postures, 7) of the first pose, within the limits, from so many random ones."""
     arm = pk.arms.wan_7r()
     task = motion_task(
         arm,
         path,
         objectives=[pk.joint_travel],
     )
-    found = sample_postures(task, count, np.random.default_rng(seed))
-    turned = (found + np.pi) % (2 * np.pi) - np.pi
+    candidates = sample_postures(task, count, np.random.default_rng(seed))
+    turned = (candidates + np.pi) % (2 * np.pi) - np.pi
     lower, upper = arm.position_limits.T
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
@@ -93,20 +93,20 @@ def worst_errors(motion: ResolvedMotion) -> np.ndarray:
 def table_rows(table: str, *, population: int) -> list[Row]:
     """Return medians over starts of the greatest errors, what becomes of joint 4, and how often steps fall short."""
     arm, path = pk.arms.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
-    begun = starts(path, population)
+    starts = start_postures(path, population)
     lower, upper = arm.position_limits[FOURTH]
     rows = []
     errors = {}
-    for name, method in compared(table).items():
+    for name, method in paper_methods(table).items():
         clock = time.perf_counter()
-        motion = pk.resolve(arm, path, method, start=begun, unreachable="track")
-        seconds = (time.perf_counter() - clock) / len(begun)
+        motion = pk.resolve(arm, path, method, start=starts, unreachable="track")
+        seconds = (time.perf_counter() - clock) / len(starts)
         errors[name] = worst_errors(motion)
         for k, (axis, unit) in enumerate(AXES.items()):
             low, middle, high = np.quantile(errors[name][:, k], [0.25, 0.5, 0.75])
             rows.append(
                 Row(
-                    table=f"{table}: greatest errors, medians over {len(begun)} starts",
+                    table=f"{table}: greatest errors, medians over {len(starts)} starts",
                     row=axis,
                     column=name,
                     unit=unit,
@@ -115,8 +115,8 @@ def table_rows(table: str, *, population: int) -> list[Row]:
                     note=f"quartiles {low:.2g} and {high:.2g}",
                 )
             )
-        room = np.minimum(motion.q[..., FOURTH] - lower, upper - motion.q[..., FOURTH]) / (upper - lower)
-        met, ended = room.min(axis=1) < AT_LIMIT, room[:, -1] < AT_LIMIT
+        margin = np.minimum(motion.q[..., FOURTH] - lower, upper - motion.q[..., FOURTH]) / (upper - lower)
+        reached, ended = margin.min(axis=1) < AT_LIMIT, margin[:, -1] < AT_LIMIT
         broken = np.isin(motion.traces.status, ["shortened", "held"]).any(axis=1)
         rows += [
             Row(
@@ -128,7 +128,7 @@ def table_rows(table: str, *, population: int) -> list[Row]:
                 note=note,
             )
             for column, share, note in (
-                ("joint 4 comes to a limit", met.mean(), f"within {AT_LIMIT:.0%} of its range"),
+                ("joint 4 comes to a limit", reached.mean(), f"within {AT_LIMIT:.0%} of its range"),
                 ("joint 4 ends there", ended.mean(), "those that came there and do not end there were freed"),
                 ("some step cut short", broken.mean(), "a joint were to turn by more than 1 rad, or posture singular"),
             )
@@ -164,7 +164,7 @@ def table_rows(table: str, *, population: int) -> list[Row]:
 def speed_row(*, rounds: int) -> Row:
     """Return the seconds that so many parameter sets take along the path of section 3.2."""
     arm, path, rng = pk.arms.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
-    begun = starts(path, 40)[0]
+    start = start_postures(path, 40)[0]
     method = pk.methods.WeightedGradientProjection(
         criteria=[
             pk.methods.Criterion(
@@ -177,12 +177,12 @@ def speed_row(*, rounds: int) -> Row:
         band=rng.uniform(0.05, 0.45, SETS),
         variant="paper",
     )
-    taken = []
+    elapsed = []
     for _ in range(rounds + 1):
         clock = time.perf_counter()
-        motion = pk.resolve(arm, path, method, start=begun, unreachable="track")
-        taken.append(time.perf_counter() - clock)
-    middle = float(np.median(taken[1:]))
+        motion = pk.resolve(arm, path, method, start=start, unreachable="track")
+        elapsed.append(time.perf_counter() - clock)
+    middle = float(np.median(elapsed[1:]))
     damped = float((motion.traces.status != "done").mean())
     return Row(
         table="parameter sets at once",
@@ -191,6 +191,6 @@ def speed_row(*, rounds: int) -> Row:
         unit="s",
         ours=middle,
         paper=GOAL,
-        note=f"{'LOSS: ' if middle > GOAL else ''}goal; median of {rounds}, from {min(taken[1:]):.3f} to "
-        f"{max(taken[1:]):.3f} s; {damped:.0%} of steps damped or cut short",
+        note=f"{'LOSS: ' if middle > GOAL else ''}goal; median of {rounds}, from {min(elapsed[1:]):.3f} to "
+        f"{max(elapsed[1:]):.3f} s; {damped:.0%} of steps damped or cut short",
     )

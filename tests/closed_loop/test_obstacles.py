@@ -3,7 +3,8 @@ import pytest
 
 from paretoik.closed_loop.obstacles import gaps, round_scene, scene
 from paretoik.robot.pose import Pose
-from paretoik.task.obstacles import Box, Capsule, Circle, Sphere, clearance
+from paretoik.task.distances import clearance
+from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
 
 TURNED = Pose([0.5, 0.2, 0.1], np.array([0.8, 0.36, 0.48, 0.0]))
 OBSTACLES = [

@@ -12,7 +12,8 @@ from paretoik.closed_loop.step import ControlStep
 from paretoik.errors import Infeasible
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
-from paretoik.task.obstacles import Circle, signed_distance
+from paretoik.task.distances import signed_distance
+from paretoik.task.obstacles import Circle
 from problems import marcos_2012
 from tests.closed_loop.postures import posture
 

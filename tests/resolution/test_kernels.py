@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.resolution.kernels import clamping, coefficient, damped, depth
-from paretoik.resolution.matrices import decomposed, least_eigenvalue
+from paretoik.resolution.joint_weights import buffer_depth, clamping_weight, criterion_weight
+from paretoik.resolution.kernels import squared_damping
+from paretoik.resolution.matrices import cholesky, smallest_eigenvalue
 
 WIDTH = 0.5
 NEAR = 1e-7
@@ -20,10 +21,10 @@ def test_the_least_eigenvalue_is_lapacks(seed, rows, rank):
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(rows, min(rank, rows))) * 10.0 ** rng.uniform(-3, 3)
     matrix = half @ half.T
-    found = least_eigenvalue(matrix, np.empty((rows + 4, rows)))
+    found = smallest_eigenvalue(matrix, np.empty((rows + 4, rows)))
     assert found == pytest.approx(np.linalg.eigvalsh(matrix)[0], abs=1e-13 * np.abs(matrix).max())
     diagonal = np.diag(rng.normal(size=rows))
-    assert least_eigenvalue(diagonal, np.empty((rows + 4, rows))) == diagonal.diagonal().min()
+    assert smallest_eigenvalue(diagonal, np.empty((rows + 4, rows))) == diagonal.diagonal().min()
 
 
 @given(seed=st.integers(0, 10_000), rows=st.integers(1, 6), least=st.floats(0.0, 0.05))
@@ -32,39 +33,39 @@ def test_damping_is_that_of_the_least_singular_value(seed, rows, least):
     left, _ = np.linalg.qr(rng.normal(size=(rows, rows)))
     sizes = np.append(rng.uniform(0.1, 2.0, rows - 1), least)
     matrix = (left * sizes**2) @ left.T
-    room = np.empty((rows, rows)), np.empty((rows + 4, rows))
+    work = np.empty((rows, rows)), np.empty((rows + 4, rows))
     wanted = max(0.0, 0.03**2 * (1 - (least / 0.02) ** 2))
-    assert damped(matrix, 0.02, 0.03, *room) == pytest.approx(wanted, abs=1e-12)
-    assert damped(matrix, 0.0, 0.03, *room) == 0.0
+    assert squared_damping(matrix, 0.02, 0.03, *work) == pytest.approx(wanted, abs=1e-12)
+    assert squared_damping(matrix, 0.0, 0.03, *work) == 0.0
 
 
 def test_a_matrix_that_is_not_positive_definite_is_not_decomposed():
-    room = np.empty((2, 2))
-    assert decomposed(np.array([[2.0, 1.0], [1.0, 1.0]]), room)
-    assert not decomposed(np.ones((2, 2)), room)
-    assert not decomposed(np.full((2, 2), np.nan), room)
+    work = np.empty((2, 2))
+    assert cholesky(np.array([[2.0, 1.0], [1.0, 1.0]]), work)
+    assert not cholesky(np.ones((2, 2)), work)
+    assert not cholesky(np.full((2, 2), np.nan), work)
 
 
 @pytest.mark.parametrize("threshold", [-1.0, 1.0, -0.5, 0.5])
 def test_weights_are_continuous_across_thresholds(threshold):
-    before, after = (clamping(depth(threshold + side, -1.0, 1.0, WIDTH)) for side in (-NEAR, NEAR))
+    before, after = (clamping_weight(buffer_depth(threshold + side, -1.0, 1.0, WIDTH)) for side in (-NEAR, NEAR))
     assert before == pytest.approx(after, abs=1e-5)
 
 
 @given(place=st.floats(-3.0, 3.0))
 def test_weights_fall_from_one_outside_the_buffer_to_nothing_at_the_limit(place):
-    into = depth(place, -1.0, 1.0, WIDTH)
-    assert -1.0 <= into <= 1.0
-    assert into == pytest.approx(np.sign(place) * np.clip((abs(place) - 0.5) / 0.5, 0.0, 1.0), abs=1e-12)
-    assert (clamping(into) == 1.0) == (abs(into) < 1e-3) or 0 < abs(into) < 0.1  # tanh reaches 1 before
-    assert (clamping(into) == 0.0) == (abs(into) == 1.0) or 0.9 < abs(into) < 1.0
+    depth = buffer_depth(place, -1.0, 1.0, WIDTH)
+    assert -1.0 <= depth <= 1.0
+    assert depth == pytest.approx(np.sign(place) * np.clip((abs(place) - 0.5) / 0.5, 0.0, 1.0), abs=1e-12)
+    assert (clamping_weight(depth) == 1.0) == (abs(depth) < 1e-3) or 0 < abs(depth) < 0.1  # tanh reaches 1 before
+    assert (clamping_weight(depth) == 0.0) == (abs(depth) == 1.0) or 0.9 < abs(depth) < 1.0
 
 
 def test_half_way_into_the_buffer_the_weight_is_a_half():
-    assert clamping(0.5) == clamping(-0.5) == 0.5
-    assert depth(0.3, -np.inf, np.inf, np.inf) == 0.0
-    assert depth(1.0, -1.0, 1.0, 0.0) == 1.0
-    assert depth(0.999, -1.0, 1.0, 0.0) == 0.0
+    assert clamping_weight(0.5) == clamping_weight(-0.5) == 0.5
+    assert buffer_depth(0.3, -np.inf, np.inf, np.inf) == 0.0
+    assert buffer_depth(1.0, -1.0, 1.0, 0.0) == 1.0
+    assert buffer_depth(0.999, -1.0, 1.0, 0.0) == 0.0
 
 
 @given(value=st.floats(0.0, 10.0), band=st.floats(0.0, 0.45))
@@ -76,9 +77,9 @@ def test_coefficients_are_the_papers_cubic(value, band):
     for normalised, sign, exponent in ((np.exp(-value), 1.0, -value), (1 - np.exp(-value), -1.0, value)):
         inside = a * normalised**3 + b * normalised**2 + c * normalised + d
         wanted = 1.0 if normalised <= low else 0.0 if normalised >= high else inside
-        assert coefficient(exponent, sign, band) == pytest.approx(wanted, abs=1e-9)
+        assert criterion_weight(exponent, sign, band) == pytest.approx(wanted, abs=1e-9)
 
 
 def test_worse_than_tolerable_counts_fully():
-    assert coefficient(-1.0, -1.0, 0.3) == 1.0
-    assert coefficient(5.0, 1.0, 0.3) == 0.0
+    assert criterion_weight(-1.0, -1.0, 0.3) == 1.0
+    assert criterion_weight(5.0, 1.0, 0.3) == 0.0

@@ -138,13 +138,3 @@ def test_of_a_joint_with_one_limit_the_far_half_is_free():
     limits = Limits(position=(np.full(3, -np.inf), START + 4.0))
     motion = pk.resolve(tringali_3r(), DOWN, pk.methods.WeightedLeastNorm(), start=START, limits=limits)
     assert (motion.traces.weights == 1.0).all()
-
-
-def test_the_margin_of_a_joint_with_one_limit_counts():
-    arm = pk.Arm.planar(lengths=[1.0, 1.0, 1.0], position_limits=(-np.inf, [2.0, 2.0, 2.0]))
-    path = line([2.0, 0.0], [1.8, 0.2], duration=1.0, samples=21)
-    problem = pk.ProjectionGains(arm, path, several=1)
-    genes = np.random.default_rng(0).uniform(problem.xl, problem.xu, (5, problem.n_var))
-    margins = -problem.evaluate(genes)[:, 1]
-    nearest = ((2.0 - problem.decode(genes).q) / (2 * np.pi)).min(axis=(1, 2))
-    assert margins == pytest.approx(nearest, rel=1e-12)

@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from paretoik import Arm, Pose, Task, Tracking, circle, kinetic_energy, line, plan
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.variational import shooting, variational
+from paretoik.resolution.shooting import shoot_extremals
+from paretoik.resolution.variational import integrate_extremal
 from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
@@ -95,19 +96,19 @@ def smooth_energy(motion):
 
 @cache
 def best(samples=26, tolerance=1e-7):
-    return variational(paper(samples), np.array(BEST), tolerance=tolerance)
+    return integrate_extremal(paper(samples), np.array(BEST), tolerance=tolerance)
 
 
 @pytest.mark.parametrize("make", TASKS.values(), ids=TASKS.keys())
 def test_no_torque_drives_the_self_motion(make):
     task = make()
-    found = variational(task, posture(task)[0], tolerance=1e-7)
+    found = integrate_extremal(task, posture(task)[0], tolerance=1e-7)
     assert np.abs(driving(found)).max() < 3e-4
     assert found.motion.tracking_error.max() < 1e-9
 
 
 def test_a_torque_drives_it_with_the_sign_as_printed():
-    found = variational(paper(), np.array(BEST), tolerance=1e-6, as_printed=True)
+    found = integrate_extremal(paper(), np.array(BEST), tolerance=1e-6, as_printed=True)
     assert np.abs(driving(found)).max() > 0.03
     assert found.energy > 2 * best().energy
 
@@ -115,7 +116,7 @@ def test_a_torque_drives_it_with_the_sign_as_printed():
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_the_energy_is_stationary_and_least_but_not_with_the_sign_as_printed(as_printed):
     task = paper(51)
-    base = variational(task, np.array(BEST), tolerance=1e-7, as_printed=as_printed).motion.q[None]
+    base = integrate_extremal(task, np.array(BEST), tolerance=1e-7, as_printed=as_printed).motion.q[None]
     for shape in (1, 2, 3):
         y = 1e-3 * np.array([-1.0, 0.0, 1.0])[:, None, None] * np.sin(shape * np.pi * task.times)[:, None] ** 2
         q, on_path = build_charts(task, base).at(task, np.zeros(3, dtype=int), y)
@@ -131,7 +132,7 @@ def test_the_planner_s_optimum_comes_nearer_as_its_steps_are_halved():
     for samples in (26, 51):
         path = line(FROM, TO, duration=1.0, samples=samples)
         planned = plan(Tracking(tringali_3r("fitted"), path, objectives=[kinetic_energy]), starts=12).best
-        found = variational(paper(samples), planned.motion.q[0], tolerance=1e-7)
+        found = integrate_extremal(paper(samples), planned.motion.q[0], tolerance=1e-7)
         apart.append(np.abs(found.motion.q - planned.motion.q).mean())
         differ.append(float(kinetic_energy(found.motion) - planned.objective))
     assert 1.7 < apart[0] / apart[1] < 2.4
@@ -164,14 +165,14 @@ def test_a_gantry_moves_in_proportion_to_its_path():
     inertia = dynamics.inertia_matrix(arm, np.zeros(4))
     spread = np.linalg.solve(inertia, jacobian.T)
     weighted = spread @ np.linalg.inv(jacobian @ spread)
-    found = variational(task, np.zeros(4), rates=drift)
+    found = integrate_extremal(task, np.zeros(4), rates=drift)
     expected = (path.positions - path.positions[0]) @ weighted.T + task.times[:, None] * drift
     np.testing.assert_allclose(found.motion.q, expected, atol=1e-8)
 
 
 def test_a_motion_run_backwards_is_a_motion_of_the_path_run_backwards():
     there = best(51, 1e-8)
-    back = variational(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1], tolerance=1e-8)
+    back = integrate_extremal(paper(ends=(TO, FROM)), there.motion.q[-1], rates=-there.dq[-1], tolerance=1e-8)
     np.testing.assert_allclose(back.motion.q[::-1], there.motion.q[::2], atol=1e-5)
     np.testing.assert_allclose(back.dq[::-1], -there.dq[::2], atol=1e-4)
 
@@ -186,17 +187,17 @@ def test_finer_steps_and_other_samples_hardly_change_the_motion():
 def test_each_motion_of_a_batch_is_what_it_is_alone():
     task = paper(11)
     q = posture(task, 4).reshape(2, 2, 3)
-    together = variational(task, q, tolerance=1e-6)
+    together = integrate_extremal(task, q, tolerance=1e-6)
     assert together.motion.q.shape == (2, 2, 11, 3)
     assert together.energy.shape == (2, 2)
-    alone = variational(task, q[1, 0], tolerance=1e-6)
+    alone = integrate_extremal(task, q[1, 0], tolerance=1e-6)
     np.testing.assert_allclose(together.motion.q[1, 0], alone.motion.q, atol=1e-9)
     assert together.energy[1, 0] == pytest.approx(float(alone.energy))
 
 
 def test_gravity_plays_no_part_and_a_start_of_the_task_s_own_is_taken():
     hung = tringali_3r("fitted").mounted(gravity=(0.0, -9.81, 0.0))
-    found = variational(paper(arm=hung, start=best().motion.q[0]), tolerance=1e-7)
+    found = integrate_extremal(paper(arm=hung, start=best().motion.q[0]), tolerance=1e-7)
     np.testing.assert_allclose(found.motion.q, best().motion.q, atol=1e-9)
 
 
@@ -205,14 +206,14 @@ def test_shapes_and_types_hold_where_they_are_checked():
 
     jaxtyping.config.update("jaxtyping_disable", False)
     task = paper(5)
-    assert shooting(task, led(task, [BEST]), tolerance=1e-5).minimum.tolist() == [True]
+    assert shoot_extremals(task, led(task, [BEST]), tolerance=1e-5).minimum.tolist() == [True]
 
 
 @cache
 def shot():
     task = paper(26)
     near = [(-0.4, 0.55, 0.1), (0.0, 0.33, -0.75), (0.37, -0.7, 0.29), (-0.38, 0.5, 0.22)]
-    return task, shooting(task, led(task, near), tolerance=1e-6)
+    return task, shoot_extremals(task, led(task, near), tolerance=1e-6)
 
 
 def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
@@ -241,11 +242,11 @@ def test_shooting_takes_any_degree_of_redundancy():
     arm = Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4, inertias=[0.01] * 4)
     task = paper(26, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
     q = posture(task, 30)
-    promising = np.argsort(variational(task, q, tolerance=1e-5).energy)[:1]
-    found = shooting(task, q[promising], tolerance=1e-6)
+    promising = np.argsort(integrate_extremal(task, q, tolerance=1e-5).energy)[:1]
+    found = shoot_extremals(task, q[promising], tolerance=1e-6)
     beside = led(task, found.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
     assert found.minimum[0]
-    assert (variational(task, beside, tolerance=1e-6).energy > found.energy[0]).all()
+    assert (integrate_extremal(task, beside, tolerance=1e-6).energy > found.energy[0]).all()
 
 
 def test_self_motion_of_the_panda_costs_energy_either_way():
@@ -254,35 +255,35 @@ def test_self_motion_of_the_panda_costs_energy_either_way():
     slopes = task_errors(task.arm, task.tasks, q[None], task.targets[:1])[1][..., 0]
     away = z @ np.linalg.svd(slopes)[2][3:]
     rates = np.concatenate([np.zeros((1, 7)), away, -away])
-    found = variational(task, np.tile(q, (13, 1)), rates=rates, tolerance=1e-7)
+    found = integrate_extremal(task, np.tile(q, (13, 1)), rates=rates, tolerance=1e-7)
     assert found.motion.tracking_error.max() < 1e-9
     assert (found.energy[1:7] + found.energy[7:] > 2 * found.energy[0]).all()
 
 
 def test_tasks_and_arms_that_have_no_such_motion_are_refused():
     with pytest.raises(InvalidInput, match="every joint moves a mass, Marcos 3R has others"):
-        variational(task_of(marcos_nr(3), line([2.5, 0.5], [1.0, 2.0], duration=1.0)), np.zeros(3))
+        integrate_extremal(task_of(marcos_nr(3), line([2.5, 0.5], [1.0, 2.0], duration=1.0)), np.zeros(3))
     around = task_of(tringali_3r(), circle([0.4178, 0.0], 0.05, duration=1.0, samples=31), cyclic=True)
     with pytest.raises(InvalidInput, match="wants an open motion"):
-        variational(around, np.array(BEST))
+        integrate_extremal(around, np.array(BEST))
     with pytest.raises(InvalidInput, match=r"tolerance must be 1e-13 to 0\.001, got 1"):
-        variational(paper(), np.array(BEST), tolerance=1.0)
+        integrate_extremal(paper(), np.array(BEST), tolerance=1.0)
 
 
 def test_starts_that_cannot_be_used_are_refused():
     start = best().motion.q[0]
     with pytest.raises(InvalidInput, match="the task has no start of its own"):
-        variational(paper())
+        integrate_extremal(paper())
     with pytest.raises(InvalidInput, match=r"start 1 is 0\.0[0-9]+ m"):
-        variational(paper(), np.stack([start, start + 0.1]))
+        integrate_extremal(paper(), np.stack([start, start + 0.1]))
     with pytest.raises(InvalidInput, match=r"finite postures \(..., 3\), got shape \(2,\)"):
-        variational(paper(), start[:2])
+        integrate_extremal(paper(), start[:2])
     with pytest.raises(InvalidInput, match="rates must follow the path"):
-        variational(paper(), start, rates=np.ones(3))
+        integrate_extremal(paper(), start, rates=np.ones(3))
     with pytest.raises(InvalidInput, match=r"starts' shape \(3,\), got \(1, 3\)"):
-        variational(paper(), start, rates=np.zeros((1, 3)))
+        integrate_extremal(paper(), start, rates=np.zeros((1, 3)))
     with pytest.raises(InvalidInput, match="shooting: wants a free start"):
-        shooting(paper(start=start), start[None])
+        shoot_extremals(paper(start=start), start[None])
 
 
 def test_a_motion_into_a_singularity_is_refused_with_sample_and_time():
@@ -291,9 +292,9 @@ def test_a_motion_into_a_singularity_is_refused_with_sample_and_time():
     beyond = np.linalg.norm(task.targets, axis=1) > 0.4895
     q = posture(task, 2)
     with pytest.raises(Infeasible, match=f"motion 0 runs into a singularity past sample {np.argmax(beyond) - 1} "):
-        variational(task, q, tolerance=1e-5)
+        integrate_extremal(task, q, tolerance=1e-5)
     with pytest.raises(Infeasible, match="shooting: no start led to a motion"):
-        shooting(task, q, tolerance=1e-5)
+        shoot_extremals(task, q, tolerance=1e-5)
     stretched = paper(21, ends=([0.4895, 0.0], [0.3, 0.1]))
     with pytest.raises(Infeasible, match="motion 0 runs into a singularity past sample 0 "):
-        variational(stretched, np.zeros(3), tolerance=1e-5)
+        integrate_extremal(stretched, np.zeros(3), tolerance=1e-5)

@@ -37,7 +37,7 @@ FAULTS = {
     "missing inertia": (massed(MASS, ""), "line 4: link 'b': its <inertial> has no <inertia>"),
     "half an inertia": (massed(MASS, '<inertia ixx="1"/>'), "line 4: link 'b': <inertia> lacks izz"),
     "NaN inertia": (moments("NaN", 1, 1), "line 4: link 'b': inertia ixx must be a number, got 'NaN'"),
-    "negative inertia": (moments(-1, 1, 1), "line 4: link 'b': inertia must be positive, its least principal"),
+    "negative inertia": (moments(-1, 1, 1), "line 4: link 'b': inertia must be positive, its smallest principal"),
     "indefinite inertia": (moments(1, 1, 1, xy=2), "line 4: link 'b': inertia must be positive"),
     "triangle": (moments(1, 1, 3), "line 4: link 'b': inertia breaks the triangle inequality: principal moments 1, 1 "),
     "origin": (massed(MASS + '<origin xyz="0 0"/>'), "line 4: link 'b': origin xyz must be 3 numbers, got '0 0'"),

@@ -11,23 +11,23 @@ import paretoik as pk
 from problems import tringali_2021
 from studies.tringali_2021 import __main__ as study
 from studies.tringali_2021.pictures import draw
-from studies.tringali_2021.real_time import Slsqp, real_time_rows, updated
+from studies.tringali_2021.real_time import Slsqp, make_solver, real_time_rows
 from studies.tringali_2021.trajectories import (
     NUMBERS,
     arm_of,
-    followed,
     paper,
-    passing,
-    searched,
+    resolve_trajectory,
+    schedule_rows,
+    singularity_rows,
     spectral_radius,
     table_5,
-    told,
+    text_rows,
 )
 
 
 @pytest.fixture(scope="module")
-def found():
-    return [followed(number, "fitted", starts=4, samples=201) for number in NUMBERS]
+def trajectories():
+    return [resolve_trajectory(number, "fitted", starts=4, samples=201) for number in NUMBERS]
 
 
 def test_the_start_is_where_the_paths_begin():
@@ -40,8 +40,8 @@ def test_the_start_is_where_the_paths_begin():
     assert last[1] < first[1]  # the mirror image
 
 
-def test_energies_stand_beside_the_papers(found):
-    rows = {(row.row, row.column): row for one in found for row in table_5(one)}
+def test_energies_stand_beside_the_papers(trajectories):
+    rows = {(row.row, row.column): row for one in trajectories for row in table_5(one)}
     assert len(rows) == 12
     assert all(row.paper == paper()["Table 5", *place] for place, row in rows.items())
     for number in (1, 4):
@@ -56,19 +56,19 @@ def test_energies_stand_beside_the_papers(found):
 
 
 def test_the_paper_s_global_optimum_of_trajectory_4_is_one_of_ours_but_not_the_best():
-    one = followed(4, "fitted", starts=48, samples=201)
+    one = resolve_trajectory(4, "fitted", starts=48, samples=201)
     assert min(abs(energy / paper()["Table 5", "trajectory 4", "global"] - 1) for energy in one.optima) < 0.02
     assert one.optima[0] < 0.8 * paper()["Table 5", "trajectory 4", "global"]
     (note,) = (row.note for row in table_5(one) if row.column == "global")
     assert "is nearest to the paper's" in note
 
 
-def test_speeds_and_radii_stand_beside_the_papers(found):
-    rows = [row for one in found for row in told(one)]
+def test_speeds_and_radii_stand_beside_the_papers(trajectories):
+    rows = [row for one in trajectories for row in text_rows(one)]
     assert len(rows) == 16
     speeds = [row for row in rows if row.unit == "rad/s" and row.row != "trajectory 2"]
     assert all(abs(row.ours / row.paper - 1) < 0.12 for row in speeds)
-    ahead, local = passing(found)
+    ahead, local = singularity_rows(trajectories)
     assert ahead.ours > 3 * local.ours
 
 
@@ -82,19 +82,19 @@ def test_the_spectral_radius_is_twice_the_most_energy_of_a_unit_velocity():
     assert 0.99 * radius < most < radius * (1 + 1e-4)
 
 
-def test_a_search_finds_a_rhythm_no_worse_than_the_papers():
-    (row,) = searched(1, "fitted", starts=4, generations=3, samples=101)
+def test_a_search_finds_a_schedule_no_worse_than_the_papers():
+    (row,) = schedule_rows(1, "fitted", starts=4, generations=3, samples=101)
     assert row.ours < 1.02 * row.paper
     assert "from the global optimum" in row.note
 
 
 def test_another_solver_may_look_ahead():
     given = tringali_2021.problem(1, samples=201).task, pk.kinetic_energy, 2, 1.0
-    ours, slow = updated("ours")(*given), updated("SLSQP, exact derivatives")(*given)
+    ours, slow = make_solver("ours")(*given), make_solver("SLSQP, exact derivatives")(*given)
     assert isinstance(slow, Slsqp)
     start, targets = np.array(tringali_2021.START), given[0].targets[[20, 40]]
     guess = np.tile(start, (2, 1))
-    one, other = (solver.solved(guess, start, np.zeros(3), targets) for solver in (ours, slow))
+    one, other = (solver.solve(guess, start, np.zeros(3), targets) for solver in (ours, slow))
     np.testing.assert_allclose(one.q, other.q, atol=1e-5)
     assert one.value == pytest.approx(other.value, rel=1e-6)
 
@@ -106,11 +106,11 @@ def test_updates_are_timed_side_by_side():
     assert all("energies the same" in row.note for row in rows[1:])
 
 
-def test_pictures_are_drawn_and_rows_written(found, tmp_path, monkeypatch):
-    assert len(draw(tmp_path / "pictures", found)) == 10
-    monkeypatch.setattr(study, "followed", lambda number, masses, **_: found[number - 1])
+def test_pictures_are_drawn_and_rows_written(trajectories, tmp_path, monkeypatch):
+    assert len(draw(tmp_path / "pictures", trajectories)) == 10
+    monkeypatch.setattr(study, "resolve_trajectory", lambda number, masses, **_: trajectories[number - 1])
     monkeypatch.setattr(study, "real_time_rows", lambda **_: [])
-    monkeypatch.setattr(study, "searched", lambda *_, **__: [])
+    monkeypatch.setattr(study, "schedule_rows", lambda *_, **__: [])
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert {row["table"] for row in rows} >= {"Table 5, fitted masses", "Figure 8, fitted masses"}

@@ -12,8 +12,8 @@ import paretoik as pk
 from problems import wan_2018
 from studies.reporting import holm
 from studies.wan_2018 import __main__ as study
-from studies.wan_2018.fronts import compared_rows
-from studies.wan_2018.methods import compared, paper, speed_row, starts, table_rows, worst_errors
+from studies.wan_2018.fronts import comparison_rows
+from studies.wan_2018.methods import paper, paper_methods, speed_row, start_postures, table_rows, worst_errors
 
 
 def test_paths_are_the_papers():
@@ -36,10 +36,10 @@ def test_the_modified_trapezoid_has_its_textbooks_peaks():
 
 def test_starts_are_within_the_limits_and_on_the_first_pose():
     path, arm = wan_2018.simulation(), pk.arms.wan_7r()
-    found = starts(path, 60)
+    found = start_postures(path, 60)
     assert len(found) > 5
     assert ((found >= arm.position_limits[:, 0]) & (found <= arm.position_limits[:, 1])).all()
-    motion = pk.resolve(arm, path, compared("Table 2")["WLN"], start=found, unreachable="track")
+    motion = pk.resolve(arm, path, paper_methods("Table 2")["WLN"], start=found, unreachable="track")
     assert np.abs(motion.traces.errors[:, 0]).max() < 1e-9
     assert worst_errors(motion).shape == (len(found), 6)
 
@@ -66,14 +66,14 @@ def test_corrected_p_values_are_holms():
 
 
 def test_families_are_compared_by_their_fronts():
-    rows = compared_rows(seeds=2, population=8, generations=2, several=1)
+    rows = comparison_rows(seeds=2, population=8, generations=2, judged_starts=1)
     assert [row.column for row in rows] == ["hypervolume, median", "IGD+, median", "additive ε, median"]
     assert all(row.note.startswith("from 1 starts each: undecided") for row in rows)  # two seeds decide nothing
 
 
 def test_the_command_writes_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "table_rows", lambda *_, **__: [])
-    monkeypatch.setattr(study, "compared_rows", lambda **_: [])
+    monkeypatch.setattr(study, "comparison_rows", lambda **_: [])
     study.main(["--quick", "--json", str(tmp_path / "rows.json")])
     (row,) = json.loads((tmp_path / "rows.json").read_text())
     assert row["row"] == "200 sets, 743 samples"

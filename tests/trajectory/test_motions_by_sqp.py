@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
-from paretoik.trajectory.certificates import certify
-from paretoik.trajectory.polish import within_limits
 
 import paretoik as pk
 from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.minimise import minimise_violation
 from paretoik.nlp.program import Goal
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.linearisation import linearise
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
+from tests.pareto.motions import certify_motions
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -69,7 +69,7 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
     problem = problem_of(objective)
     best = pk.plan(problem, starts=6).best
     task, q = problem.task, best.motion.q
-    known = certify(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
+    known = certify_motions(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
     assert known.kkt_residual[0] <= 1e-6
     assert known.violation[0] <= 1e-8
     for motion in nearby(task, q, 200):
@@ -177,7 +177,7 @@ def test_the_least_violation_is_found_where_limits_cannot_hold():
     task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
     q = initial_motions(task, starts=3, seed=0)
     program = motion_program(task)
-    eased = within_limits(program, q, np.full(1, np.inf), Rules())
+    eased = minimise_violation(program, q, np.full(1, np.inf), Rules())
     assert np.all(eased.violation < np.maximum(task.violations(task.motion(q)).max(axis=1), 1e-12))
 
 
@@ -217,7 +217,7 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     with pytest.raises(pk.InvalidInput, match=r"jumping: jumps where the condition"):
         motion_program(problem_of(jumping).task)
     best = pk.plan(problem_of(bent), starts=6).best
-    known = certify(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
+    known = certify_motions(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
     assert known.kkt_residual[0] <= 1e-6
 
 

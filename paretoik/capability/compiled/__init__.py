@@ -1,0 +1,1 @@
+"""Compiled kernels: what actuators let a joint do, and the directional maxima of planar arms."""

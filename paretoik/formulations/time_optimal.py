@@ -1,0 +1,148 @@
+"""Time-optimal control as a method with numbers, so that ``Tuning`` can search them like those of any other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.speed_models import SpeedModel
+from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
+from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
+from paretoik.resolution.parameters import Number, Parameter
+from paretoik.resolution.traces import HELD, STATUS, ResolvedMotion, Traces, empty_traces
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract, row_space_basis, task_errors
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControlTraces(Traces):
+    """``Traces``, and of every motion the cone programs that a plan took in the mean and the velocities cut short.
+
+    ``errors`` are those from the reference; ``velocities`` are finite differences.
+    """
+
+    evaluations: Float[np.ndarray, "*batch"]
+    cuts: Float[np.ndarray, "*batch"]
+
+
+@dataclass(frozen=True, eq=False)
+class TimeOptimalControl:
+    """Time-optimal control from the first position of a path to its last, the tool as fast as ``model`` allows.
+
+    The ways between are its own, and so are the times: motions come at as many samples as the path has, evenly spaced
+    until the tool stands on the target. Starts are where the tool is at first. ``horizon``, ``period`` [s] and ``gain``
+    [1/s], as of ``time_optimal_control``, may be arrays (*batch,). The joints follow the tool by the shortest way from
+    one sample to the next. Where the control fails, or the arm cannot follow, the arm stays and the error is infinite.
+
+    Source: Kim, Choi & Jang 2021, Eqs. 6 and 7.
+    """
+
+    model: SpeedModel
+    _: KW_ONLY
+    horizon: int | np.ndarray = 10
+    period: Number = 1e-3
+    gain: Number = 100.0
+    tolerance: float = 1e-6
+
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default.
+
+        ``correction`` is the gain times the period: the share of an error that is corrected in a period.
+        Raises InvalidInput where the period is an array already.
+        """
+        if np.ndim(self.period):
+            raise InvalidInput(f"TimeOptimalControl: one period wanted, got {self.period}")
+        period = float(self.period)
+        return (
+            Parameter("horizon", 2, 20, scale="integer"),
+            Parameter("period", period, 20.0 * period, scale="log"),
+            Parameter("correction", 0.02, 1.0),
+        )
+
+    def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
+        """Return the control with values (motions,) for some of its numbers; raise InvalidInput for unknown names."""
+        names = [each.name for each in fields(self)]
+        for name in values:
+            if name not in (*names, "correction"):
+                raise InvalidInput(f"TimeOptimalControl: one of {', '.join(names)}, correction wanted, got {name!r}")
+        changed: dict[str, Any] = {name: value for name, value in values.items() if name != "correction"}
+        if "correction" in values:
+            changed["gain"] = values["correction"] / changed.get("period", self.period)
+        return replace(self, **changed)
+
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, broadcast against the numbers; nothing depends on ``tolerance``.
+
+        Raises InvalidInput for tasks other than one position, in the model's dimension, and for numbers out of range.
+        """
+        if len(task.tasks) != 1 or task.targets.shape[1] != task.rows or task.rows != len(self.model.lower):
+            raise InvalidInput(f"TimeOptimalControl: one path of positions (..., {len(self.model.lower)}) wanted")
+        numbers = (self.horizon, self.period, self.gain)
+        shape = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers))
+        q = np.broadcast_to(start, (*shape, task.arm.dof)).reshape(-1, task.arm.dof)
+        columns = zip(*(np.broadcast_to(each, shape).ravel().tolist() for each in numbers), strict=True)
+        first = task_errors(task.arm, task.tasks, q, np.zeros((len(q), task.rows)))[0].T
+        runs = [self._run(task, -tool, *each) for tool, each in zip(first, columns, strict=True)]
+        return _joint_motion(task, shape, q, runs)
+
+    def _run(
+        self, task: MotionTask, tool: np.ndarray, horizon: int, period: float, gain: float
+    ) -> TimeOptimalRun | None:
+        """Return what the control does from a position of the tool; None where it fails."""
+        try:
+            return time_optimal_control(
+                self.model,
+                task.targets[0],
+                task.targets[-1],
+                horizon=horizon,
+                period=period,
+                gain=gain,
+                tolerance=self.tolerance,
+                initial=tool,
+            )
+        except (EvaluationFailed, SolverFailed):
+            return None
+
+
+def _joint_motion(
+    task: MotionTask, shape: tuple[int, ...], start: np.ndarray, runs: list[TimeOptimalRun | None]
+) -> ResolvedMotion:
+    """Return the motions by which joints follow the tool of every run, at as many samples as the task has."""
+    count, samples, dof = len(runs), len(task.times), task.arm.dof
+    shares = np.linspace(0.0, 1.0, samples)
+    time = np.tile(task.times, (count, 1))
+    tool, references = np.tile(task.targets[0], (2, count, samples, 1))
+    for i, run in enumerate(runs):
+        if run is not None:
+            time[i] = shares * run.settled
+            for positions, column in ((run.positions, tool[i]), (run.references, references[i])):
+                column[:] = np.stack([np.interp(time[i], run.times, each) for each in positions.T], axis=1)
+    q, reached = np.tile(start[:, None], (1, samples, 1)), np.array([run is not None for run in runs])
+    for k in range(1, samples):
+        jacobians = task_errors(task.arm, task.tasks, q[:, k - 1], tool[:, k])[1]
+        result = retract(task.arm, task.tasks, q[:, k - 1], tool[:, k], row_space_basis(jacobians))
+        reached &= result.on_path
+        q[:, k] = np.where(reached[:, None], result.q, q[:, k - 1])
+    traces = empty_traces(count, samples, dof, task.rows, 1)
+    errors = task_errors(task.arm, task.tasks, q.reshape(-1, dof), references.reshape(-1, task.rows))[0].T
+    traces["errors"][:] = np.where(reached[:, None, None], errors.reshape(count, samples, -1), np.inf)
+    traces["velocities"][:] = np.diff(q, axis=1) / np.diff(time, axis=1)[..., None]
+    traces["status"][~reached] = HELD
+    plans = [np.nan if run is None or not len(run.iterations) else float(run.iterations.mean()) for run in runs]
+    extra = {"evaluations": np.array(plans), "cuts": np.array([0 if run is None else run.cuts for run in runs], float)}
+    arrays = {name: each.reshape(*shape, *each.shape[1:]) for name, each in {**traces, **extra}.items()}
+    return ResolvedMotion(
+        arm=task.arm,
+        time=time.reshape(*shape, samples),
+        q=q.reshape(*shape, samples, dof),
+        obstacles=task.obstacles,
+        link_radius=task.link_radius,
+        differences=task.differences,
+        traces=ControlTraces(**{**arrays, "status": STATUS[arrays["status"]]}),
+    )

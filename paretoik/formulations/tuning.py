@@ -1,0 +1,267 @@
+"""The numbers of a method that resolves motions as a pymoo problem: setting them by hand is trial and error.
+
+An individual is a set of numbers. It is judged by the motions from several starts, so that numbers that suit one
+posture alone are not taken for good ones. All individuals and starts are resolved at once.
+
+Sources of the methods' numbers: Wan et al. 2018; Tringali & Cocuzza 2021, section 2.2; Kim et al. 2021. All of them
+choose these by hand; that they are searched for, and by several objectives, is new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, Protocol, TypeVar, get_args, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, Int
+from pymoo.core.problem import Problem
+
+from paretoik.arrays import Genes
+from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.identity import identity_parts
+from paretoik.inputs import ArrayLike, finite_array
+from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
+from paretoik.resolution.parameters import Parameter
+from paretoik.resolution.traces import ResolvedMotion
+from paretoik.robot.arm import Arm
+from paretoik.self_motion.postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.objectives import Objective, jerk
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.task import Task
+
+JudgedBy = Literal["worst", "mean"]
+START = Parameter("start", 0.0, 1.0)
+START_CANDIDATES = 400  # random postures that starts are found from
+DEFAULT_STARTS = 5
+Tuned = TypeVar("Tuned", bound="Resolver")
+
+
+@runtime_checkable
+class Resolver(Protocol):
+    """What ``Tuning`` tunes: a method with named numbers that follows a path, one motion for each set of them."""
+
+    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
+        """Return the numbers that are searched by default, on a path with these sample times."""
+        ...
+
+    def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
+        """Return the method with values (motions,) for some of its numbers."""
+        ...
+
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, as far as the path can be followed."""
+        ...
+
+
+class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """Find the numbers of a method along ``path``: a vectorised pymoo problem.
+
+    Parameters
+    ----------
+    arm, path
+        The arm, and a Path, a Task or several of them.
+    method
+        Any of ``pk.methods``, or a ``TimeOptimalControl``; numbers that are not searched keep its values.
+    parameters
+        What is searched: names of the method's numbers, with ranges by default, or ``Parameter(name, lower, upper,
+        scale=)``. Of a method with criteria there are "gain of NAME" and, where they have an order, "priority of NAME".
+        "start" searches for the start too. By default all of the method's own.
+    objectives
+        Of the motions: any ``@objective``, and ``tracking_error``, ``limit_margin``, ``speed_ratio``, ``evaluations``,
+        ``duration`` and ``distance_to(motion)``. By default the first three and ``jerk``.
+    starts
+        Postures (starts, dof) that motions may begin in, in some order; by default those on the path's first sample
+        within the limits, one after its nearest neighbour.
+    judged_starts
+        By how many of them an individual is judged: those around its own where "start" is searched, otherwise spread
+        evenly. By default 5, without "start" all that are given.
+    judged_by
+        Whether an objective is its "worst" over the starts or its "mean".
+    tolerance
+        Distance [m, rad] from the path past which an individual is infeasible, by any of its starts; None for none.
+    obstacles, link_radius
+        What criteria and objectives may look at.
+    seed
+        Of the starts; part of the problem.
+
+    It has no gradients: ``refine``, ``plan`` and ``epsilon_front`` refuse it.
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used; OutOfReach where the path's first sample is.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        path: Path | Task | Sequence[Path | Task],
+        method: Resolver,
+        *,
+        parameters: Sequence[str | Parameter] | None = None,
+        objectives: Sequence[Objective] = (tracking_error, limit_margin, speed_ratio, jerk),
+        starts: ArrayLike | Sequence[ArrayLike] | None = None,
+        judged_starts: int | None = None,
+        judged_by: JudgedBy = "worst",
+        tolerance: float | None = 0.05,
+        obstacles: Sequence[Obstacle] = (),
+        link_radius: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        if isinstance(method, type) or not isinstance(method, Resolver):
+            raise InvalidInput(f"method: one of pk.methods wanted, such as DampedLeastSquares(), got {method!r}")
+        if judged_by not in get_args(JudgedBy):
+            raise InvalidInput(f"judged_by must be one of {', '.join(get_args(JudgedBy))}, got {judged_by!r}")
+        if tolerance is not None and not finite_array("tolerance", tolerance, ()) > 0:
+            raise InvalidInput(f"tolerance: None or a positive distance in m or rad wanted, got {tolerance}")
+        check_size("seed", seed, 0)
+        self.task: MotionTask = motion_task(
+            arm, path, objectives=objectives, obstacles=obstacles, link_radius=link_radius
+        )
+        self.resolver, self.judged_by, self.tolerance = method, judged_by, tolerance
+        self.parameters = _checked_parameters(method, parameters, self.task.times)
+        self.starts = sample_starts(self.task, seed) if starts is None else _checked_starts(arm, starts)
+        self._searches_start = START.name in [each.name for each in self.parameters]
+        every = starts is not None and not self._searches_start
+        default = len(self.starts) if every else min(DEFAULT_STARTS, len(self.starts))
+        self.judged_starts = default if judged_starts is None else judged_starts
+        check_size("judged_starts", self.judged_starts, 1)
+        if self.judged_starts > len(self.starts):
+            raise InvalidInput(f"judged_starts: 1 to {len(self.starts)} wanted, got {judged_starts!r}")
+        lower, upper = np.array([each.gene_bounds for each in self.parameters]).T
+        constraints = 0 if tolerance is None else 1
+        super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=constraints, xl=lower, xu=upper)
+        self._check_trial()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the objectives."""
+        return tuple(each.name for each in self.task.objectives)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the objectives."""
+        return tuple(each.unit for each in self.task.objectives)
+
+    @property
+    def maximised(self) -> tuple[bool, ...]:
+        """Which objectives are maximised."""
+        return tuple(each.maximise for each in self.task.objectives)
+
+    @property
+    def constraint_names(self) -> tuple[str, ...]:
+        """A name for each column of G."""
+        return () if self.tolerance is None else ("tracking",)
+
+    def values(self, genes: Genes) -> dict[str, np.ndarray]:
+        """Return the values (points,) of all fields that genes (points, n_var) stand for, ``start`` aside."""
+        columns = zip(self.parameters, genes.T, strict=True)
+        decoded = [(each, each.decode(column)) for each, column in columns if each.name != START.name]
+        return {field: values for each, values in decoded for field in each.fields}
+
+    def method(self, genes: Genes) -> Resolver:
+        """Return the method of genes (points, n_var), its numbers (points,)."""
+        return self.resolver.with_values(self.values(genes), self.task.times)
+
+    def start_indices(self, genes: Genes) -> Int[np.ndarray, "points judged"]:
+        """Return by which starts individuals are judged; the first is their own."""
+        count, judged = len(self.starts), np.arange(self.judged_starts)
+        if not self._searches_start:
+            return np.tile(judged * count // self.judged_starts, (len(genes), 1))
+        column = [each.name for each in self.parameters].index(START.name)
+        own = np.minimum((genes[:, column] * count).astype(int), count - 1)
+        shifts = np.where(judged % 2, (judged + 1) // 2, -(judged // 2))
+        return np.asarray((own[:, None] + shifts) % count)
+
+    def decode(self, genes: Genes) -> ResolvedMotion:
+        """Return the motions (points, time, dof) of genes from their own, or first, starts."""
+        return self._follow(genes, self.start_indices(genes)[:, :1])
+
+    def explain(self, genes: Genes) -> list[str]:
+        """Return for each individual why it is infeasible, in words; "" where it is feasible."""
+        if self.tolerance is None:
+            return [""] * len(genes)
+        errors = self._worst_errors(self._follow(genes, self.start_indices(genes)), len(genes))
+        return [f"{error:.3g} m or rad off the path" if error > self.tolerance else "" for error in errors]
+
+    def fingerprint_parts(self) -> list[object]:
+        """Return what makes genes mean what they mean: the starts, the task, the method, its ranges, the judging."""
+        task, arm = self.task, self.task.arm
+        parts: list[object] = [self.starts, task.targets, task.times, arm.joint_names, self.names, self.maximised]
+        parts += [arm.position_limits, arm.velocity_limits, task.link_radius, *task.obstacles, *self.parameters]
+        parts += [self.judged_starts, self.judged_by, self.tolerance]
+        return parts + identity_parts(self.resolver) + identity_parts(task.objectives)
+
+    def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
+        """Return the motions (points · judged, time, dof) of individuals from their starts."""
+        method = self.method(np.repeat(genes, indices.shape[1], axis=0))
+        return method.follow(self.task, self.starts[indices.ravel()], tolerance=self.tolerance)
+
+    def _worst_errors(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, " points"]:
+        worst: np.ndarray = np.abs(motion.traces.errors).max(axis=(-2, -1)).reshape(points, -1).max(axis=1)
+        return worst
+
+    def _check_trial(self) -> None:
+        """Raise what the method and the objectives raise for the first start, before any search."""
+        genes = (self.xl + 0.5 * (self.xu - self.xl))[None]
+        motion = self._follow(genes, np.zeros((1, 1), dtype=int))
+        for each in self.task.objectives:
+            each(motion)
+
+    def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
+        motion = self._follow(X, self.start_indices(X))
+        values = np.stack([each.sign * each(motion) for each in self.task.objectives], axis=1)
+        values = values.reshape(len(X), self.judged_starts, len(self.task.objectives))
+        judged = values.max(axis=1) if self.judged_by == "worst" else values.mean(axis=1)
+        out["F"] = np.where(np.isfinite(judged), judged, np.inf)
+        if self.tolerance is not None:
+            out["G"] = (self._worst_errors(motion, len(X)) / self.tolerance - 1.0)[:, None]
+
+
+def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
+    """Return postures on the first sample within the limits, each after its nearest neighbour.
+
+    Raises OutOfReach where there are none.
+    """
+    rng = np.random.default_rng(seed)
+    candidates = sample_postures(task, START_CANDIDATES, rng)
+    if not len(candidates):
+        raise reach_error(task, rng, 0)
+    candidates = wrap_difference(candidates, task.arm.periodic)
+    lower, upper = task.arm.position_limits.T
+    within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
+    return order_by_neighbour(candidates[within] if within.any() else candidates, task.arm.periodic)
+
+
+def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:
+    array = finite_array("starts", starts)
+    if array.ndim != 2 or array.shape[1] != arm.dof or not array.size:
+        raise InvalidInput(f"starts: postures (starts, {arm.dof}) wanted, got shape {array.shape}")
+    return array
+
+
+def _checked_parameters(
+    method: Resolver, parameters: Sequence[str | Parameter] | None, times: np.ndarray
+) -> tuple[Parameter, ...]:
+    """Return what is searched; raise InvalidInput for unknown names, fields set twice, and nothing."""
+    known = {each.name: each for each in (*method.parameters(times), START)}
+    if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
+        raise InvalidInput(f"parameters: a list of names and Parameters wanted, got {parameters!r}")
+    chosen = list[Parameter]()
+    for each in method.parameters(times) if parameters is None else parameters:
+        if not isinstance(each, Parameter) and each not in known:
+            raise InvalidInput(
+                f"parameters: {', '.join(known)}, or a Parameter(name, lower, upper) wanted, got {each!r}"
+            )
+        chosen.append(each if isinstance(each, Parameter) else known[each])
+    if not chosen:
+        raise InvalidInput("parameters: at least one wanted, got none")
+    fields = [field for each in chosen for field in each.fields]
+    if len(set(fields)) != len(fields):
+        raise InvalidInput(f"parameters: each number once wanted, got {', '.join(fields)}")
+    return tuple(chosen)

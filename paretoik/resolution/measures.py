@@ -1,0 +1,84 @@
+"""Objectives of resolved motions, beside those of any motion: they look at what the method did."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.resolution.batch import position_ranges
+from paretoik.resolution.traces import ResolvedMotion
+from paretoik.self_motion.postures import wrap_difference
+from paretoik.task.motion import Motion
+from paretoik.task.objectives import Objective, objective
+
+
+@objective(unit="m, rad", form="general")
+def tracking_error(motion: Motion) -> np.ndarray:
+    """Greatest error of any task equation at any sample."""
+    return np.asarray(np.abs(_resolved("tracking_error", motion).traces.errors).max(axis=(-2, -1)))
+
+
+@objective(unit="", form="general", maximise=True)
+def limit_margin(motion: Motion) -> np.ndarray:
+    """Least distance of a joint from its position limits over its range, negative past them; maximised.
+
+    It is 0 for an arm without position limits.
+    """
+    lower, upper = motion.arm.position_limits.T
+    span = position_ranges(motion.arm, motion.arm.position_limits)
+    limited = np.isfinite(span)
+    if not limited.any():
+        return np.zeros(motion.q.shape[:-2])
+    margin = np.minimum(motion.q - lower, upper - motion.q) / np.where(limited, span, 1.0)
+    return np.asarray(np.where(limited, margin, np.inf).min(axis=(-2, -1)))
+
+
+@objective(unit="", form="general")
+def speed_ratio(motion: Motion) -> np.ndarray:
+    """Greatest joint speed over its limit, over 1 rad/s or m/s where it has none."""
+    highest = np.where(np.isfinite(motion.arm.velocity_limits), motion.arm.velocity_limits, 1.0)
+    return np.asarray((np.abs(motion.dq) / highest).max(axis=(-2, -1)))
+
+
+@objective(unit="", form="general")
+def evaluations(motion: Motion) -> np.ndarray:
+    """Work of an update in the mean: samples evaluated by a prediction, cone programs solved by a plan.
+
+    Raises InvalidInput for methods that predict nothing.
+    """
+    count = getattr(_resolved("evaluations", motion).traces, "evaluations", None)
+    if count is None:
+        raise InvalidInput("evaluations: wants a method that looks ahead, such as PredictiveKineticEnergy, got another")
+    return np.asarray(count)
+
+
+@objective(unit="s", form="general")
+def duration(motion: Motion) -> np.ndarray:
+    """Time from the first to the last sample."""
+    return np.asarray(motion.duration)
+
+
+def distance_to(reference: Motion) -> Objective:
+    """Return the objective ``distance`` from a motion: the joint distance, RMS over time, angles modulo whole turns.
+
+    Raises InvalidInput for what is not one motion; the objective does for motions with other samples.
+    """
+    if not isinstance(reference, Motion):
+        raise InvalidInput(f"reference: a Motion wanted, got {reference!r}")
+    if reference.q.ndim != 2:
+        raise InvalidInput(f"reference: one motion wanted, got a batch of shape {reference.q.shape[:-2]}")
+
+    @objective(unit="rad, m", form="general")
+    def distance(motion: Motion) -> np.ndarray:
+        if motion.q.shape[-2:] != reference.q.shape:
+            raise InvalidInput(f"reference: one motion of shape {motion.q.shape[-2:]} wanted, got {reference.q.shape}")
+        difference = wrap_difference(motion.q - reference.q, motion.arm.periodic)
+        return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
+
+    return distance
+
+
+def _resolved(name: str, motion: Motion) -> ResolvedMotion:
+    if not isinstance(motion, ResolvedMotion):
+        raise InvalidInput(f"{name}: wants the motion of a method, as resolve returns it, got another Motion")
+    return motion

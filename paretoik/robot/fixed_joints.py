@@ -1,0 +1,62 @@
+"""Joints frozen at a value: the arm with one joint less, and the motion of a joint."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm, Frame, JointType
+from paretoik.robot.body import combine_bodies, transform_body
+from paretoik.robot.pose import Pose
+
+
+def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
+    """Return the arm with one joint frozen at ``value`` [rad, m], its link part of the one before.
+
+    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
+    """
+    if joint not in arm.joint_names:
+        raise InvalidInput(f"joint {joint!r} is not on {arm.name}; its joints: {', '.join(arm.joint_names)}")
+    if not np.isfinite(value):
+        raise InvalidInput(f"joint {joint}: wants a finite value to be fixed at, got {value}")
+    if arm.dof == 1:
+        raise InvalidInput(f"joint {joint}: the last moving joint of {arm.name} cannot be fixed")
+    i = arm.joint_names.index(joint)
+    fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], float(value))
+    placements, bodies, tool = list(arm.placements), list(arm.bodies), arm.tool
+    if i + 1 < arm.dof:
+        placements[i + 1] = fixed @ placements[i + 1]
+    else:
+        tool = fixed @ tool
+    if i > 0:
+        bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], fixed))
+    del placements[i], bodies[i]
+    others = np.arange(arm.dof) != i
+    return replace(
+        arm,
+        joint_names=tuple(np.array(arm.joint_names, dtype=object)[others]),
+        joint_types=tuple(np.array(arm.joint_types, dtype=object)[others]),
+        placements=tuple(placements),
+        bodies=tuple(bodies),
+        tool=tool,
+        position_limits=arm.position_limits[others],
+        velocity_limits=arm.velocity_limits[others],
+        torque_limits=arm.torque_limits[others],
+        frames={name: _without_joint(frame, i, fixed) for name, frame in arm.frames.items()},
+    )
+
+
+def joint_motion(joint_type: JointType, value: float) -> Pose:
+    """Return the pose that a joint at ``value`` [rad or m] adds after its placement."""
+    if joint_type == "prismatic":
+        return Pose(np.array([0.0, 0.0, value]))
+    return Pose(np.zeros(3), np.array([np.cos(value / 2), 0.0, 0.0, np.sin(value / 2)]))
+
+
+def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:
+    """Return a frame of the arm after a joint is fixed at the pose ``fixed`` on the link before."""
+    if frame.link < joint:
+        return frame
+    return Frame(link=frame.link - 1, pose=fixed @ frame.pose if frame.link == joint else frame.pose)

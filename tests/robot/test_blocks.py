@@ -1,0 +1,51 @@
+"""Batches of any shape, type and memory order run through the kernels in blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paretoik.robot import dynamics, kinematics
+from paretoik.robot.arms import tringali_3r
+from tests.robot.laws import same
+from tests.robot.oracles import STEP
+
+KERNELS = {
+    "rotation": (lambda arm, q, dq, ddq: kinematics.forward_kinematics(arm, q)[0], lambda dof: (3, 3)),
+    "position": (lambda arm, q, dq, ddq: kinematics.forward_kinematics(arm, q)[1], lambda dof: (3,)),
+    "jacobian": (lambda arm, q, dq, ddq: kinematics.jacobian(arm, q), lambda dof: (6, dof)),
+    "link_nodes": (lambda arm, q, dq, ddq: kinematics.link_nodes(arm, q), lambda dof: (dof + 2, 3)),
+    "inverse_dynamics": (dynamics.inverse_dynamics, lambda dof: (dof,)),
+    "inertia_matrix": (lambda arm, q, dq, ddq: dynamics.inertia_matrix(arm, q), lambda dof: (dof, dof)),
+    "kinetic_energy": (lambda arm, q, dq, ddq: dynamics.kinetic_energy(arm, q, dq), lambda dof: ()),
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+@pytest.mark.parametrize("batch", [(), (0,), (2, 3, 4), (4, 2, 1000)])
+def test_batches_of_any_shape_are_their_samples_one_by_one_to_the_bit(panda_arm, name, batch):
+    kernel, shape = KERNELS[name]
+    for arm in (panda_arm, tringali_3r("fitted").mounted(gravity=(0.0, -9.81, 0.0))):
+        state = np.random.default_rng(1).normal(size=(3, *batch, arm.dof))
+        whole = kernel(arm, *state)
+        assert whole.shape == (*batch, *shape(arm.dof))
+        assert whole.dtype == float
+        flat, found = state.reshape(3, -1, arm.dof), whole.reshape(-1, *shape(arm.dof))
+        for i in range(0, flat.shape[1], max(1, flat.shape[1] // 10)):
+            assert np.array_equal(kernel(arm, *flat[:, i]), found[i])
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_complex_input_with_a_vanishing_step_keeps_the_real_result(panda_arm, name):
+    kernel, _ = KERNELS[name]
+    state = np.random.default_rng(2).normal(size=(3, 5, 7))
+    found = kernel(panda_arm, *(state + 1j * STEP))
+    assert found.dtype == complex
+    same(found.real, kernel(panda_arm, *state), 1e-14)
+
+
+def test_kernels_leave_their_input_alone_and_take_it_in_any_order_of_memory(panda_arm):
+    state = np.random.default_rng(3).normal(size=(3, 6, 5, 7))
+    state.setflags(write=False)
+    turned = [np.asfortranarray(array) for array in state]
+    assert np.array_equal(dynamics.inverse_dynamics(panda_arm, *state), dynamics.inverse_dynamics(panda_arm, *turned))

@@ -1,0 +1,208 @@
+"""How paths are made: lines, circles, waypoints and timed poses go through what was asked; all else is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from paretoik.errors import InvalidInput
+from paretoik.robot.pose import Pose, quaternion_to_matrix, rotation_vector, vector_to_quaternion
+from paretoik.task.path_shapes import circle, line, poses, waypoints
+from paretoik.task.timing import TIME_LAWS, progress
+
+coordinates = st.floats(-3, 3)
+angles = st.floats(-3, 3)
+places = st.tuples(coordinates, coordinates, coordinates)
+spins = st.tuples(angles, angles, angles)
+
+CORNERS = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.0], [0.5, 0.5, 0.2], [0.1, 0.6, 0.3]])
+TURNED = [Pose.from_rpy(place, [0.3 * i, -0.2 * i, 0.9 * i]) for i, place in enumerate(CORNERS)]
+
+
+@pytest.mark.parametrize("timing", TIME_LAWS)
+def test_a_line_covers_its_length_by_the_law_and_meets_its_ends_exactly(timing):
+    path = line([0.4678, 0.0], [0.0983, 0.1526], duration=2.0, samples=41, timing=timing)
+    assert path.positions[0].tolist() == [0.4678, 0.0]
+    np.testing.assert_allclose(path.positions[-1], [0.0983, 0.1526], atol=1e-16)
+    covered = np.linalg.norm(path.positions - path.positions[0], axis=1) / np.hypot(0.4678 - 0.0983, 0.1526)
+    np.testing.assert_allclose(covered, progress(path.times, 2.0, timing), atol=1e-14)
+
+
+@given(places, spins, places, spins, st.floats(0, 1))
+def test_a_line_of_poses_turns_about_one_axis_in_step_with_its_place(here, spin, there, other_spin, t):
+    start, end = Pose.from_rpy(here, spin), Pose.from_rpy(there, other_spin)
+    assume(np.abs(start.matrix - end.matrix).max() > 1e-8)
+    path = line(start, end, duration=1.0, samples=5, timing="uniform")
+    position, quaternion = path.at(t)
+    np.testing.assert_allclose(position, (1 - t) * start.position + t * end.position, atol=1e-14)
+    whole = rotation_vector(start.rotation.T @ end.rotation)
+    np.testing.assert_allclose(
+        quaternion_to_matrix(quaternion),
+        start.rotation @ quaternion_to_matrix(vector_to_quaternion(t * whole)),
+        atol=1e-13,
+    )
+    last = quaternion_to_matrix(path.quaternions[-1])
+    np.testing.assert_allclose(rotation_vector(last.swapaxes(-1, -2) @ end.rotation), 0, atol=1e-12)
+
+
+def test_a_line_may_turn_on_the_spot():
+    path = line(Pose([1.0, 0.0, 0.0]), Pose.planar(1.0, 0.0, 1.0), duration=1.0, samples=5)
+    assert (path.positions == [1.0, 0.0, 0.0]).all()
+    np.testing.assert_allclose(rotation_vector(quaternion_to_matrix(path.quaternions[2])), [0, 0, 0.5], atol=1e-15)
+
+
+@given(st.floats(-6, 6), st.sampled_from([-2, -0.25, 0.5, 1, 3]), st.floats(0.01, 10))
+def test_a_circle_keeps_its_radius_and_closes_after_whole_turns(start_angle, turns, radius):
+    path = circle([0.3, -0.2], radius, duration=1.5, start_angle=start_angle, turns=turns)
+    np.testing.assert_allclose(np.linalg.norm(path.positions - [0.3, -0.2], axis=1), radius, rtol=1e-12)
+    assert path.is_closed == (turns == int(turns))
+    first = [0.3 + radius * np.cos(start_angle), -0.2 + radius * np.sin(start_angle)]
+    np.testing.assert_allclose(path.positions[0], first, atol=1e-14)
+
+
+def test_a_circle_goes_counter_clockwise_about_its_normal_and_back_with_negative_turns():
+    normal = np.array([1.0, 2.0, -0.5])
+    for turns in (1, -1):
+        path = circle([0.1, 0.2, 0.3], 0.4, duration=1.0, normal=normal, turns=turns)
+        spokes = path.positions - [0.1, 0.2, 0.3]
+        np.testing.assert_allclose(spokes @ normal, 0, atol=1e-15)
+        assert (np.cross(spokes[30:60], spokes[31:61]) @ normal * turns > 0).all()
+    assert spokes[0] @ [0.0, -0.5, -2.0] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("normal", "first"),
+    [
+        (None, [1, 0, 0]),
+        ([0, 0, -1], [1, 0, 0]),
+        ([1, 0, 0], [0, 1, 0]),
+        ([-3, 0, 0], [0, 1, 0]),
+        ([0, 2, 0], [1, 0, 0]),
+    ],
+)
+def test_a_circle_counts_from_x_or_from_y_where_the_normal_is_along_x(normal, first):
+    path = circle([0.0, 0.0, 0.0], 1.0, duration=1.0, normal=normal)
+    np.testing.assert_allclose(path.positions[0], first, atol=1e-15)
+
+
+def test_a_circle_about_a_pose_lies_in_its_plane_and_keeps_its_orientation():
+    center = Pose.from_rpy([0.5, 0.1, 0.3], [0.4, -0.3, 1.1])
+    path = circle(center, 0.2, duration=1.0, start_angle=0.7)
+    inside = center.inverse().apply(path.positions)
+    flat = circle([0.0, 0.0], 0.2, duration=1.0, start_angle=0.7)
+    np.testing.assert_allclose(inside, np.pad(flat.positions, ((0, 0), (0, 1))), atol=1e-15)
+    assert (path.quaternions == center.quaternion).all()
+    assert path.is_closed
+
+
+@pytest.mark.parametrize("points", [CORNERS, CORNERS[:, :2], CORNERS[:3], CORNERS[:2], [*CORNERS, CORNERS[0]]])
+def test_waypoints_are_all_met_in_order(points):
+    points = np.asarray(points)
+    path = waypoints(points, duration=1.0, timing="uniform")
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    met = path.at(np.concatenate([[0.0], np.cumsum(chords) / chords.sum()]).clip(0, 1))[0]
+    np.testing.assert_allclose(met, points, atol=1e-12)
+    assert path.is_closed == (len(points) == 5)
+
+
+def test_closed_waypoints_have_no_corner_where_they_meet():
+    path = waypoints([*CORNERS, CORNERS[0]], duration=1.0, timing="uniform")
+    (a, b, c), _ = path.at([0.0, 1e-6, 2e-6])
+    (x, y, z), _ = path.at([1 - 2e-6, 1 - 1e-6, 1.0])
+    np.testing.assert_allclose(b - a, z - y, atol=1e-10)
+    np.testing.assert_allclose((c - 2 * b + a) / 1e-12, (z - 2 * y + x) / 1e-12, atol=2e-2)
+
+
+def test_waypoints_of_poses_that_only_turn_go_by_angle():
+    turning = [Pose.planar(1.0, 0.0, angle) for angle in (0.0, 0.5, 2.0)]
+    path = waypoints(turning, duration=2.0, timing="uniform")
+    assert (path.positions == [1.0, 0.0, 0.0]).all()
+    np.testing.assert_allclose(rotation_vector(quaternion_to_matrix(path.at(0.5)[1])), [0, 0, 0.5], atol=1e-9)
+
+
+def test_timed_poses_are_met_at_their_times_even_where_they_wait():
+    times = np.array([0.0, 0.3, 0.35, 1.0, 1.2])
+    asked = [*TURNED, TURNED[-1]]
+    path = poses(times, asked)
+    assert (path.times == times).all()
+    np.testing.assert_allclose(path.positions, [pose.position for pose in asked], atol=1e-15)
+    rotations = np.stack([pose.rotation for pose in asked])
+    np.testing.assert_allclose(
+        rotation_vector(quaternion_to_matrix(path.quaternions).swapaxes(-1, -2) @ rotations), 0, atol=1e-12
+    )
+
+
+def test_a_full_turn_in_timed_poses_closes_though_its_quaternion_ends_negated():
+    quarter_turns = [Pose.planar(0.0, 0.0, angle) for angle in np.arange(5) * np.pi / 2]
+    path = poses(np.arange(5.0), quarter_turns)
+    assert path.is_closed
+    np.testing.assert_allclose(path.quaternions[-1], [-1, 0, 0, 0], atol=1e-12)
+
+
+EVERY_KIND = {
+    "line of points": line([0.4, 0.0], [0.1, 0.2], duration=0.7, samples=31),
+    "line of poses": line(TURNED[0], TURNED[3], duration=0.7, samples=31),
+    "circle of points": circle([0.5, 0.0], 0.2, duration=0.7, samples=31),
+    "circle of poses": circle(TURNED[1], 0.2, duration=0.7, samples=31, turns=2),
+    "waypoints": waypoints(CORNERS, duration=0.7, samples=31),
+    "waypoints of poses": waypoints(TURNED, duration=0.7, samples=31),
+    "timed points": poses([0.0, 0.1, 0.5, 0.7], CORNERS),
+    "timed poses": poses([0.0, 0.1, 0.5, 0.7], TURNED),
+}
+START, END = [0.0, 0.0], [1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: line(START, END, duration=0.0), "duration: must be positive, got 0 s"),
+        (lambda: line(START, END, duration=-1.0), "duration: must be positive, got -1 s"),
+        (lambda: line(START, END, duration=np.nan), "duration: must be finite, got nan"),
+        (lambda: line(START, END, duration=1.0, samples=1), "samples: must be at least 3, got 1"),
+        (
+            lambda: line(START, END, duration=1.0, timing="cubic"),
+            "timing: must be one of raised-cosine, quintic, uniform",
+        ),
+        (lambda: line(START, START, duration=1.0), "line: must have a length, but start and end are both [0.0, 0.0]"),
+        (lambda: line(Pose([0, 0, 0]), Pose([0, 0, 0]), duration=1.0), "line: must have a length"),
+        (lambda: line(START, [1, 0, 0], duration=1.0), "must both be 2-D or 3-D, got 2-D and 3-D"),
+        (lambda: line(START, Pose([0, 0, 0]), duration=1.0), "both be poses or both be points"),
+        (lambda: line([0.0, np.nan], END, duration=1.0), "line start: must be finite, got nan at index 1"),
+        (lambda: line([0.0], END, duration=1.0), "line start: must be a 2-D or 3-D point, got shape (1,)"),
+        (lambda: circle(START, 0.0, duration=1.0), "circle radius: must be positive, got 0 m"),
+        (lambda: circle(START, 1.0, duration=1.0, turns=0), "circle turns: must not be 0"),
+        (lambda: circle(START, 1.0, duration=1.0, start_angle=np.inf), "circle start_angle: must be finite, got inf"),
+        (lambda: circle(START, 1.0, duration=1.0, normal=[0, 0, 1]), "circle normal: only goes with a 3-D point"),
+        (lambda: circle([0, 0, 0], 1.0, duration=1.0, normal=[0, 0, 0]), "circle normal: must not be zero"),
+        (
+            lambda: waypoints([START, END, END], duration=1.0),
+            "must differ from one to the next, but 1 and 2 are the same",
+        ),
+        (lambda: waypoints([START], duration=1.0), "waypoints: must be at least 2, got 1"),
+        (lambda: waypoints([TURNED[0], START], duration=1.0), "all poses or all points, but index 1 is no pose"),
+        (
+            lambda: waypoints([0.0, 1.0], duration=1.0),
+            "must be poses or an array of points (n, 2) or (n, 3), got shape (2,)",
+        ),
+        (lambda: poses([0, 1, 1], [START, END, START]), "path times: must increase, got 1 after 1 at index 2"),
+        (lambda: poses([0, 2, 1], [START, END, START]), "path times: must increase, got 1 after 2 at index 2"),
+        (lambda: poses([1, 2, 3], [START, END, START]), "path times: must start at 0 s, got 1"),
+        (lambda: poses([0, np.nan, 1], [START, END, START]), "path times: must be finite, got nan at index 1"),
+        (lambda: poses([0, 1], [START, END]), "samples: must be at least 3, got 2"),
+        (lambda: poses([0], [START]), "samples: must be at least 3, got 1"),
+        (lambda: poses([], np.zeros((0, 2))), "samples: must be at least 3, got 0"),
+        (lambda: poses([[0, 1, 2]], [START, END, START]), "path times: must be one row of numbers, got shape (1, 3)"),
+        (lambda: poses([0, 1, 2], [START, END]), "must be one for each time, got 2 for 3 times"),
+        (lambda: poses([0, 1, 2], [START, [np.nan, 0], END]), "poses: must be finite, got nan at index (1, 0)"),
+        (lambda: EVERY_KIND["waypoints"].subsample(32), "samples: must be at most the path's own 31, got 32"),
+        (lambda: EVERY_KIND["waypoints"].subsample(2), "samples: must be at least 3, got 2"),
+        (lambda: EVERY_KIND["waypoints"].at(np.nan), "time on the path: must be finite, got nan"),
+    ],
+)
+def test_what_makes_no_path_is_refused_with_name_wish_and_fact(make, message):
+    with pytest.raises(InvalidInput, match=re.escape(message)):
+        make()
