@@ -1,10 +1,220 @@
-"""How numba compiles: once for every machine it runs on, and without holding up other threads."""
+"""How numba compiles: once on every machine, without holding up other threads, and with a notice where it takes long.
+
+A function under ``@compiled`` has two variants with the same bits: one that Python calls, and one that compiled
+functions call, which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call
+and cached on disk: in the package's folder, else in the user's, else in a temporary one. A function under
+``@c_function`` is linked by its address: its callers do not optimise its code again.
+"""
 
 from __future__ import annotations
 
-from numba import njit
+import gc
+import hashlib
+import os
+import stat
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
 
-compiled = njit(cache=True, nogil=True, error_model="numpy")  # as NumPy, division by 0 gives inf or nan
+import llvmlite.binding as llvm
+import numba
+from numba.core import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, UserWideCacheLocator
+from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
+
+from paretoik.compilation_notices import SILENT, CompilationNotice, announce
+from paretoik.compilation_units import compilation_unit
+
+carray = numba.carray  # an array at a pointer
+OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy"}  # as in NumPy, division by 0 gives inf or nan
+WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 # Functions that take functions are written into their callers: with a function as argument, nothing could be cached.
-inlined = njit(inline="always", nogil=True, error_model="numpy")
+inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
+
+
+def compiled(function: Any = None, *, what: str = "", seconds: float | None = None) -> Any:
+    """Return a function that is compiled at its first call for each combination of argument types.
+
+    ``what`` it is for, and about how many ``seconds`` that takes, are announced before.
+    """
+    if function is None:
+        return lambda decorated: compiled(decorated, what=what, seconds=seconds)
+    entry = _Entry(function, targetoptions=dict(OPTIONS))
+    entry._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
+    return entry
+
+
+def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
+    """Compile a function, or load it from the cache; return it as an external function for compiled callers.
+
+    ``signature`` has numbers and pointers only.
+    """
+
+    def decorate(function: Any) -> Any:
+        callback = CFunc(function, normalize_signature(signature), locals={}, options={"error_model": "numpy"})
+        callback._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
+        codegen = callback._targetdescr.target_context.codegen()
+        with _compiling(), compilation_unit(codegen, function.__qualname__):
+            callback.compile()
+        symbol = f"{function.__module__}.{function.__qualname__}"
+        llvm.add_symbol(symbol, callback.address)
+        return types.ExternalFunction(symbol, callback._sig)
+
+    return decorate
+
+
+class _Inner(CPUDispatcher):
+    """The variant of a function that compiled functions call."""
+
+    def compile(self, sig: Any) -> Any:
+        """Return a key of the code for a signature."""
+        with compilation_unit(self.targetctx.codegen()):
+            return super().compile(sig)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return the template of a call: literal arguments are variables like others."""
+        variables = {name: types.unliteral(arg) for name, arg in kws.items()}
+        return super().get_call_template(tuple(types.unliteral(arg) for arg in args), variables)
+
+
+class _Entry(CPUDispatcher):
+    """The variant of a function that Python calls."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.inner = _Inner(self.py_func, targetoptions=dict(WITHOUT_WRAPPERS))
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.inner._numba_type_  # compiled callers find this one
+
+    def compile(self, sig: Any) -> Any:
+        """Return the machine code for a signature."""
+        with _compiling(), compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__):
+            return super().compile(sig)
+
+
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Hold the compiler's lock, without garbage collections: they take up to a quarter of the time."""
+    with global_compiler_lock:
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            yield
+        finally:
+            if collects:
+                gc.enable()
+
+
+class _Announcer:
+    """Announces a compilation at once where its estimate is long, else when it has taken long; under the lock."""
+
+    def __init__(self) -> None:
+        self.notice: CompilationNotice | None = None
+        self.start = 0.0
+
+    def miss(self, notice: CompilationNotice | None) -> None:
+        """Note that the cache has not got a function; an inner one has no ``notice``."""
+        if notice is not None:
+            self.notice, self.start = notice, time.perf_counter()
+        elapsed = time.perf_counter() - self.start
+        if self.notice is not None and max(self.notice.seconds or 0.0, elapsed) >= SILENT:
+            announce(self.notice)
+            self.notice = None
+
+
+_ANNOUNCER = _Announcer()
+
+
+class _TemporaryLocator(UserWideCacheLocator):
+    """A folder of the user among temporary files, where neither the package's nor the user's can be written."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        super().__init__(py_func, py_file)
+        self._cache_path = str(_temporary_folder() / self.get_suitable_cache_subpath(py_file))
+
+
+class _EntryCacheImpl(CompileResultCacheImpl):
+    _locator_classes = (*CompileResultCacheImpl._locator_classes, _TemporaryLocator)
+
+
+class _InnerCacheImpl(_EntryCacheImpl):
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        return super().get_filename_base(f"{fullname}.inner", abiflags)
+
+
+class _EntryCache(FunctionCache):
+    _impl_class = _EntryCacheImpl
+    notice: CompilationNotice | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        overload = super().load_overload(sig, target_context)
+        if overload is None:
+            _ANNOUNCER.miss(self.notice)
+        return overload
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return *super()._index_key(sig, codegen), _fingerprint(self._py_func)
+
+
+class _InnerCache(_EntryCache):
+    _impl_class = _InnerCacheImpl
+
+
+def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
+    """Return the cache of a variant; none where no folder can be written."""
+    try:
+        created = _InnerCache(function) if notice is None else _EntryCache(function)
+    except RuntimeError:  # no locator available
+        return NullCache()
+    created.notice = notice
+    return created
+
+
+@cache
+def _temporary_folder() -> Path:
+    """Return a folder that only this user can write: code is loaded from it."""
+    folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        private = stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o077
+        if not hasattr(os, "getuid") or (private and status.st_uid == os.getuid()):
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="paretoik-"))
+
+
+def _fingerprint(function: Any) -> str:
+    """Return a digest of all code and constants that a function's machine code is made of, in whatever files."""
+    reachable, pending = {function}, [function]
+    while pending:
+        for value in _globals(pending.pop()):
+            if isinstance(value, CPUDispatcher) and value.py_func not in reachable:
+                reachable.add(value.py_func)
+                pending.append(value.py_func)
+    return hashlib.sha256("".join(sorted(_digest(each) for each in reachable)).encode()).hexdigest()
+
+
+@cache
+def _digest(function: FunctionType) -> str:
+    code = function.__code__
+    constants = [value for value in code.co_consts if not isinstance(value, CodeType)]
+    constants += [value for value in _globals(function) if isinstance(value, int | float | str | tuple)]
+    return hashlib.sha256(code.co_code + repr(constants).encode()).hexdigest()
+
+
+def _globals(function: FunctionType) -> list[Any]:
+    """Return the globals that a function names."""
+    return [function.__globals__.get(name) for name in function.__code__.co_names]

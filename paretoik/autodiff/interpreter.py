@@ -7,7 +7,7 @@ import numpy as np
 from paretoik.autodiff.evaluator import Fused
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.sine_cosine import cosines, sines, sines_and_cosines
-from paretoik.compilation import compiled
+from paretoik.compilation import c_function, carray, compiled
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
 MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, SINE_COSINE = (int(op) for op in Fused)
@@ -48,43 +48,7 @@ def run_first(arrays, inputs, outputs, points):
 @compiled
 def run_block(code, registers, n):
     """Execute all instructions on the first ``n`` points of the registers."""
-    for i in range(code.shape[0]):
-        op, to, a, b, c = code[i, 0], code[i, 1], code[i, 2], code[i, 3], code[i, 4]
-        if op == MULTIPLY:
-            for k in range(n):
-                registers[to, k] = registers[a, k] * registers[b, k]
-        elif op == MULTIPLY_ADD:
-            for k in range(n):
-                registers[to, k] = registers[a, k] * registers[b, k] + registers[c, k]
-        elif op == MULTIPLY_SUBTRACT:
-            for k in range(n):
-                registers[to, k] = registers[a, k] * registers[b, k] - registers[c, k]
-        elif op == SUBTRACT_PRODUCT:
-            for k in range(n):
-                registers[to, k] = registers[c, k] - registers[a, k] * registers[b, k]
-        elif op == ADD:
-            for k in range(n):
-                registers[to, k] = registers[a, k] + registers[b, k]
-        elif op == SUBTRACT:
-            for k in range(n):
-                registers[to, k] = registers[a, k] - registers[b, k]
-        elif op == NEGATE:
-            for k in range(n):
-                registers[to, k] = -registers[a, k]
-        elif op == DIVIDE:
-            for k in range(n):
-                registers[to, k] = registers[a, k] / registers[b, k]
-        elif op == SINE_COSINE:
-            sines_and_cosines(registers[to], registers[b], registers[a], n)
-        elif op == SINE:
-            sines(registers[to], registers[a], n)
-        elif op == COSINE:
-            cosines(registers[to], registers[a], n)
-        elif op == SQUARE_ROOT:
-            for k in range(n):
-                registers[to, k] = np.sqrt(registers[a, k])
-        else:
-            _piecewise_operation(op, to, a, b, c, registers, n)
+    _run_block(code.ctypes, code.shape[0], registers.ctypes, registers.shape[0], registers.shape[1], n)
 
 
 @compiled
@@ -135,3 +99,49 @@ def _rare_operation(op, to, a, b, n):
             to[k] = np.arcsin(x)
         elif op == ARC_COSINE:
             to[k] = np.arccos(x)
+
+
+SIGNATURE = "void(CPointer(int32), intp, CPointer(float64), intp, intp, intp)"
+
+
+@c_function(SIGNATURE, what="the evaluator of expressions", seconds=2)
+def _run_block(code_pointer, instructions, registers_pointer, count, width, n):
+    """Execute instructions (instructions, 5) on the first ``n`` points of registers (count, width)."""
+    code, registers = carray(code_pointer, (instructions, 5)), carray(registers_pointer, (count, width))
+    for i in range(code.shape[0]):
+        op, to, a, b, c = code[i, 0], code[i, 1], code[i, 2], code[i, 3], code[i, 4]
+        if op == MULTIPLY:
+            for k in range(n):
+                registers[to, k] = registers[a, k] * registers[b, k]
+        elif op == MULTIPLY_ADD:
+            for k in range(n):
+                registers[to, k] = registers[a, k] * registers[b, k] + registers[c, k]
+        elif op == MULTIPLY_SUBTRACT:
+            for k in range(n):
+                registers[to, k] = registers[a, k] * registers[b, k] - registers[c, k]
+        elif op == SUBTRACT_PRODUCT:
+            for k in range(n):
+                registers[to, k] = registers[c, k] - registers[a, k] * registers[b, k]
+        elif op == ADD:
+            for k in range(n):
+                registers[to, k] = registers[a, k] + registers[b, k]
+        elif op == SUBTRACT:
+            for k in range(n):
+                registers[to, k] = registers[a, k] - registers[b, k]
+        elif op == NEGATE:
+            for k in range(n):
+                registers[to, k] = -registers[a, k]
+        elif op == DIVIDE:
+            for k in range(n):
+                registers[to, k] = registers[a, k] / registers[b, k]
+        elif op == SINE_COSINE:
+            sines_and_cosines(registers[to], registers[b], registers[a], n)
+        elif op == SINE:
+            sines(registers[to], registers[a], n)
+        elif op == COSINE:
+            cosines(registers[to], registers[a], n)
+        elif op == SQUARE_ROOT:
+            for k in range(n):
+                registers[to, k] = np.sqrt(registers[a, k])
+        else:
+            _piecewise_operation(op, to, a, b, c, registers, n)

@@ -27,7 +27,7 @@ from paretoik.search.compiled.survival import (
 )
 
 
-@compiled
+@compiled(what="the search of a control step", seconds=15)
 def searched(seed, step, generations, operators, place, objectives, guard, room, warm):
     """Search one step from a place; return how many of the last population in ``room`` have not failed.
 

@@ -31,12 +31,6 @@ class Entries(NamedTuple):
         """Return those of a matrix."""
         return cls(np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices, matrix.data)
 
-    @classmethod
-    def diagonal(cls, size: int, value: float, *, offset: int = 0) -> Entries:
-        """Return those of a multiple of the identity below ``offset`` empty rows."""
-        index = np.arange(size)
-        return cls(index + offset, index, np.full(size, value))
-
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
     """Return a dense matrix as a sparse one that has every entry: its pattern follows from its shape alone."""
@@ -87,25 +81,6 @@ class Constraints:
         reachable: np.ndarray = np.flatnonzero(auxiliary | (self.values < dual_norm * radius))
         return reachable
 
-    def scaled_rows(self, rows: np.ndarray, scales: np.ndarray) -> Entries:
-        """Return −jacobian / scales of these rows alone: their part of A."""
-        index = np.full(len(self.values), -1)
-        index[rows] = np.arange(len(rows))
-        row, column, value = self.entries
-        chosen = index[row] >= 0
-        row = index[row[chosen]]
-        return Entries(row, column[chosen], -value[chosen] / scales[row])
-
-    def conic_rows(self) -> list[tuple[int, Entries, np.ndarray, Any]]:
-        """Return the height, entries of A, part of b and kind of every cone."""
-        blocks = []
-        for cone in self.cones:
-            row, column, value = Entries.of(cone.rows)
-            entries = Entries(np.append(0, row + 1), np.append(cone.column, column), np.append(-1.0, -value))
-            b = np.append(np.linalg.norm(cone.values), cone.values)
-            blocks.append((len(b), entries, b, clarabel.SecondOrderConeT(len(b))))
-        return blocks
-
     def cone_multipliers(self, dual: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the multipliers of the vector in every cone from the dual variables of all their rows."""
         multipliers, first = [], 0
@@ -122,32 +97,6 @@ class ConicSolution:
     x: Float[np.ndarray, " variables"]
     dual: Float[np.ndarray, " rows"]
     value: float
-
-
-def solve_conic(
-    name: str,
-    quadratic: Entries,
-    linear: Float[np.ndarray, " variables"],
-    blocks: Sequence[tuple[int, Entries]],
-    b: Sequence[np.ndarray],
-    cones: Sequence[Any],
-    tolerance: float,
-) -> ConicSolution:
-    """Return the solution; ``blocks`` of A stand one below the other, each with its height; P is its upper triangle.
-
-    Raises SolverFailed, naming the program, where Clarabel ends without a solution.
-    """
-    upper = quadratic.row <= quadratic.column
-    P = _compress(Entries(*(part[upper] for part in quadratic)), len(linear), len(linear))
-    first = np.cumsum([0, *(height for height, _ in blocks)])
-    stacked = Entries(
-        np.concatenate([block.row + row for (_, block), row in zip(blocks, first[:-1], strict=True)]),
-        np.concatenate([block.column for _, block in blocks]),
-        np.concatenate([block.value for _, block in blocks]),
-    )
-    return run_clarabel(
-        name, P, linear, _compress(stacked, int(first[-1]), len(linear)), np.concatenate(b), cones, tolerance
-    )
 
 
 def run_clarabel(
@@ -170,9 +119,3 @@ def run_clarabel(
     if str(solution.status) not in ("Solved", "AlmostSolved"):
         raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
     return ConicSolution(x=np.array(solution.x), dual=np.array(solution.z), value=float(solution.obj_val))
-
-
-def _compress(entries: Entries, rows: int, columns: int) -> sparse.csc_matrix:
-    order = np.argsort(entries.column * rows + entries.row)
-    indptr = np.searchsorted(entries.column[order], np.arange(columns + 1))
-    return sparse.csc_matrix((entries.value[order], entries.row[order], indptr), shape=(rows, columns))

@@ -38,11 +38,11 @@ class SqpOptions:
     penalty: float = 100.0  # of a violation of a whole range, first, in sizes of the objective
     largest_penalty: float = 1e7  # where limits that are still violated are given up
     penalty_factor: float = 10.0
+    recovery: float = 1e-2  # violation from which on a step that does not lower it by a tenth raises the penalty
     acceptance: float = 1e-4  # of the predicted reduction: what a step has to gain
     agreement: float = 0.75  # of the predicted reduction: a gain that needs no correction, and a larger trust region
     excess: float = 1.3  # times the predicted reduction: a gain that shows the Hessian to be too stiff
     corrections: int = 1  # to second order, of one step
-    stiffening: float = 0.0  # of the Hessian's largest eigenvalue, added across inequalities that bind
     flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue where the Hessian is indefinite
     smallest_share: float = 1e-6  # of a flattened Hessian
     reduction_tolerance: float = 1e-15  # of the merit function: a predicted reduction that is rounding
@@ -96,13 +96,17 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
-    """A step tried: where it leads, the gain in merit that was predicted and had, its length before any correction."""
+    """A step tried: where it leads, the gain in merit that was predicted and had, its length before any correction.
+
+    ``settled`` where nothing was tried, because the predicted gain was rounding.
+    """
 
     step: Step
     trial: _Iterate | None
     predicted: float
     gain: float
     length: float
+    settled: bool = False
 
 
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
@@ -117,18 +121,18 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
 
 
 class _Search:
-    """A search: its iterate, trust region, penalty, and the multipliers of the last step."""
+    """A search, its goal divided by its size: iterate, trust region, penalty, and the multipliers of the last step."""
 
     def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
         finite = np.isfinite(goal.upper)
         self.program, self.options = program, options
-        self.goal = Goal(weights=goal.weights, rows=goal.rows[finite], upper=goal.upper[finite])
-        self.iterate, self.at = self._evaluate(x), program.linearise(x)
+        self.at = program.linearise(x)
+        value = float(np.abs(goal.weights * self.at.objectives).sum())
+        self.size = max(value, float(np.linalg.norm(goal.weights @ self.at.gradients))) or 1.0
+        self.goal = Goal(weights=goal.weights / self.size, rows=goal.rows[finite], upper=goal.upper[finite])
+        self.iterate = self._evaluate(x)
         self.last: Step | None = None
-        gradient = goal.weights @ self.at.gradients
-        value = float(np.abs(goal.weights * self.iterate.objectives).sum())
-        self.size = max(value, float(np.linalg.norm(gradient))) or 1.0
-        self.penalty, self.radius, self.share = options.penalty * self.size, options.radius, 1.0
+        self.penalty, self.radius, self.share = options.penalty, options.radius, 1.0
         self.iterations, self.stationarity = 0, np.inf
         self.status: int | None = None
 
@@ -142,9 +146,11 @@ class _Search:
         model = self._model()
         attempt = self._accepted_step(model)
         if attempt is None or attempt.trial is None:
-            self._end(model, settled=attempt is not None)
+            self._end(model, settled=attempt is not None and attempt.settled)
             return
-        self.iterate, self.last = attempt.trial, attempt.step
+        before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
+        if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < options.largest_penalty:
+            self.penalty *= options.penalty_factor
         self.at = self.program.linearise(self.iterate.x)
         if attempt.gain > options.excess * attempt.predicted:
             self.share = max(self.share / 4, options.smallest_share)
@@ -162,21 +168,21 @@ class _Search:
             status=self.status,
             iterations=self.iterations,
             objectives=self.iterate.objectives,
-            multipliers=multipliers,
-            bound_multipliers=bound_multipliers,
-            stationarity=self.stationarity,
+            multipliers=self.size * multipliers,
+            bound_multipliers=self.size * bound_multipliers,
+            stationarity=self.size * self.stationarity,
             violation=self.iterate.violation,
         )
 
     def _evaluate(self, x: Point) -> _Iterate:
         objectives, equalities, inequalities = self.program.evaluate(x)
-        slack = np.concatenate([inequalities, self.goal.upper - self.goal.rows @ objectives])
-        return _Iterate(
-            x=x,
-            objectives=objectives,
-            value=float(self.goal.weights @ objectives),
-            violation=max(0.0, float(np.abs(equalities).max(initial=0.0)), -float(slack.min(initial=np.inf))),
-        )
+        bounds = self.goal.upper - self.goal.rows @ objectives
+        violations = np.concatenate([[0.0], np.abs(equalities), -inequalities, -bounds])
+        value, violation = (
+            float(self.goal.weights @ objectives),
+            float(violations.max()),
+        )  # not a number, if any is none
+        return _Iterate(x=x, objectives=objectives, value=value, violation=violation)
 
     def _model(self) -> _Model:
         at = self.at
@@ -184,12 +190,11 @@ class _Search:
         multipliers, bound_multipliers = self._split_multipliers()
         weights = self.goal.weights + self.goal.rows.T @ bound_multipliers
         hessian = at.hessian(weights, multipliers, () if self.last is None else self.last.cone_multipliers)
-        binding = None if self.last is None else self.last.multipliers
         return _Model(
             constraints=constraints,
             elastic=elastic,
             gradient=self.goal.weights @ at.gradients,
-            hessian=self.share * _convexify(hessian, constraints, binding, self.options),
+            hessian=self.share * _convexify(hessian, constraints.unknowns, self.options.flattening),
         )
 
     def _split_multipliers(self) -> tuple[np.ndarray, np.ndarray]:
@@ -201,19 +206,14 @@ class _Search:
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
     def _accepted_step(self, model: _Model) -> _Attempt | None:
-        """Return the first attempt, in ever smaller trust regions, that gains enough; None where none does.
-
-        An attempt without a trial says that no step is predicted to gain anything.
-        """
+        """Return the first attempt, in ever smaller trust regions, that gains enough or is settled; None for none."""
         while self.radius > self.options.smallest_radius:
             step = self._solve(model, model.constraints)
             if step is None:
                 self.radius /= 4
                 continue
             attempt = self._attempt(model, step)
-            if attempt.trial is None and attempt.gain == 0.0:
-                return attempt
-            if attempt.trial is not None and attempt.gain >= self.options.acceptance * attempt.predicted:
+            if attempt.settled or attempt.gain >= self.options.acceptance * attempt.predicted:
                 return attempt
             self.radius = min(self.radius, attempt.length) / 4
         return None
@@ -226,28 +226,24 @@ class _Search:
         predicted = self.penalty * (self.iterate.violation - step.violation) - linear
         length = float(np.abs(d[: self.at.unknowns]).max(initial=0.0))
         self.stationarity = float(np.linalg.norm(curvature[: self.at.unknowns])) * self.at.unit
-        rounding = options.reduction_tolerance * (self.size + abs(before))
+        rounding = options.reduction_tolerance * (1 + abs(before))
+        attempt = _Attempt(step=step, trial=None, predicted=predicted, gain=-np.inf, length=length)
         if predicted <= rounding and length < 0.99 * self.radius:
-            return _Attempt(step=step, trial=None, predicted=predicted, gain=0.0, length=length)
-        best = _Attempt(step=step, trial=None, predicted=predicted, gain=-np.inf, length=length)
+            return replace(attempt, settled=True)
         for correction in range(options.corrections + 1):
             x = self.at.retract(step.step)
             trial = None if x is None else self._evaluate(x)
-            gain = -np.inf if trial is None else before - trial.merit(self.penalty)
-            if np.isfinite(gain) and (not correction or gain > max(best.gain, 0.0)):
-                best = replace(best, step=step, trial=trial, gain=gain)
-            if (
-                trial is None
-                or x is None
-                or best.gain >= options.agreement * predicted
-                or correction == options.corrections
-            ):
+            if x is None or trial is None or not np.isfinite(trial.merit(self.penalty)):
                 break
-            corrected = self._solve(model, self._corrected(model, step, x, trial))
+            gain = before - trial.merit(self.penalty)
+            if not correction or gain > max(attempt.gain, 0.0):
+                attempt = replace(attempt, step=step, trial=trial, gain=gain)
+            enough = attempt.gain >= options.agreement * predicted or correction == options.corrections
+            corrected = None if enough else self._solve(model, self._corrected(model, step, x, trial))
             if corrected is None:
                 break
             step = corrected
-        return best
+        return attempt
 
     def _corrected(self, model: _Model, step: Step, x: Point, trial: _Iterate) -> Constraints:
         """Return the constraints with the curvature along a step that led to x made up for (Eq. 18.23)."""
@@ -274,7 +270,7 @@ class _Search:
         """End the search, or let violations that are left cost more; ``settled`` where no reduction is predicted."""
         options = self.options
         feasible = self.iterate.violation <= options.tolerance
-        if not feasible and self.penalty < options.largest_penalty * self.size:
+        if not feasible and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
             self.radius = max(options.radius, self.radius)
             return
@@ -288,21 +284,20 @@ class _Search:
     def _is_critical(self, model: _Model) -> bool:
         """Return whether no direction gains more than rounding, to first order."""
         gain = criticality(model.gradient[None], model.constraints, self.at.unit).value
-        return gain <= self.options.criticality_tolerance * self.size
+        return gain <= self.options.criticality_tolerance
 
 
-def _convexify(
-    hessian: sparse.csr_array, constraints: Constraints, multipliers: np.ndarray | None, options: SqpOptions
-) -> sparse.csr_array:
-    """Return the Hessian, its negative eigenvalues made nearly 0 where it has any: the trust region bounds steps there.
+def _convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:
+    """Return the Hessian with its negative eigenvalues raised to nearly 0: the trust region bounds steps along them.
 
-    Reflecting them took two to five times as many steps where curvature comes from kinks.
+    Reflecting them, or stiffening the Hessian across the inequalities that bind, took two to five times as many steps
+    where curvature comes from kinks, and the latter 1.2 times as many on small dense programs.
     """
     dense = hessian.toarray()
     index = np.arange(len(dense))
-    used = np.flatnonzero(np.any(dense != 0, axis=1) | (index < constraints.unknowns))
+    used = np.flatnonzero(np.any(dense != 0, axis=1) | (index < unknowns))
     inner = dense[np.ix_(used, used)]
-    least = options.flattening * max(float(np.abs(inner).max(initial=0.0)), 1e-12)
+    least = flattening * max(float(np.abs(inner).max(initial=0.0)), 1e-12)
     if _is_definite(inner, 1e-2 * least):
         return hessian
     values, vectors = np.linalg.eigh(inner)

@@ -55,7 +55,7 @@ class Improver:
         """Return whether it is time for points again, and iterations are left."""
         return generation % self._options.every == 0 and self.spent <= self._options.share * evaluations
 
-    def suggest(self, x: Points, objectives: Float[np.ndarray, "front n_obj"]) -> Float[np.ndarray, "suggested *point"]:
+    def suggest(self, x: Points, objectives: Float[np.ndarray, "front n_obj"]) -> Float[np.ndarray, suggested * point]:
         """Return points that a few iterations from those of a front (two at least) lead to."""
         rows, factors, upper = self._aims(objectives, x)
         solutions = minimise(self._program, x[rows], factors, upper, self._options.brief, solver=self._solver)

@@ -29,7 +29,7 @@ class NewtonOptions(NamedTuple):
 OPTIONS = NewtonOptions()
 
 
-@compiled
+@compiled(what="the predictive control step", seconds=4)
 def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
     """Overwrite the positions in ``inputs`` with a local minimum; return (objective, converged, iterations).
 

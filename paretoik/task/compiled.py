@@ -8,7 +8,7 @@ from paretoik.autodiff.interpreter import run_block
 from paretoik.compilation import compiled
 
 
-@compiled
+@compiled(what="the retraction onto paths", seconds=2)
 def newton(arrays, targets, directions, settings, q, errors, same_sheet):
     """Move postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
 

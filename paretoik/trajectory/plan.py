@@ -63,9 +63,9 @@ def find_optima(
     best perturbed at random, as long as better ones come of it. ``initial`` motions on the path are starts too.
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
-    Raises InvalidInput where the objective or a limit has no derivative, OutOfReach or Infeasible where there is no
-    motion; Infeasible with the least-violating motion where none keeps the limits; SolverFailed where limits hold but
-    no start converged.
+    Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
+    OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
+    limits; SolverFailed where limits hold but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     level, rng = coarsest_level(task), np.random.default_rng(seed)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,6 +22,7 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.nlp.compiled.interior_point import Compiled
+from paretoik.nlp.program import Linearisation
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import limit_ranges as widths
 from paretoik.task.motion_task import MotionTask
@@ -29,12 +30,6 @@ from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
-
-if TYPE_CHECKING:
-    pass
-
-if TYPE_CHECKING:
-    from paretoik.trajectory.linearisation import MotionLinearisation
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 PROBES = 64  # places at which slopes are looked at for kinks
@@ -145,7 +140,7 @@ class MotionProgram:
         values = evaluate(self, x)
         return values.objectives, np.zeros(0), values.inequalities
 
-    def linearise(self, x: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
+    def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
         """Return the program to first order at a motion on the path."""
         from paretoik.trajectory.linearisation import linearise  # here: it builds on this file
 
@@ -159,7 +154,7 @@ class MotionProgram:
 
     @property
     def kernel(self) -> Compiled | None:
-        """The program as compiled code takes it, None with kinks; each has registers of its own: one for a thread."""
+        """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
         if not self.is_smooth:
             return None
         return Compiled(

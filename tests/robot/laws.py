@@ -9,11 +9,11 @@ from paretoik.robot.pose import Pose
 
 seeds = st.integers(0, 10**6)
 turns = st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda x: np.linalg.norm(x) > 0.1)
-places = st.lists(st.floats(-2, 2), min_size=3, max_size=3)
+positions = st.lists(st.floats(-2, 2), min_size=3, max_size=3)
 
 
-def pose(place, turn):
-    return Pose(place, np.array(turn) / np.linalg.norm(turn))
+def pose(position, turn):
+    return Pose(position, np.array(turn) / np.linalg.norm(turn))
 
 
 def same(first, second, tolerance=1e-12):

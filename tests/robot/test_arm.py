@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import tringali_3r
-from tests.robot.laws import places, pose, same, seeds, state_of, turns
+from tests.robot.laws import pose, positions, same, seeds, state_of, turns
 
 DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0], "convention": "modified"}
 
@@ -26,7 +26,7 @@ def test_turning_joints_are_periodic_and_sliding_ones_are_not():
     assert Arm.from_dh(**DH, types=["continuous", "prismatic"]).periodic.tolist() == [True, False]
 
 
-@given(seed=seeds, place=places, turn=turns)
+@given(seed=seeds, place=positions, turn=turns)
 @settings(max_examples=15, deadline=None)
 def test_a_tool_moves_the_tool_frame_and_its_mass_is_a_payload_there(anyarm_of, seed, place, turn):
     arm, tool = anyarm_of(seed), pose(place, turn)

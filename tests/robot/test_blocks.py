@@ -30,18 +30,18 @@ def test_batches_of_any_shape_are_their_samples_one_by_one_to_the_bit(panda_arm,
         whole = kernel(arm, *state)
         assert whole.shape == (*batch, *shape(arm.dof))
         assert whole.dtype == float
-        flat, found = state.reshape(3, -1, arm.dof), whole.reshape(-1, *shape(arm.dof))
+        flat, result = state.reshape(3, -1, arm.dof), whole.reshape(-1, *shape(arm.dof))
         for i in range(0, flat.shape[1], max(1, flat.shape[1] // 10)):
-            assert np.array_equal(kernel(arm, *flat[:, i]), found[i])
+            assert np.array_equal(kernel(arm, *flat[:, i]), result[i])
 
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_complex_input_with_a_vanishing_step_keeps_the_real_result(panda_arm, name):
     kernel, _ = KERNELS[name]
     state = np.random.default_rng(2).normal(size=(3, 5, 7))
-    found = kernel(panda_arm, *(state + 1j * STEP))
-    assert found.dtype == complex
-    same(found.real, kernel(panda_arm, *state), 1e-14)
+    result = kernel(panda_arm, *(state + 1j * STEP))
+    assert result.dtype == complex
+    same(result.real, kernel(panda_arm, *state), 1e-14)
 
 
 def test_kernels_leave_their_input_alone_and_take_it_in_any_order_of_memory(panda_arm):

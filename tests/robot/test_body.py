@@ -30,8 +30,8 @@ def test_two_bodies_merged_in_any_order_or_frame_are_one():
     first, second = (Body(mass=m, center=rng.normal(size=3), inertia=np.diag([1.0, 2.0, 2.5])) for m in (1.0, 2.0))
     pose = Pose(rng.normal(size=3), np.array([0.5, 0.5, -0.5, 0.5]))
     whole = transform_body(combine_bodies(first, second), pose)
-    again = combine_bodies(transform_body(second, pose), transform_body(first, pose))
-    assert whole.pseudo_inertia == pytest.approx(again.pseudo_inertia, abs=1e-13)
+    other = combine_bodies(transform_body(second, pose), transform_body(first, pose))
+    assert whole.pseudo_inertia == pytest.approx(other.pseudo_inertia, abs=1e-13)
     assert whole.mass == 3.0
 
 

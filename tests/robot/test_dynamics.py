@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 
 from paretoik.robot import dynamics, kinematics
-from tests.robot.laws import places, pose, same, seeds, state_of, turns
+from tests.robot.laws import pose, positions, same, seeds, state_of, turns
 from tests.robot.oracles import STEP, jacobian_rate, potential_energy
 
 
@@ -47,7 +47,7 @@ def test_torques_are_linear_in_the_accelerations_with_the_inertia_matrix_as_slop
     same(dynamics.inverse_dynamics(arm, q, dq, ddq), moved)
 
 
-@given(seed=seeds, place=places, turn=turns)
+@given(seed=seeds, place=positions, turn=turns)
 @settings(max_examples=15, deadline=None)
 def test_turning_base_and_gravity_together_leaves_torques_and_kinetic_energy(anyarm_of, seed, place, turn):
     arm, base = anyarm_of(seed), pose(place, turn)
@@ -63,7 +63,7 @@ def test_turning_base_and_gravity_together_leaves_torques_and_kinetic_energy(any
     same(kinematics.jacobian(turned, q), twist @ kinematics.jacobian(arm, q))
 
 
-@given(seed=seeds, place=places, turn=turns)
+@given(seed=seeds, place=positions, turn=turns)
 @settings(max_examples=15, deadline=None)
 def test_a_moved_base_changes_the_potential_energy_by_a_constant(anyarm_of, seed, place, turn):
     arm = anyarm_of(seed)

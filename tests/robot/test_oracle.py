@@ -97,8 +97,8 @@ def test_torque_derivatives_by_complex_step_agree_with_pinocchio(oracle, samples
         return dynamics.inverse_dynamics(oracle.arm, *state[:which], x, *state[which + 1 :])
 
     def peer(*x):
-        found = pinocchio.computeRNEADerivatives(oracle.model, oracle.data, *x)[which].copy()
-        return np.triu(found) + np.triu(found, 1).T if which == 2 else found
+        result = pinocchio.computeRNEADerivatives(oracle.model, oracle.data, *x)[which].copy()
+        return np.triu(result) + np.triu(result, 1).T if which == 2 else result
 
     agree(slopes(varied, state[which]), oracle.over(peer, *state), 1e-10)
 
@@ -121,5 +121,9 @@ def test_jacobian_is_the_slope_of_the_tool_pose(oracle, samples):
     agree(jacobian[:, :3], slopes(lambda x: kinematics.forward_kinematics(oracle.arm, x)[1], q), 1e-10)
     rotation = kinematics.forward_kinematics(oracle.arm, q)[0]
     turning = slopes(lambda x: kinematics.forward_kinematics(oracle.arm, x)[0], q)
-    spin = np.einsum("nijk,nlj->nilk", turning, rotation)  # Ṙ Rᵀ = [ω]×
-    agree(jacobian[:, 3:], np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1), 1e-10)
+    rotation_vector = np.einsum("nijk,nlj->nilk", turning, rotation)  # Ṙ Rᵀ = [ω]×
+    agree(
+        jacobian[:, 3:],
+        np.stack([rotation_vector[:, 2, 1], rotation_vector[:, 0, 2], rotation_vector[:, 1, 0]], axis=1),
+        1e-10,
+    )

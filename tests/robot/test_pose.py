@@ -23,8 +23,8 @@ from paretoik.robot.pose import (
 coordinates = st.floats(-10, 10)
 points = st.tuples(coordinates, coordinates, coordinates)
 angles = st.floats(-np.pi, np.pi)
-spins = st.tuples(angles, angles, angles)
-frames = st.lists(st.tuples(points, spins), min_size=3, max_size=3)
+rotation_vectors = st.tuples(angles, angles, angles)
+frames = st.lists(st.tuples(points, rotation_vectors), min_size=3, max_size=3)
 
 
 def random_quaternions(count):
@@ -46,7 +46,7 @@ def test_composition_is_associative(frames):
     np.testing.assert_allclose(((a @ b) @ c).matrix, (a @ (b @ c)).matrix, atol=1e-12)
 
 
-@given(points, spins)
+@given(points, rotation_vectors)
 def test_a_pose_after_its_inverse_is_the_identity(place, spin):
     pose = Pose.from_rpy(place, spin)
     same(pose @ pose.inverse(), Pose([0.0, 0.0, 0.0]))
@@ -65,7 +65,7 @@ def test_applying_a_composition_applies_the_inner_pose_first(frames, inside):
     np.testing.assert_allclose((a @ b).apply(inside), a.apply(b.apply(inside)), atol=1e-12)
 
 
-@given(points, spins)
+@given(points, rotation_vectors)
 def test_a_pose_comes_back_from_its_matrix(place, spin):
     pose = Pose.from_rpy(place, spin)
     same(Pose.from_matrix(pose.matrix), pose)
@@ -78,7 +78,7 @@ def test_apply_keeps_the_shape_of_a_batch_and_of_a_single_point():
     np.testing.assert_allclose(pose.apply([1.0, 0.0, 5.0]), [1.0, 3.0, 5.0], atol=1e-15)
 
 
-@given(spins)
+@given(rotation_vectors)
 def test_rpy_turns_about_fixed_axes_in_the_order_x_y_z(spin):
     expected = Rotation.from_euler("xyz", spin).as_matrix()
     np.testing.assert_allclose(Pose.from_rpy([0.0, 0.0, 0.0], spin).rotation, expected, atol=1e-14)
@@ -102,8 +102,8 @@ def test_quaternions_and_matrices_agree_with_scipy_in_any_batch_shape():
 
 def test_a_rotation_gives_the_same_bits_alone_and_in_a_batch():
     matrices = quaternion_to_matrix(random_quaternions(50))
-    alone = np.stack([rotation_vector(matrix) for matrix in matrices])
-    assert (alone == rotation_vector(matrices)).all()
+    single = np.stack([rotation_vector(matrix) for matrix in matrices])
+    assert (single == rotation_vector(matrices)).all()
 
 
 def test_a_product_of_quaternions_is_the_product_of_their_matrices():
@@ -117,19 +117,19 @@ def test_the_logarithm_undoes_the_exponential_near_zero_and_near_a_half_turn(ang
     axes = random_quaternions(200)[:, 1:]
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     vectors = angle * axes
-    found = rotation_vector(quaternion_to_matrix(vector_to_quaternion(vectors)))
-    np.testing.assert_allclose(found, vectors, rtol=1e-9, atol=4e-15 * angle)
+    result = rotation_vector(quaternion_to_matrix(vector_to_quaternion(vectors)))
+    np.testing.assert_allclose(result, vectors, rtol=1e-9, atol=4e-15 * angle)
 
 
 @pytest.mark.parametrize("axis", [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0, -0.8], [1 / 3, 2 / 3, -2 / 3]])
 def test_a_half_turn_has_length_pi_about_its_axis_whichever_way(axis):
     matrix = 2 * np.outer(axis, axis) - np.eye(3)
-    found = rotation_vector(matrix)
-    assert np.linalg.norm(found) == pytest.approx(np.pi, abs=1e-15)
-    np.testing.assert_allclose(abs(found @ axis), np.pi, atol=1e-14)
+    result = rotation_vector(matrix)
+    assert np.linalg.norm(result) == pytest.approx(np.pi, abs=1e-15)
+    np.testing.assert_allclose(abs(result @ axis), np.pi, atol=1e-14)
 
 
-@given(spins)
+@given(rotation_vectors)
 def test_the_exponential_gives_unit_quaternions_of_the_same_turn(vector):
     turn = vector_to_quaternion(np.array(vector))
     assert np.linalg.norm(turn) == pytest.approx(1.0, abs=1e-15)

@@ -35,8 +35,8 @@ def test_joints_fixed_on_loading_are_the_whole_arm_held_there(panda_arm):
     held = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_joint3": 0.4})
     assert held.joint_names == tuple(f"panda_joint{i}" for i in (1, 2, 4, 5, 6, 7))
     q = np.random.default_rng(1).normal(size=(3, 4, 6))
-    again = panda_arm.fixed(panda_joint3=0.4)
-    assert inverse_dynamics(held, *q) == pytest.approx(inverse_dynamics(again, *q), rel=1e-12, abs=1e-12)
+    other = panda_arm.fixed(panda_joint3=0.4)
+    assert inverse_dynamics(held, *q) == pytest.approx(inverse_dynamics(other, *q), rel=1e-12, abs=1e-12)
     assert any("'panda_joint3': on the chain, frozen at 0.4 rad" in notice for notice in held.notices)
 
 

@@ -14,12 +14,12 @@ from tests.task.test_task import POINTS_2D
 
 def test_a_sample_does_not_depend_on_the_block_it_falls_in():
     task, start, targets, directions = disturbed(marcos_nr(4), "xy", POINTS_2D, 0.8, count=6200)
-    together = retract(marcos_nr(4), [task], start, targets, directions)
+    batch = retract(marcos_nr(4), [task], start, targets, directions)
     for i in (0, 6143, 6144, 6199):
         part = slice(i, i + 1)
-        alone = retract(marcos_nr(4), [task], start[part], targets[part], directions[part])
-        np.testing.assert_array_equal(alone.q, together.q[part])
-        np.testing.assert_array_equal(alone.on_path, together.on_path[part])
+        single = retract(marcos_nr(4), [task], start[part], targets[part], directions[part])
+        np.testing.assert_array_equal(single.q, batch.q[part])
+        np.testing.assert_array_equal(single.on_path, batch.on_path[part])
 
 
 @given(st.integers(1, 6), st.integers(0, 10_000))
@@ -27,18 +27,18 @@ def test_elimination_solves_what_linear_algebra_solves(size, seed):
     rng = np.random.default_rng(seed)
     matrix = rng.normal(size=(5, size, size)) + 4 * np.eye(size)
     right = rng.normal(size=(5, size))
-    copies = matrix.copy(), right.copy()
-    found, determinant = solve_small_systems(matrix, right)
-    wanted = np.linalg.solve(matrix, right[..., None])[..., 0]
-    np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-10)
+    originals = matrix.copy(), right.copy()
+    result, determinant = solve_small_systems(matrix, right)
+    expected = np.linalg.solve(matrix, right[..., None])[..., 0]
+    np.testing.assert_allclose(result, expected, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(determinant, np.linalg.det(matrix), rtol=1e-9)
-    for given_, copy in zip((matrix, right), copies, strict=True):
+    for given_, copy in zip((matrix, right), originals, strict=True):
         np.testing.assert_array_equal(given_, copy)
 
 
 def test_elimination_of_a_singular_system_is_silent_and_says_so():
-    found, determinant = solve_small_systems(
+    result, determinant = solve_small_systems(
         np.array([[[0.0, 1.0], [1.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]]]), np.ones((2, 2))
     )
     assert not (determinant > 0).any()
-    assert not np.isfinite(found).all(axis=1).any()
+    assert not np.isfinite(result).all(axis=1).any()

@@ -85,7 +85,7 @@ def test_central_differences_are_exact_for_parabolas_even_on_uneven_times():
 
 
 @pytest.mark.parametrize(
-    ("quantity", "derivative", "differences", "grid", "where", "wanted"),
+    ("quantity", "derivative", "differences", "grid", "where", "expected"),
     [
         ("dq", 1, "backward", even, slice(1, None), 1),
         ("dq", 1, "backward", uneven, slice(1, None), 1),
@@ -98,19 +98,19 @@ def test_central_differences_are_exact_for_parabolas_even_on_uneven_times():
         ("jerk", 3, "central", even, slice(2, -2), 2),
     ],
 )
-def test_differences_converge_at_their_order(quantity, derivative, differences, grid, where, wanted):
+def test_differences_converge_at_their_order(quantity, derivative, differences, grid, where, expected):
     errors = [error_at(n, quantity, derivative, where, grid, differences=differences) for n in (201, 401)]
-    assert order_of(errors) == pytest.approx(wanted, abs=0.15)
+    assert order_of(errors) == pytest.approx(expected, abs=0.15)
 
 
 @pytest.mark.parametrize(("quantity", "derivative"), [("dq", 1), ("ddq", 2), ("jerk", 3)])
-@pytest.mark.parametrize(("differences", "wanted"), [("backward", 1), ("central", 2)])
-def test_differences_of_a_cycle_converge_at_their_order_at_every_sample(quantity, derivative, differences, wanted):
+@pytest.mark.parametrize(("differences", "expected"), [("backward", 1), ("central", 2)])
+def test_differences_of_a_cycle_converge_at_their_order_at_every_sample(quantity, derivative, differences, expected):
     errors = [
         error_at(n, quantity, derivative, grid=even, shape=round_wave, differences=differences, cyclic=True)
         for n in (401, 801)
     ]
-    assert order_of(errors) == pytest.approx(wanted, abs=0.15)
+    assert order_of(errors) == pytest.approx(expected, abs=0.15)
 
 
 @both
@@ -123,14 +123,14 @@ def test_a_cycle_ends_with_the_velocity_and_acceleration_it_starts_with(differen
         np.testing.assert_array_equal(values[:, 0], values[:, -1])
 
 
-@pytest.mark.parametrize(("differences", "wanted"), [("backward", 1), ("central", 2)])
-def test_integrals_converge_at_their_order(differences, wanted):
+@pytest.mark.parametrize(("differences", "expected"), [("backward", 1), ("central", 2)])
+def test_integrals_converge_at_their_order(differences, expected):
     errors = []
     for samples in (101, 201):
         t = uneven(samples)
         motion = Motion(arm=ARM, time=t, q=wave(t), differences=differences)
         errors.append(abs(motion.integral(np.exp(t)) - (np.e - 1)))
-    assert order_of(errors) == pytest.approx(wanted, abs=0.1)
+    assert order_of(errors) == pytest.approx(expected, abs=0.1)
 
 
 @both

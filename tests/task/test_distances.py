@@ -31,7 +31,7 @@ coordinates = st.floats(-2, 2)
 points = st.tuples(coordinates, coordinates, coordinates).map(np.array)
 turns = st.floats(-3, 3)
 sizes = st.floats(0.01, 1.0)
-spins = st.tuples(turns, turns, turns)
+rotation_vectors = st.tuples(turns, turns, turns)
 
 
 def distance_of_points(obstacle, p):
@@ -70,33 +70,33 @@ def test_clearance_agrees_with_dense_sampling_at_ten_thousand_postures(obstacle)
     rng = np.random.default_rng(1)
     bases, steps = rng.uniform(-0.8, 0.8, (10_000, 1, 3)), rng.uniform(-0.5, 0.5, (10_000, 3, 3))
     nodes = np.cumsum(np.concatenate([bases, steps], axis=1), axis=1)
-    found = clearance([obstacle], nodes, radius=0.03)
+    result = clearance([obstacle], nodes, radius=0.03)
     sampled = np.full(10_000, np.inf)
     for share in np.linspace(0, 1, 33):
         at = nodes[:, :-1] + share * steps
         sampled = np.minimum(sampled, distance_of_points(obstacle, at).min(axis=1) - 0.03)
     longest = np.linalg.norm(steps, axis=2).max(axis=1)
-    assert (found < sampled + 1e-12).all()
-    assert (found > sampled - longest / 64 - 1e-12).all()  # a distance grows by at most the way gone
-    assert (found < 0).sum() > 400
-    assert (found > 0).sum() > 400
+    assert (result < sampled + 1e-12).all()
+    assert (result > sampled - longest / 64 - 1e-12).all()  # a distance grows by at most the way gone
+    assert (result < 0).sum() > 400
+    assert (result > 0).sum() > 400
 
 
 @every_obstacle
 def test_distances_are_exact_to_rounding(obstacle):
     starts, ends = random_segments(4000)
-    found = signed_distance(obstacle, starts, ends)
-    np.testing.assert_allclose(found, distance_by_search(obstacle, starts, ends), rtol=0, atol=1e-13)
+    result = signed_distance(obstacle, starts, ends)
+    np.testing.assert_allclose(result, distance_by_search(obstacle, starts, ends), rtol=0, atol=1e-13)
 
 
 @every_obstacle
 def test_segments_along_the_axes_and_through_corners_are_exact(obstacle):
     grid = np.array([-0.6, -0.4, 0.0, 0.1, 0.4, 1.1])
-    places = np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
+    positions = np.stack(np.meshgrid(grid, grid, grid), axis=-1).reshape(-1, 3)
     for axis in np.eye(3):
-        ends = places + 0.7 * axis
-        found = signed_distance(obstacle, places, ends)
-        np.testing.assert_allclose(found, distance_by_search(obstacle, places, ends), rtol=0, atol=1e-13)
+        ends = positions + 0.7 * axis
+        result = signed_distance(obstacle, positions, ends)
+        np.testing.assert_allclose(result, distance_by_search(obstacle, positions, ends), rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-12, 1e-8, 1e-4])
@@ -108,11 +108,11 @@ def test_nearly_parallel_segments_lose_no_digits(tilt):
 
 @every_obstacle
 def test_a_segment_of_no_length_is_a_point(obstacle):
-    places, _ = random_segments(300)
-    expected = distance_of_points(obstacle, places)
-    np.testing.assert_allclose(signed_distance(obstacle, places, places), expected, atol=1e-14)
+    positions, _ = random_segments(300)
+    expected = distance_of_points(obstacle, positions)
+    np.testing.assert_allclose(signed_distance(obstacle, positions, positions), expected, atol=1e-14)
     for tiny in (1e-9, 1e-160, 5e-324):
-        np.testing.assert_allclose(signed_distance(obstacle, places, places + tiny), expected, atol=2e-9)
+        np.testing.assert_allclose(signed_distance(obstacle, positions, positions + tiny), expected, atol=2e-9)
 
 
 @every_obstacle
@@ -125,9 +125,11 @@ def test_a_segment_is_as_near_as_the_nearer_of_its_parts_whichever_way_it_runs(o
     np.testing.assert_allclose(signed_distance(obstacle, ends, starts), whole, atol=1e-14)
 
 
-@given(points, spins, points, points, points, points, sizes, st.tuples(sizes, sizes, sizes))
-def test_moving_obstacle_and_link_together_changes_nothing(place, spin, start, end, first, last, radius, halves):
-    move, pose = Pose.from_rpy(place, spin), Pose.from_rpy(first, last)
+@given(points, rotation_vectors, points, points, points, points, sizes, st.tuples(sizes, sizes, sizes))
+def test_moving_obstacle_and_link_together_changes_nothing(
+    position, rotation_vector, start, end, first, last, radius, halves
+):
+    move, pose = Pose.from_rpy(position, rotation_vector), Pose.from_rpy(first, last)
     pairs = [
         (Sphere(first, radius), Sphere(move.apply(first), radius)),
         (Capsule(first, last, radius), Capsule(move.apply(first), move.apply(last), radius)),
@@ -157,10 +159,10 @@ def test_flat_obstacles_are_endless_along_z(start, end, up, down):
 def test_a_segment_has_the_same_bits_alone_and_in_a_batch(obstacle):
     starts, ends = random_segments(60)
     batch = signed_distance(obstacle, starts.reshape(3, 20, 3), ends.reshape(3, 20, 3))
-    alone = [signed_distance(obstacle, start, end) for start, end in zip(starts, ends, strict=True)]
+    single = [signed_distance(obstacle, start, end) for start, end in zip(starts, ends, strict=True)]
     assert batch.shape == (3, 20)
-    assert alone[0].shape == ()
-    assert (batch.ravel() == alone).all()
+    assert single[0].shape == ()
+    assert (batch.ravel() == single).all()
 
 
 @every_obstacle
@@ -176,22 +178,22 @@ def test_a_posture_that_is_not_a_number_has_no_clearance_and_spoils_no_other(obs
     nodes = np.random.default_rng(2).normal(size=(5, 4, 3))
     expected = clearance([obstacle], nodes)
     nodes[2, 1, 0] = np.nan
-    found = clearance([obstacle], nodes)
-    assert np.isnan(found).tolist() == [False, False, True, False, False]
-    assert (found[[0, 1, 3, 4]] == expected[[0, 1, 3, 4]]).all()
+    result = clearance([obstacle], nodes)
+    assert np.isnan(result).tolist() == [False, False, True, False, False]
+    assert (result[[0, 1, 3, 4]] == expected[[0, 1, 3, 4]]).all()
 
 
 def test_clearance_is_the_least_over_links_and_obstacles_less_each_links_radius():
     nodes = np.random.default_rng(4).normal(size=(6, 11, 4, 3))
     radii = np.array([0.1, 0.02, 0.3])
-    found = clearance(list(OBSTACLES.values()), nodes, radius=radii)
+    result = clearance(list(OBSTACLES.values()), nodes, radius=radii)
     each = [
         signed_distance(obstacle, nodes[..., k, :], nodes[..., k + 1, :]) - radii[k]
         for obstacle in OBSTACLES.values()
         for k in range(3)
     ]
-    assert found.shape == (6, 11)
-    np.testing.assert_allclose(found, np.min(each, axis=0), atol=1e-15)
+    assert result.shape == (6, 11)
+    np.testing.assert_allclose(result, np.min(each, axis=0), atol=1e-15)
 
 
 NODES = np.zeros((2, 3, 3))

@@ -99,15 +99,15 @@ def test_what_is_no_limit_is_refused_with_its_kind_and_joint(given, words):
 def test_violations_are_shares_of_the_range_and_positive_only_beyond(kind, given):
     bounds = Limits(**{kind: given}).bounds(ARM, SAMPLES)[kind]
     values = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}[kind]
-    found, beyond = relative_violation(kind, bounds, MOTION), 0
+    result, beyond = relative_violation(kind, bounds, MOTION), 0
     for place in np.ndindex(MOTION.q.shape):
         value = getattr(MOTION, values)[place]
         lower, upper = bounds[place[1] if len(bounds) > 1 else 0, place[2]]
-        wanted = max(value - upper, lower - value) / (upper - lower)
-        assert found[place] == pytest.approx(wanted, rel=1e-12)
-        assert (found[place] > 0) == (not lower <= value <= upper)
-        beyond += found[place] > 0
-    assert 0 < beyond < found.size
+        expected = max(value - upper, lower - value) / (upper - lower)
+        assert result[place] == pytest.approx(expected, rel=1e-12)
+        assert (result[place] > 0) == (not lower <= value <= upper)
+        beyond += result[place] > 0
+    assert 0 < beyond < result.size
 
 
 def test_one_sided_limits_are_scaled_by_their_size_and_zero_ones_by_one():
@@ -131,7 +131,7 @@ def test_a_joint_without_a_limit_is_never_in_violation():
 
 
 @pytest.mark.parametrize(
-    ("form", "lower", "upper", "scale", "wanted"),
+    ("form", "lower", "upper", "scale", "expected"),
     [
         ("peak", -np.inf, 1.0, 1.0, lambda v: (v - 1).max(axis=1)),
         ("peak", 0.5, np.inf, 0.5, lambda v: (0.5 - v).max(axis=1)),
@@ -142,14 +142,14 @@ def test_a_joint_without_a_limit_is_never_in_violation():
         ("general", 1.0, 1.0, 1.0, lambda v: np.abs(v[:, -1] - 1)),
     ],
 )
-def test_a_users_constraint_is_counted_like_a_limit(form, lower, upper, scale, wanted):
+def test_a_users_constraint_is_counted_like_a_limit(form, lower, upper, scale, expected):
     @pk.constraint(unit="rad", form=form, lower=lower, upper=upper)
     def own(motion):
         values = motion.q[..., 0]
         return values if form in ("integral", "peak") else values[..., -1]
 
     assert own.scale == scale
-    np.testing.assert_allclose(own.violation(MOTION), wanted(MOTION.q[..., 0]) / scale, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(own.violation(MOTION), expected(MOTION.q[..., 0]) / scale, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(own.violation(MOTION[2]), own.violation(MOTION)[2], rtol=1e-12)
 
 

@@ -42,16 +42,16 @@ def test_a_batch_is_its_motions_one_by_one(differences, cyclic):
     time = time - time[..., :1]
     ball = Sphere([0.2, 0.2, 0.3], 0.1)
     common = {"arm": SPATIAL, "differences": differences, "cyclic": cyclic, "obstacles": (ball,)}
-    together = Motion(q=q, time=time, **common)
-    assert len(together) == 3
+    batch = Motion(q=q, time=time, **common)
+    assert len(batch) == 3
     names = [*RATES, "torque", "power", "kinetic_energy", *PLACES, "clearance", "manipulability"]
     for i in range(3):
         for j in range(2):
-            alone = Motion(q=q[i, j], time=time[i, j], **common)
+            single = Motion(q=q[i, j], time=time[i, j], **common)
             for name in names:
-                np.testing.assert_allclose(getattr(together, name)[i, j], getattr(alone, name), rtol=1e-12, atol=1e-12)
+                np.testing.assert_allclose(getattr(batch, name)[i, j], getattr(single, name), rtol=1e-12, atol=1e-12)
             for name in names:
-                np.testing.assert_array_equal(getattr(together[i], name)[j], getattr(together, name)[i, j])
+                np.testing.assert_array_equal(getattr(batch[i], name)[j], getattr(batch, name)[i, j])
 
 
 def test_a_batch_is_picked_from_by_number_slice_list_and_mask():
@@ -119,9 +119,9 @@ def test_the_tool_is_where_the_arm_puts_it():
     motion = Motion(arm=ARM, time=even(7), q=np.random.default_rng(8).normal(size=(7, 3)))
     angles = np.cumsum(motion.q, axis=1)
     lengths = np.array([0.176, 0.176, 0.1375])
-    wanted = np.stack([np.cos(angles) @ lengths, np.sin(angles) @ lengths], axis=-1)
-    np.testing.assert_allclose(motion.tool, wanted, atol=1e-14)
-    np.testing.assert_allclose(motion.links[:, -1, :2], wanted, atol=1e-14)
+    expected = np.stack([np.cos(angles) @ lengths, np.sin(angles) @ lengths], axis=-1)
+    np.testing.assert_allclose(motion.tool, expected, atol=1e-14)
+    np.testing.assert_allclose(motion.links[:, -1, :2], expected, atol=1e-14)
     np.testing.assert_allclose(motion.tool_rotation[:, 0, 0], np.cos(angles[:, -1]), atol=1e-14)
     assert motion.links.shape == (7, 5, 3)
     assert Motion(arm=SPATIAL, time=even(7), q=np.zeros((7, 4))).tool.shape == (7, 3)

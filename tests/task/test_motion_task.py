@@ -38,19 +38,19 @@ def from_posture(q=POSTURE, arm=ARM, samples=21):
 
 
 def test_a_motion_task_knows_its_times_equations_and_redundancy():
-    found = task(arm=marcos_nr(4), path=line(Pose.planar(2, 1, 0), Pose.planar(1, 2, 1), duration=2.0, samples=11))
-    assert (found.rows, found.redundancy, found.ends_at_rest, found.start) == (3, 1, False, None)
-    np.testing.assert_array_equal(found.times, np.linspace(0, 2, 11))
-    assert found.targets.shape == (11, 11)
+    result = task(arm=marcos_nr(4), path=line(Pose.planar(2, 1, 0), Pose.planar(1, 2, 1), duration=2.0, samples=11))
+    assert (result.rows, result.redundancy, result.ends_at_rest, result.start) == (3, 1, False, None)
+    np.testing.assert_array_equal(result.times, np.linspace(0, 2, 11))
+    assert result.targets.shape == (11, 11)
 
 
 def test_motions_of_a_task_carry_all_that_the_task_says():
     post = Circle([0.2, 0.3], 0.05)
     path = circle([0.4178, 0.0], 0.05, duration=1.0, samples=21)
-    found = task(path=path, obstacles=[post], link_radius=0.02, cyclic=True, differences="central")
-    motion = found.motion(np.zeros((2, 21, 3)))
+    result = task(path=path, obstacles=[post], link_radius=0.02, cyclic=True, differences="central")
+    motion = result.motion(np.zeros((2, 21, 3)))
     assert (motion.cyclic, motion.differences, motion.link_radius, motion.obstacles) == (True, "central", 0.02, (post,))
-    assert motion.tasks == found.tasks
+    assert motion.tasks == result.tasks
     np.testing.assert_array_equal(motion.time[0], path.times)
 
 
@@ -73,8 +73,8 @@ def test_limits_are_named_in_the_order_of_their_columns():
         return motion.tool[..., 1]
 
     limits = Limits(position=[1.0, np.inf, 2.0], torque={"joint2": 0.5}, clearance=0.01)
-    found = task(limits=limits, obstacles=[Circle([1, 1], 0.1)], constraints=[above_ground])
-    assert found.limit_names == (
+    result = task(limits=limits, obstacles=[Circle([1, 1], 0.1)], constraints=[above_ground])
+    assert result.limit_names == (
         "position of joint1",
         "position of joint3",
         "torque of joint2",
@@ -90,9 +90,9 @@ def test_violations_are_the_worst_of_every_limit():
 
     post = Circle([0.3, 0.3], 0.1)
     limits = Limits(position=(-1.0, [1.0, np.inf, 2.0]), velocity=3.0, clearance=0.02)
-    found = task(limits=limits, obstacles=[post], link_radius=0.01, constraints=[height])
-    motions = found.motion(np.random.default_rng(0).normal(size=(5, 21, 3)))
-    columns = dict(zip(found.limit_names, found.violations(motions).T, strict=True))
+    result = task(limits=limits, obstacles=[post], link_radius=0.01, constraints=[height])
+    motions = result.motion(np.random.default_rng(0).normal(size=(5, 21, 3)))
+    columns = dict(zip(result.limit_names, result.violations(motions).T, strict=True))
     q, v = motions.q, motions.dq
     np.testing.assert_allclose(columns["position of joint1"], np.maximum(q[..., 0] - 1, -1 - q[..., 0]).max(axis=1) / 2)
     np.testing.assert_allclose(columns["position of joint2"], (-1 - q[..., 1]).max(axis=1))
@@ -100,52 +100,54 @@ def test_violations_are_the_worst_of_every_limit():
     np.testing.assert_allclose(columns["clearance"], (0.02 - motions.clearance.min(axis=1)) / 0.02)
     y = motions.tool[..., 1]
     np.testing.assert_allclose(columns["height"], np.maximum(y - 0.25, 0.05 - y).max(axis=1) / 0.2)
-    np.testing.assert_allclose(found.violations(motions[3]), found.violations(motions)[3], rtol=1e-12)
+    np.testing.assert_allclose(result.violations(motions[3]), result.violations(motions)[3], rtol=1e-12)
 
 
 def test_limits_along_the_path_hold_each_at_its_own_sample():
     bound = np.full((21, 3), 2.0)
     bound[7] = 0.1
-    found = task(limits=Limits(position=bound))
+    result = task(limits=Limits(position=bound))
     q = np.full((2, 21, 3), 0.05)
     q[0, 8] = 0.3
     q[1, 7] = 0.3
-    violations = found.violations(found.motion(q))
+    violations = result.violations(result.motion(q))
     assert (violations[0] <= 0).all()
     np.testing.assert_allclose(violations[1], 0.2 / 0.2)
 
 
 def test_a_task_without_limits_has_no_violations():
-    found = task()
-    assert found.limit_names == ()
-    assert found.violations(found.motion(np.zeros((4, 21, 3)))).shape == (4, 0)
-    assert found.describe_violation(found.motion(np.zeros((21, 3)))) == ""
+    result = task()
+    assert result.limit_names == ()
+    assert result.violations(result.motion(np.zeros((4, 21, 3)))).shape == (4, 0)
+    assert result.describe_violation(result.motion(np.zeros((21, 3)))) == ""
 
 
 def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
-    found = task(limits=Limits(position=1.0, velocity=50.0))
+    result = task(limits=Limits(position=1.0, velocity=50.0))
     q = np.zeros((21, 3))
-    assert found.describe_violation(found.motion(q)) == ""
+    assert result.describe_violation(result.motion(q)) == ""
     q[5, 1] = 1.5
     assert (
-        found.describe_violation(found.motion(q))
+        result.describe_violation(result.motion(q))
         == "position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s)"
     )
     q[5, 1] = 1.5 + 1e-9
     q[11, 2] = -9.0
-    told = found.describe_violation(found.motion(q))
-    assert told == "position of joint3 is exceeded by 400 % of its range at sample 11 (0.55 s)"
+    message = result.describe_violation(result.motion(q))
+    assert message == "position of joint3 is exceeded by 400 % of its range at sample 11 (0.55 s)"
 
 
 def test_limits_that_are_violated_alike_are_told_together():
-    found = task(limits=Limits(position=1.0, velocity=500.0))
+    result = task(limits=Limits(position=1.0, velocity=500.0))
     q = np.zeros((21, 3))
     q[5, 1], q[7, 2] = 1.5, -1.5
-    told = found.describe_violation(found.motion(q))
-    assert told.startswith("position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s); so is")
-    assert told.endswith("so is position of joint3 at sample 7 (0.35 s)")
+    message = result.describe_violation(result.motion(q))
+    assert message.startswith("position of joint2 is exceeded by 25 % of its range at sample 5 (0.25 s); so is")
+    assert message.endswith("so is position of joint3 at sample 7 (0.35 s)")
 
 
 def test_a_binding_clearance_is_told_by_its_name():
-    found = task(obstacles=[Circle([0.2, 0.0], 0.05)], limits=Limits(clearance=0.01))
-    assert found.describe_violation(found.motion(np.zeros((21, 3)))).startswith("clearance is 0.06 m short at sample 0")
+    result = task(obstacles=[Circle([0.2, 0.0], 0.05)], limits=Limits(clearance=0.01))
+    assert result.describe_violation(result.motion(np.zeros((21, 3)))).startswith(
+        "clearance is 0.06 m short at sample 0"
+    )

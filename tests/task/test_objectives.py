@@ -108,19 +108,19 @@ def by_hand(name, motion):
 @pytest.mark.parametrize("objective", LIBRARY, ids=lambda objective: objective.name)
 def test_the_librarys_objectives_are_what_plain_loops_make_them(objective, motion):
     chosen = motion if objective.name != "obstacle_clearance" else motion[:1]
-    wanted = [by_hand(objective.name, single) for single in chosen]
-    np.testing.assert_allclose(objective(chosen), wanted, rtol=1e-9 if len(chosen) > 1 else 1e-5, atol=1e-12)
+    expected = [by_hand(objective.name, single) for single in chosen]
+    np.testing.assert_allclose(objective(chosen), expected, rtol=1e-9 if len(chosen) > 1 else 1e-5, atol=1e-12)
 
 
 @every_motion
 @pytest.mark.parametrize("objective", LIBRARY, ids=lambda objective: objective.name)
 def test_a_batch_is_scored_as_its_motions_are(objective, motion):
-    together = objective(motion)
-    assert together.shape == (3,)
+    batch = objective(motion)
+    assert batch.shape == (3,)
     for i in range(3):
         alone = objective(motion[i])
         assert alone.shape == ()
-        np.testing.assert_allclose(alone, together[i], rtol=1e-12)
+        np.testing.assert_allclose(alone, batch[i], rtol=1e-12)
 
 
 def test_the_library_has_the_promised_names_units_and_senses():
@@ -155,9 +155,9 @@ def test_the_papers_energy_of_a_turning_rod():
 def test_the_limit_distance_is_zero_in_the_middle_and_an_eighth_per_joint_at_a_limit():
     arm = Arm.planar(lengths=[1.0, 1.0], position_limits=([-1.0, 0.0], [1.0, 3.0]))
     t = np.linspace(0, 1, 5)
-    for q, wanted in (([0.0, 1.5], 0.0), ([1.0, 3.0], 0.125), ([-1.0, 1.5], 0.0625)):
+    for q, expected in (([0.0, 1.5], 0.0), ([1.0, 3.0], 0.125), ([-1.0, 1.5], 0.0625)):
         motion = Motion(arm=arm, time=t, q=np.tile(q, (5, 1)))
-        assert pk.joint_limit_distance(motion) == pytest.approx(wanted, abs=1e-15)
+        assert pk.joint_limit_distance(motion) == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_limit_distance_without_limits_is_refused():
@@ -173,7 +173,7 @@ def test_a_clearance_without_obstacles_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("form", "maximise", "wanted"),
+    ("form", "maximise", "expected"),
     [
         ("integral", False, lambda motion, v: [quadrature(single, row) for single, row in zip(motion, v, strict=True)]),
         ("peak", False, lambda motion, v: v.max(axis=1)),
@@ -182,14 +182,14 @@ def test_a_clearance_without_obstacles_is_refused():
         ("general", True, lambda motion, v: v[:, -1]),
     ],
 )
-def test_a_users_objective_is_made_into_what_its_form_says(form, maximise, wanted):
+def test_a_users_objective_is_made_into_what_its_form_says(form, maximise, expected):
     @pk.objective(unit="rad", form=form, maximise=maximise)
     def own(motion):
         values = motion.q[..., 0]
         return values if form in ("integral", "peak") else values[..., -1]
 
     motion = MOTIONS["central"]
-    np.testing.assert_allclose(own(motion), wanted(motion, motion.q[..., 0]), rtol=1e-12)
+    np.testing.assert_allclose(own(motion), expected(motion, motion.q[..., 0]), rtol=1e-12)
     assert own.sign == (-1 if maximise else 1)
     assert (own.name, own.unit, own.form) == ("own", "rad", form)
 
@@ -203,8 +203,8 @@ def test_an_objective_says_what_it_is():
 def test_whole_numbers_and_truth_values_are_real_numbers():
     counted = pk.objective(unit="", form="integral", name="counted")(lambda motion: motion.q[..., 0] > 0)
     motion = MOTIONS["backward"]
-    wanted = [quadrature(single, (single.q[:, 0] > 0).astype(float)) for single in motion]
-    np.testing.assert_allclose(counted(motion), wanted, rtol=1e-12)
+    expected = [quadrature(single, (single.q[:, 0] > 0).astype(float)) for single in motion]
+    np.testing.assert_allclose(counted(motion), expected, rtol=1e-12)
     assert counted(motion).dtype == float
 
 

@@ -15,9 +15,9 @@ from paretoik.task.path_shapes import circle, line, poses, waypoints
 coordinates = st.floats(-3, 3)
 angles = st.floats(-3, 3)
 places = st.tuples(coordinates, coordinates, coordinates)
-spins = st.tuples(angles, angles, angles)
+rotation_vectors = st.tuples(angles, angles, angles)
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.0], [0.5, 0.5, 0.2], [0.1, 0.6, 0.3]])
-TURNED = [Pose.from_rpy(place, [0.3 * i, -0.2 * i, 0.9 * i]) for i, place in enumerate(CORNERS)]
+TURNED = [Pose.from_rpy(position, [0.3 * i, -0.2 * i, 0.9 * i]) for i, position in enumerate(CORNERS)]
 EVERY_KIND = {
     "line of points": line([0.4, 0.0], [0.1, 0.2], duration=0.7, samples=31),
     "line of poses": line(TURNED[0], TURNED[3], duration=0.7, samples=31),
@@ -73,9 +73,9 @@ def test_any_sampling_is_of_the_same_path(path):
 @every_kind
 def test_a_path_takes_times_of_any_shape(path):
     positions, quaternions = path.at(np.full((2, 5), 0.3))
-    alone, turned = path.at(0.3)
+    single, turned = path.at(0.3)
     assert positions.shape == (2, 5, path.positions.shape[1])
-    np.testing.assert_allclose(positions[1, 4], alone, atol=1e-15)
+    np.testing.assert_allclose(positions[1, 4], single, atol=1e-15)
     if quaternions is not None:
         np.testing.assert_allclose(quaternions[1, 4], turned, atol=1e-15)
 

@@ -17,7 +17,7 @@ from paretoik.task.timing import TIME_LAWS, progress
 coordinates = st.floats(-3, 3)
 angles = st.floats(-3, 3)
 places = st.tuples(coordinates, coordinates, coordinates)
-spins = st.tuples(angles, angles, angles)
+rotation_vectors = st.tuples(angles, angles, angles)
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.0], [0.5, 0.5, 0.2], [0.1, 0.6, 0.3]])
 TURNED = [Pose.from_rpy(place, [0.3 * i, -0.2 * i, 0.9 * i]) for i, place in enumerate(CORNERS)]
@@ -32,7 +32,7 @@ def test_a_line_covers_its_length_by_the_law_and_meets_its_ends_exactly(timing):
     np.testing.assert_allclose(covered, progress(path.times, 2.0, timing), atol=1e-14)
 
 
-@given(places, spins, places, spins, st.floats(0, 1))
+@given(places, rotation_vectors, places, rotation_vectors, st.floats(0, 1))
 def test_a_line_of_poses_turns_about_one_axis_in_step_with_its_place(here, spin, there, other_spin, t):
     start, end = Pose.from_rpy(here, spin), Pose.from_rpy(there, other_spin)
     assume(np.abs(start.matrix - end.matrix).max() > 1e-8)
@@ -126,11 +126,11 @@ def test_waypoints_of_poses_that_only_turn_go_by_angle():
 
 def test_timed_poses_are_met_at_their_times_even_where_they_wait():
     times = np.array([0.0, 0.3, 0.35, 1.0, 1.2])
-    asked = [*TURNED, TURNED[-1]]
-    path = poses(times, asked)
+    requested = [*TURNED, TURNED[-1]]
+    path = poses(times, requested)
     assert (path.times == times).all()
-    np.testing.assert_allclose(path.positions, [pose.position for pose in asked], atol=1e-15)
-    rotations = np.stack([pose.rotation for pose in asked])
+    np.testing.assert_allclose(path.positions, [pose.position for pose in requested], atol=1e-15)
+    rotations = np.stack([pose.rotation for pose in requested])
     np.testing.assert_allclose(
         rotation_vector(quaternion_to_matrix(path.quaternions).swapaxes(-1, -2) @ rotations), 0, atol=1e-12
     )

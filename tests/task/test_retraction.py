@@ -30,18 +30,18 @@ def disturbed(arm, axes, path, size, count=300, seed=0):
 @every_kind
 def test_postures_near_the_path_are_led_onto_it(arm, axes, path):
     task, start, targets, directions = disturbed(arm, axes, path, 0.02)
-    found = retract(arm, [task], start, targets, directions)
-    assert found.on_path.mean() > 0.97  # the others stand next to a singularity
-    error = np.abs(task_errors(arm, [task], found.q, targets)[0]).max(axis=0)
-    assert (error[found.on_path] <= ON_PATH_TOLERANCE).all()
-    np.testing.assert_allclose(found.error[found.on_path], error[found.on_path], atol=ON_PATH_TOLERANCE)
+    result = retract(arm, [task], start, targets, directions)
+    assert result.on_path.mean() > 0.97  # the others stand next to a singularity
+    error = np.abs(task_errors(arm, [task], result.q, targets)[0]).max(axis=0)
+    assert (error[result.on_path] <= ON_PATH_TOLERANCE).all()
+    np.testing.assert_allclose(result.error[result.on_path], error[result.on_path], atol=ON_PATH_TOLERANCE)
 
 
 @every_kind
 def test_the_way_taken_lies_in_the_given_directions(arm, axes, path):
     task, start, targets, directions = disturbed(arm, axes, path, 0.05)
-    found = retract(arm, [task], start, targets, directions)
-    way = found.q - start
+    result = retract(arm, [task], start, targets, directions)
+    way = result.q - start
     along = np.einsum("ndr,nr->nd", directions, np.einsum("ndr,nd->nr", directions, way))
     np.testing.assert_allclose(way, along, atol=1e-11)
 
@@ -49,13 +49,13 @@ def test_the_way_taken_lies_in_the_given_directions(arm, axes, path):
 @every_kind
 def test_a_sample_does_not_depend_on_its_batch(arm, axes, path):
     task, start, targets, directions = disturbed(arm, axes, path, 0.6, count=200)
-    together = retract(arm, [task], start, targets, directions)
-    assert together.on_path.mean() > 0.3
+    batch = retract(arm, [task], start, targets, directions)
+    assert batch.on_path.mean() > 0.3
     for part in (slice(0, 1), slice(7, 8), slice(5, 50), slice(199, 200), slice(None, None, 3)):
-        alone = retract(arm, [task], start[part], targets[part], directions[part])
-        np.testing.assert_array_equal(alone.q, together.q[part])
-        np.testing.assert_array_equal(alone.error, together.error[part])
-        np.testing.assert_array_equal(alone.on_path, together.on_path[part])
+        single = retract(arm, [task], start[part], targets[part], directions[part])
+        np.testing.assert_array_equal(single.q, batch.q[part])
+        np.testing.assert_array_equal(single.error, batch.error[part])
+        np.testing.assert_array_equal(single.on_path, batch.on_path[part])
 
 
 def test_a_posture_on_the_path_is_left_where_it_is():
@@ -63,18 +63,18 @@ def test_a_posture_on_the_path_is_left_where_it_is():
     q = np.random.default_rng(1).uniform(-1, 1, (50, 7))
     task = Task(POSES).resolve_axes(arm)
     targets = targets_at(task, through(arm, q, POSES))
-    found = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
-    np.testing.assert_array_equal(found.q, q)
-    assert found.on_path.all()
+    result = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
+    np.testing.assert_array_equal(result.q, q)
+    assert result.on_path.all()
 
 
 def test_what_is_given_is_not_written_into():
     task, start, targets, directions = disturbed(marcos_nr(4), "xy", POINTS_2D, 0.1)
-    copies = [array.copy() for array in (start, targets, directions)]
+    originals = [array.copy() for array in (start, targets, directions)]
     for array in (start, targets, directions):
         array.setflags(write=False)
     retract(marcos_nr(4), [task], start, targets, directions)
-    for array, copy in zip((start, targets, directions), copies, strict=True):
+    for array, copy in zip((start, targets, directions), originals, strict=True):
         np.testing.assert_array_equal(array, copy)
 
 
@@ -97,10 +97,10 @@ def test_a_target_out_of_reach_is_not_arrived_at():
     start = np.random.default_rng(2).uniform(-2, 2, (200, 3))
     for beyond in (1e-9, 1e-3, 1.0):
         targets = np.tile([0.4895 + beyond, 0.0], (200, 1))
-        found = retract(arm, [task], start, targets, row_space_basis(task_errors(arm, [task], start, targets)[1]))
-        assert not found.on_path.any()
-        assert np.isfinite(found.q).all()
-        assert (found.error > ON_PATH_TOLERANCE).all()
+        result = retract(arm, [task], start, targets, row_space_basis(task_errors(arm, [task], start, targets)[1]))
+        assert not result.on_path.any()
+        assert np.isfinite(result.q).all()
+        assert (result.error > ON_PATH_TOLERANCE).all()
 
 
 def test_a_fold_of_the_manifold_is_not_crossed():
@@ -110,10 +110,10 @@ def test_a_fold_of_the_manifold_is_not_crossed():
     q = np.array([[0.0, bend, bend]])
     place = forward_kinematics(arm, q)[1][:, :2]
     directions = row_space_basis(task_errors(arm, [task], q, place)[1])
-    found = retract(arm, [task], q * [[1, -1, -1]], place, directions)
-    mirrored = np.linalg.det(task_errors(arm, [task], found.q, place)[1][:, :, 0] @ directions[0]) < 0
-    assert found.error[0] > ON_PATH_TOLERANCE or mirrored
-    assert not found.on_path[0]
+    result = retract(arm, [task], q * [[1, -1, -1]], place, directions)
+    mirrored = np.linalg.det(task_errors(arm, [task], result.q, place)[1][:, :, 0] @ directions[0]) < 0
+    assert result.error[0] > ON_PATH_TOLERANCE or mirrored
+    assert not result.on_path[0]
 
 
 def test_a_singular_start_is_told_not_raised():
@@ -121,9 +121,9 @@ def test_a_singular_start_is_told_not_raised():
     task = Task(FLAT_POSES).resolve_axes(arm)
     q = np.zeros((3, 4))
     targets = targets_at(task, through(arm, np.full((3, 4), 0.1), FLAT_POSES))
-    found = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
-    assert np.isfinite(found.q).all()
-    arrived = task_errors(arm, [task], found.q, targets)[0][:, found.on_path]
+    result = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
+    assert np.isfinite(result.q).all()
+    arrived = task_errors(arm, [task], result.q, targets)[0][:, result.on_path]
     assert np.abs(arrived).max(initial=0.0) <= ON_PATH_TOLERANCE
 
 
@@ -134,18 +134,18 @@ def test_several_tasks_are_met_at_once():
     tasks = [Task(POINTS_2D, frame="joint4").resolve_axes(arm), Task(POINTS_2D).resolve_axes(arm)]
     targets = np.concatenate([forward_kinematics(arm, there, frame)[1][:, :2] for frame in ("joint4", "tool")], axis=1)
     start = there + rng.uniform(-0.05, 0.05, there.shape)
-    found = retract(arm, tasks, start, targets, row_space_basis(task_errors(arm, tasks, start, targets)[1]))
-    assert found.on_path.mean() > 0.95
+    result = retract(arm, tasks, start, targets, row_space_basis(task_errors(arm, tasks, start, targets)[1]))
+    assert result.on_path.mean() > 0.95
     for frame, columns in (("joint4", slice(0, 2)), ("tool", slice(2, 4))):
-        off = forward_kinematics(arm, found.q[found.on_path], frame)[1][:, :2] - targets[found.on_path, columns]
+        off = forward_kinematics(arm, result.q[result.on_path], frame)[1][:, :2] - targets[result.on_path, columns]
         assert np.abs(off).max() < 1e-9
 
 
 def test_no_samples_are_no_trouble():
     task = Task(POINTS_2D).resolve_axes(marcos_nr(4))
-    found = retract(marcos_nr(4), [task], np.zeros((0, 4)), np.zeros((0, 2)), np.zeros((0, 4, 2)))
-    assert found.q.shape == (0, 4)
-    assert found.on_path.shape == (0,)
+    result = retract(marcos_nr(4), [task], np.zeros((0, 4)), np.zeros((0, 2)), np.zeros((0, 4, 2)))
+    assert result.q.shape == (0, 4)
+    assert result.on_path.shape == (0,)
 
 
 @every_kind
@@ -169,6 +169,6 @@ def test_a_retraction_is_the_same_with_the_base_elsewhere():
     moved = arm.mounted(base=turn)
     shifted = targets @ turn.rotation.T + turn.position
     results = []
-    for a, wanted in ((arm, targets), (moved, shifted)):
-        results.append(retract(a, [task], start, wanted, row_space_basis(task_errors(a, [task], start, wanted)[1])))
+    for a, expected in ((arm, targets), (moved, shifted)):
+        results.append(retract(a, [task], start, expected, row_space_basis(task_errors(a, [task], start, expected)[1])))
     np.testing.assert_allclose(results[0].q, results[1].q, atol=1e-8)

@@ -51,7 +51,7 @@ every_kind = pytest.mark.parametrize(("arm", "axes", "path"), KINDS, ids=[f"{a.n
 def through(arm, q, path, frame="tool", axes="pose"):
     """Return a path of the given kind whose samples are where the frame is at postures q."""
     rotations, places = forward_kinematics(arm, q, frame)
-    poses = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
+    poses = [Pose.from_matrix(rotation, position) for rotation, position in zip(rotations, places, strict=True)]
     quaternions = np.stack([pose.quaternion for pose in poses])
     points = places[:, : path.positions.shape[1]]
     return Path(np.arange(float(len(q))), points, None if path.quaternions is None else quaternions, path.curve)
@@ -60,10 +60,10 @@ def through(arm, q, path, frame="tool", axes="pose"):
 def targets_at(task, path):
     """Return targets of the samples of a path whose curve means nothing."""
     size = 2 if task.axes in ("xy", "xy+angle") else 3
-    wanted = [path.positions[:, :size]]
+    expected = [path.positions[:, :size]]
     if task.axes in ("xy+angle", "xyz+z-axis", "pose"):
-        wanted.append(quaternion_to_matrix(path.quaternions).reshape(-1, 9))
-    return np.concatenate(wanted, axis=1)
+        expected.append(quaternion_to_matrix(path.quaternions).reshape(-1, 9))
+    return np.concatenate(expected, axis=1)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
 def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, path):
     q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
     rotations, places = forward_kinematics(arm, q)
-    frames = [Pose.from_matrix(rotation, place) for rotation, place in zip(rotations, places, strict=True)]
+    frames = [Pose.from_matrix(rotation, position) for rotation, position in zip(rotations, places, strict=True)]
     task = Task(poses(np.arange(6.0), frames), axes=axes).resolve_axes(arm)
     travels, targets = task.displacements(task.path.times), task.targets(task.path.times)
     assert travels.shape == (6, task.displacement_size)
@@ -126,19 +126,19 @@ def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
     task = Task(path, axes=axes).resolve_axes(arm)
     targets = targets_at(task, through(arm, elsewhere, path))
     error, _ = task_errors(arm, [task], q, targets)
-    rotation, place = forward_kinematics(arm, q)
+    rotation, position = forward_kinematics(arm, q)
     size = min(task.rows, 2 if axes in ("xy", "xy+angle") else 3)
-    np.testing.assert_allclose(error[:size].T, targets[:, :size] - place[:, :size], atol=1e-14)
+    np.testing.assert_allclose(error[:size].T, targets[:, :size] - position[:, :size], atol=1e-14)
     if task.rows > size:
         between = np.swapaxes(rotation, -1, -2) @ targets[:, size:].reshape(-1, 3, 3)
         if axes == "xyz+z-axis":
             axis = between[:, :, 2]
             turn = np.cross([0.0, 0.0, 1.0], axis)
             turn *= (np.arctan2(np.linalg.norm(turn, axis=1), axis[:, 2]) / np.linalg.norm(turn, axis=1))[:, None]
-            wanted = turn[:, :2]
+            expected = turn[:, :2]
         else:
-            wanted = rotation_vector(between)[:, [2] if axes == "xy+angle" else [0, 1, 2]]
-        np.testing.assert_allclose(error[size:].T, wanted, atol=1e-9)
+            expected = rotation_vector(between)[:, [2] if axes == "xy+angle" else [0, 1, 2]]
+        np.testing.assert_allclose(error[size:].T, expected, atol=1e-9)
 
 
 @every_kind
@@ -167,22 +167,22 @@ def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
     rng = np.random.default_rng(seed)
     arm = SPATIAL
     q = rng.uniform(-1, 1, (1, arm.dof))
-    rotation, place = forward_kinematics(arm, q)
+    rotation, position = forward_kinematics(arm, q)
     task = Task(POSES, axes="pose").resolve_axes(arm)
     for axis in range(3):
         turn = Pose.from_rpy((0, 0, 0), tuple(angle * np.eye(3)[axis])).rotation
-        targets = np.concatenate([place[0], (rotation[0] @ turn).ravel()])[None]
+        targets = np.concatenate([position[0], (rotation[0] @ turn).ravel()])[None]
         error, _ = task_errors(arm, [task], q, targets)
         np.testing.assert_allclose(error[:, 0], np.r_[0, 0, 0, angle * np.eye(3)[axis]], atol=1e-9)
 
 
 def test_a_turn_about_its_own_axis_is_nothing_to_a_task_of_position_and_axis():
     arm, q = SPATIAL, np.random.default_rng(5).uniform(-1, 1, (1, 7))
-    rotation, place = forward_kinematics(arm, q)
+    rotation, position = forward_kinematics(arm, q)
     task = Task(POSES, axes="xyz+z-axis").resolve_axes(arm)
     for angle in np.linspace(-np.pi, np.pi, 9):
         turned = rotation[0] @ Pose.from_rpy((0, 0, 0), (0, 0, angle)).rotation
-        error, _ = task_errors(arm, [task], q, np.concatenate([place[0], turned.ravel()])[None])
+        error, _ = task_errors(arm, [task], q, np.concatenate([position[0], turned.ravel()])[None])
         np.testing.assert_allclose(error, 0, atol=1e-14)
 
 
@@ -191,13 +191,13 @@ def test_half_a_turn_is_as_far_as_it_gets_and_never_taken_for_none(axes):
     arm = PLANAR if axes == "xy+angle" else SPATIAL
     path = FLAT_POSES if axes == "xy+angle" else POSES
     q = np.random.default_rng(6).uniform(-1, 1, (1, arm.dof))
-    rotation, place = forward_kinematics(arm, q)
+    rotation, position = forward_kinematics(arm, q)
     task = Task(path, axes=axes).resolve_axes(arm)
     about = (0, 0, np.pi) if axes == "xy+angle" else (np.pi, 0, 0)
     size = 2 if axes == "xy+angle" else 3
     for off in (0.0, 1e-13, -1e-13, 1e-9, 1e-6):
         turned = rotation[0] @ Pose.from_rpy((0, 0, 0), tuple(np.array(about) * (1 - off))).rotation
-        error, _ = task_errors(arm, [task], q, np.concatenate([place[0, :size], turned.ravel()])[None])
+        error, _ = task_errors(arm, [task], q, np.concatenate([position[0, :size], turned.ravel()])[None])
         assert np.linalg.norm(error[size:]) == pytest.approx(np.pi, abs=1e-5)
 
 
@@ -207,9 +207,9 @@ def test_errors_of_several_tasks_stand_one_below_the_other():
     second = Task(POSES, frame="joint5", axes="xyz+z-axis").resolve_axes(arm)
     targets = [task.targets(np.linspace(0, 1, 5)) for task in (first, second)]
     error, slopes = task_errors(arm, [first, second], q, np.concatenate(targets, axis=1))
-    for task, wanted, rows in ((first, targets[0], slice(0, 3)), (second, targets[1], slice(3, 8))):
-        alone, slope = task_errors(arm, [task], q, wanted)
-        np.testing.assert_array_equal(error[rows], alone)
+    for task, expected, rows in ((first, targets[0], slice(0, 3)), (second, targets[1], slice(3, 8))):
+        single, slope = task_errors(arm, [task], q, expected)
+        np.testing.assert_array_equal(error[rows], single)
         np.testing.assert_array_equal(slopes[rows], slope)
 
 
@@ -219,8 +219,8 @@ def test_a_batch_of_many_blocks_gives_what_its_postures_give():
     targets = np.tile(task.targets(np.array([0.4])), (13_000, 1))
     error, slopes = task_errors(arm, [task], q, targets)
     for i in (0, 6143, 6144, 12_999):
-        alone, slope = task_errors(arm, [task], q[i : i + 1], targets[i : i + 1])
-        np.testing.assert_array_equal(error[:, i], alone[:, 0])
+        single, slope = task_errors(arm, [task], q[i : i + 1], targets[i : i + 1])
+        np.testing.assert_array_equal(error[:, i], single[:, 0])
         np.testing.assert_array_equal(slopes[..., i], slope[..., 0])
 
 
@@ -260,12 +260,12 @@ def test_the_frame_of_one_arm_is_not_taken_for_that_of_another():
 
 def test_half_a_turn_of_exact_right_angles_about_any_axis_is_seen_as_half_a_turn():
     arm = Arm.from_dh(a=[0.0] * 7, alpha=[0.0] * 7, d=[0.1] * 7, theta=[0.0] * 7, convention="standard")
-    task, place = Task(POSES, axes="pose").resolve_axes(arm), np.array([0.0, 0.0, 0.7])
+    task, position = Task(POSES, axes="pose").resolve_axes(arm), np.array([0.0, 0.0, 0.7])
     rng = np.random.default_rng(9)
     axes = [*np.eye(3), np.array([1.0, 1.0, 0.0]) / np.sqrt(2), *rng.normal(size=(5, 3))]
     for axis in axes:
         unit = axis / np.linalg.norm(axis)
-        targets = np.concatenate([place, (2 * np.outer(unit, unit) - np.eye(3)).ravel()])[None]
+        targets = np.concatenate([position, (2 * np.outer(unit, unit) - np.eye(3)).ravel()])[None]
         error, _ = task_errors(arm, [task], np.zeros((1, 7)), targets)
         turn = error[3:, 0]
         np.testing.assert_allclose(turn * np.sign(turn @ unit), np.pi * unit, atol=1e-9)

@@ -73,12 +73,12 @@ def step_by_step(motion):
 
 def inputs(motion, sample):
     """Return what the programs of a traced sample take, at the samples of a real motion."""
-    found = np.zeros((len(sample.trace.tape.inputs), len(motion.time)))
+    result = np.zeros((len(sample.trace.tape.inputs), len(motion.time)))
     joints = np.concatenate([motion.q, motion.dq, motion.ddq, motion.jerk], axis=1).T
-    found[: len(joints)] = joints
+    result[: len(joints)] = joints
     for i, values in sample.trace.parameters.items():
-        found[sample.trace.tape.entries[i][1]] = values
-    return found
+        result[sample.trace.tape.entries[i][1]] = values
+    return result
 
 
 def holds(task, q, function):
@@ -87,19 +87,19 @@ def holds(task, q, function):
     tape, n = sample.trace.tape, task.arm.dof
     value = as_entry(tape, trace_sample_function(sample, "it", function))
     run = compile_evaluator(tape, [value, *gradient(tape, value, tape.inputs[: 4 * n])])
-    found = run(inputs(motion, sample))
-    wanted = np.asarray(function(motion), dtype=float)
-    assert wanted.shape == motion.time.shape
-    assert np.ptp(wanted) > 0
-    scale = np.abs(wanted).max()
-    np.testing.assert_allclose(found[0], wanted, rtol=1e-12, atol=1e-12 * scale)
+    result = run(inputs(motion, sample))
+    expected = np.asarray(function(motion), dtype=float)
+    assert expected.shape == motion.time.shape
+    assert np.ptp(expected) > 0
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(result[0], expected, rtol=1e-12, atol=1e-12 * scale)
     step = 1e-6
     direction = step * np.random.default_rng(1).normal(size=q.shape)
     if task.cyclic:
         direction[-1] = direction[0]
     ahead, behind = (task.motion(q + sign * direction) for sign in (1, -1))
     change = (inputs(ahead, sample) - inputs(behind, sample))[: 4 * n] / (2 * step)
-    slope = np.sum(found[1:] * change, axis=0)
+    slope = np.sum(result[1:] * change, axis=0)
     differences = (np.asarray(function(ahead)) - np.asarray(function(behind))) / (2 * step)
     np.testing.assert_allclose(slope, differences, rtol=1e-5, atol=1e-6 * max(np.abs(slope).max(), scale))
 
@@ -138,8 +138,13 @@ def test_a_cyclic_motion_is_traced_as_it_is():
 def test_what_a_traced_motion_shows_has_the_shape_of_the_real_ones(what, name):
     task = TASKS[name]
     real, sample = task.motion(POSTURES[name]), trace_sample(task)
-    found, wanted = getattr(sample, what), getattr(real, what)
-    assert (found.shape, found.ndim, len(found), found.dtype) == (wanted.shape, wanted.ndim, len(wanted), wanted.dtype)
+    result, expected = getattr(sample, what), getattr(real, what)
+    assert (result.shape, result.ndim, len(result), result.dtype) == (
+        expected.shape,
+        expected.ndim,
+        len(expected),
+        expected.dtype,
+    )
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -156,10 +161,10 @@ def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
     task = TASKS["planar, central"]
     sample = trace_sample(task)
     assert trace_sample_function(sample, "it", lambda motion: 3) == 3.0
-    found = trace_sample_function(sample, "it", lambda motion: motion.time**2)
-    np.testing.assert_array_equal(sample.trace.parameters[found.index], task.times**2)
-    found = trace_sample_function(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
-    assert sample.trace.tape.values[found.index] == 2.0
+    result = trace_sample_function(sample, "it", lambda motion: motion.time**2)
+    np.testing.assert_array_equal(sample.trace.parameters[result.index], task.times**2)
+    result = trace_sample_function(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
+    assert sample.trace.tape.values[result.index] == 2.0
 
 
 @pytest.mark.parametrize(

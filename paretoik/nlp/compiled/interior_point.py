@@ -83,7 +83,7 @@ class Rules(NamedTuple):
     radius: float = 0.3
 
 
-@compiled
+@compiled(what="the planner", seconds=15)
 def minimise(p, q, factors, caps, rules):
     """Minimise Σ factors · sums over motions from q (time, dof), which is on the path, sums kept below caps.
 
@@ -225,7 +225,8 @@ def minimise(p, q, factors, caps, rules):
                 for j in range(n):
                     trial[s, j] = q[s, j] + alpha * dq[s, j]
             if p.stops:
-                trial[-1] = trial[-2]
+                for j in range(n):  # a loop: assigning a slice compiles 30 functions more
+                    trial[-1, j] = trial[-2, j]
             if retracted(p.track, given, trial, steep, triangle, tracked):
                 _evaluate(p, given, trial, values, trial_f, caps, capped, trial_gaps)
                 after = weighed(factors, trial_f) + prices(trial_gaps, mu, penalty)

@@ -1,0 +1,48 @@
+"""Notices of what is about to be compiled and about how long that takes; numba is not needed to observe them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+SILENT = 1.0  # s: compilations that are estimated or seen to be shorter are not announced
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompilationNotice:
+    """Something that is being compiled, and an estimate [s] of how long that takes, or None."""
+
+    what: str
+    seconds: float | None = None
+
+    def __str__(self) -> str:
+        estimate = "" if self.seconds is None else f": about {self.seconds:.0f} s"
+        return f"compiling {self.what}, once on this machine{estimate}"
+
+
+Observer = Callable[[CompilationNotice], None]
+
+
+def print_notice(notice: CompilationNotice) -> None:
+    """Print a notice to stderr, in one line."""
+    print(notice, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def observe_compilation(observer: Observer) -> Iterator[None]:
+    """Let ``observer`` receive notices instead of ``print_notice``, or of an observer before it."""
+    _OBSERVERS.append(observer)
+    try:
+        yield
+    finally:
+        _OBSERVERS.remove(observer)
+
+
+def announce(notice: CompilationNotice) -> None:
+    """Pass a notice to the last observer."""
+    _OBSERVERS[-1](notice)
+
+
+_OBSERVERS: list[Observer] = [print_notice]

@@ -1,0 +1,140 @@
+"""Statements in cvxpy that are canonicalised once and then solved by Clarabel for any values of their parameters.
+
+cvxpy's canonical form is linear in the parameters: one product of its matrix with the vector of their values gives all
+of Clarabel's data. This reads cvxpy's own canonical form, which tests hold against cvxpy's ``solve``.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import clarabel
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import sparse
+
+from paretoik.nlp.conic import ConicSolution, run_clarabel
+
+
+class Structure(NamedTuple):
+    """The shape of a sparse matrix and where its entries stand, in compressed sparse rows."""
+
+    shape: tuple[int, int]
+    indptr: bytes
+    indices: bytes
+
+    @classmethod
+    def of(cls, matrix: sparse.csr_array) -> Structure:
+        """Return that of a matrix."""
+        return cls(matrix.shape, matrix.indptr.astype(np.int32).tobytes(), matrix.indices.astype(np.int32).tobytes())
+
+    @property
+    def places(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column of every entry."""
+        indptr = np.frombuffer(self.indptr, dtype=np.int32)
+        return np.repeat(np.arange(self.shape[0]), np.diff(indptr)), np.frombuffer(self.indices, dtype=np.int32)
+
+
+class Parameters:
+    """The parameters of a statement, in the order in which they were made; sparse ones have a Structure."""
+
+    def __init__(self) -> None:
+        self._made = list[tuple[Any, Structure | None]]()
+
+    def dense(self, *shape: int) -> Any:
+        """Return a new parameter of a shape."""
+        import cvxpy  # here: importing it takes two seconds
+
+        self._made.append((cvxpy.Parameter(shape), None))
+        return self._made[-1][0]
+
+    def sparse(self, structure: Structure) -> Any:
+        """Return a new parameter whose entries stand where a structure has any; zeros for one without entries."""
+        import cvxpy  # here: importing it takes two seconds
+
+        if not structure.indices:
+            return np.zeros(structure.shape)
+        self._made.append((cvxpy.Parameter(structure.shape, sparsity=structure.places), structure))
+        return self._made[-1][0]
+
+    @property
+    def size(self) -> int:
+        """How many numbers the parameters have in all."""
+        return sum(each.size if structure is None else len(structure.places[0]) for each, structure in self._made)
+
+    def assign(self, numbers: Float[np.ndarray, " numbers"]) -> None:
+        """Give all parameters their values: dense ones by rows, sparse ones as compressed sparse rows."""
+        first = 0
+        for parameter, structure in self._made:
+            count = parameter.size if structure is None else len(structure.places[0])
+            values = numbers[first : first + count]
+            first += count
+            if structure is None:
+                parameter.value = values.reshape(parameter.shape)
+            else:
+                entries = sparse.coo_array((values, structure.places), shape=structure.shape).tocsr()
+                ordered = np.asarray(entries[parameter.sparse_idx]).ravel()  # cvxpy has an order of its own
+                parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
+
+
+class CanonicalForm:
+    """A statement canonicalised: minimise ½ xᵀPx + qᵀx with b − Ax in cones, q, A and b linear in the parameters."""
+
+    def __init__(self, problem: Any, parameters: Parameters) -> None:
+        import cvxpy  # here: importing it takes two seconds
+        from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
+
+        # Entries of all parameters are numbered from 2 on, 1 being the constant, and looked for in cvxpy's own vector.
+        parameters.assign(np.arange(2.0, parameters.size + 2.0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
+            canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
+        values = {parameter.id: np.asarray(parameter.value) for parameter in canonical.parameters}
+        numbers = get_parameter_vector(
+            canonical.total_param_size, canonical.param_id_to_col, canonical.param_id_to_size, values.__getitem__
+        )
+        self._order = np.round(numbers).astype(int) - 1
+        self._linear, self._matrix = sparse.csr_array(canonical.q)[:-1], canonical.reduced_A.reduced_mat
+        self._indices, self._indptr, (self.rows, width) = canonical.reduced_A.problem_data_index
+        self._first = dict(canonical.var_id_to_col)
+        self.variables, self._equalities = width - 1, canonical.cone_dims.zero
+        self._cones = list(canonical.cone_dims.soc)
+
+    def columns(self, variable: Any) -> np.ndarray:
+        """Return where the entries of a variable stand in x."""
+        return np.asarray(self._first[variable.id] + np.arange(variable.size))
+
+    def solve(
+        self,
+        name: str,
+        numbers: Float[np.ndarray, " numbers"],
+        quadratic: sparse.csc_matrix | None,
+        used: Bool[np.ndarray, " rows"],
+        tolerance: float,
+    ) -> ConicSolution:
+        """Return the solution for values of the parameters, with P and the rows ``used`` of A alone.
+
+        Rows of cones have to be used. Raises SolverFailed, naming the program, where Clarabel ends without a solution.
+        """
+        vector = np.append(1.0, numbers)[self._order]
+        A, b = self._cut(self._matrix @ vector, used)
+        linear = len(b) - self._equalities - sum(self._cones)
+        cones: Sequence[Any] = [
+            *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
+            *([clarabel.NonnegativeConeT(linear)] if linear else []),
+            *map(clarabel.SecondOrderConeT, self._cones),
+        ]
+        P = sparse.csc_matrix((self.variables, self.variables)) if quadratic is None else quadratic
+        return run_clarabel(name, P, self._linear @ vector, A, b, cones, tolerance)
+
+    def _cut(self, entries: np.ndarray, used: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
+        """Return A and b of the rows ``used``; cvxpy's rows are A x + b."""
+        chosen = used[self._indices]
+        row = (np.cumsum(used) - 1)[self._indices[chosen]]
+        indptr = np.append(0, np.cumsum(chosen))[self._indptr]
+        entries, last = entries[chosen], indptr[-2]
+        b = np.zeros(np.count_nonzero(used))
+        b[row[last:]] = entries[last:]
+        return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self.variables)), b
