@@ -80,11 +80,6 @@ def walk():
 
 @pytest.mark.parametrize("made", [problem_of, walk])
 def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path):
-    monkeypatch.setattr(
-        refining.refine,
-        "__kwdefaults__",
-        {**refining.refine.__kwdefaults__, "options": replace(refining.OPTIONS, batch=2)},
-    )
     told = []
 
     def interrupt(progress):
