@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from paretoik.compilation_notices import CompilationNotice, observe_compilation
 from paretoik.review.generation import Generation
 
 
@@ -16,9 +18,9 @@ class RunProgress:
 
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
     plan have come, "point" of an ε-front, "refinement" of a front's points. ``done`` of at most ``total`` are done; a
-    stage without counts ("certification", "saving") has a total of 0. ``seconds`` have passed since the stage began.
-    ``summary`` says in words what there is so far; ``generation`` has the points of a generation or step, None in
-    other stages.
+    stage without counts ("compilation", "certification", "saving") has a total of 0. ``seconds`` have passed since the
+    stage began. ``summary`` says in words what there is so far; ``generation`` has the points of a generation or step,
+    None in other stages.
     """
 
     stage: str
@@ -47,3 +49,17 @@ def count_observer(
         )
 
     return show
+
+
+@contextmanager
+def show_compilation(observe: Observer | None) -> Iterator[None]:
+    """Show an observer what is compiled while the body runs, in place of a line on stderr."""
+    if observe is None:
+        yield
+        return
+
+    def show(notice: CompilationNotice) -> None:
+        observe(RunProgress(stage="compilation", done=0, total=0, seconds=0.0, summary=str(notice)))
+
+    with observe_compilation(show):
+        yield

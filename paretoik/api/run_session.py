@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from paretoik.api.progress import Observer, RunProgress
+from paretoik.api.progress import Observer, RunProgress, show_compilation
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.formulations.protocol import Timeline
@@ -152,6 +152,7 @@ def run_session(
             title=reference or type(problem).__name__,
         )
         stack.callback(session.close)
+        stack.enter_context(show_compilation(observe))
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
         try:

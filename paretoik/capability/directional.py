@@ -11,17 +11,12 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.actuation import (
-    Actuation,
-    DistributedActuation,
-    JointSpeeds,
-    check_actuation,
-    holding,
-    joint_speeds,
-)
-from paretoik.capability.best_postures import best_postures, loads
-from paretoik.capability.capability import Quantity
-from paretoik.capability.zonotopes import fastest, strongest, turning
+from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
+from paretoik.capability.best_postures import best_postures
+from paretoik.capability.directional_program import Quantity
+from paretoik.capability.joint_capability import JointSpeeds, joint_speeds, torque_capacity
+from paretoik.capability.posture_values import gravity_torques
+from paretoik.capability.zonotopes import facet_joint_speeds, greatest_forces, highest_speeds
 from paretoik.errors import InvalidInput, check_size
 from paretoik.inputs import finite_array
 from paretoik.robot import kinematics
@@ -163,15 +158,15 @@ def _polygon(
     q: np.ndarray,
 ) -> PerformancePolygon:
     """Return the maxima in given postures, one a direction, with what every motor does."""
-    columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], loads(arm, q)
+    columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
-        values = fastest(columns, speeds.low, speeds.high, directions[:, None])[:, 0]
-        dq = turning(columns, speeds.low, speeds.high, directions * values[:, None])
+        values = highest_speeds(columns, speeds.low, speeds.high, directions[:, None])[:, 0]
+        dq = facet_joint_speeds(columns, speeds.low, speeds.high, directions * values[:, None])
         front, speed, effort = _driven(actuation, q, torque, dq, speeds)
     else:
-        most, front = holding(actuation, q)
-        values = strongest(columns, -most - torque, most - torque, directions[:, None])[:, 0]
+        most, front = torque_capacity(actuation, q)
+        values = greatest_forces(columns, -most - torque, most - torque, directions[:, None])[:, 0]
         pushed = directions * np.where(np.isfinite(values), values, 0.0)[:, None]
         torque, dq = torque + np.einsum("kaj,ka->kj", columns, pushed), np.zeros_like(q)
         effort = _ratios(actuation, q, front) * torque[:, None]

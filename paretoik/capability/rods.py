@@ -8,7 +8,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array
 
 
-def reached(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tuple[float, float]:
+def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tuple[float, float]:
     """Return the least and largest θ that sliders within bounds give, toggles left out; raise InvalidInput for none.
 
     cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other less c², and
@@ -30,7 +30,7 @@ def reached(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tu
     return low, high
 
 
-def spread(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
+def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
     """Return numbers broadcast to a shape, not to be written; raise InvalidInput, naming them, where they cannot be."""
     given = finite_array(f"distributed actuation: {name}", value)  # type: ignore[arg-type]  # it refuses what is none
     try:

@@ -1,4 +1,4 @@
-"""How long a motion takes at the least, and what work its motors do: in closed form, interval by interval.
+"""The least time of a motion, and the work of its motors: in closed form, interval by interval.
 
 Between two samples every motor travels so far under the load that gravity puts on it halfway; the slowest of them sets
 the time. Quasi-static, as Kim, Choi & Jang 2021 are: what inertia asks for is not counted.
@@ -16,7 +16,7 @@ from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
 
-STILL = 1e-9  # rad or m: a motor that travels no more between two samples rests, even under all it can bear
+TRAVEL_TOLERANCE = 1e-9  # rad or m: a motor that travels no more between two samples rests, even under all it can bear
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,27 +50,27 @@ class Timing:
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
 
-def timed(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
+def minimum_timing(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
     """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof)."""
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
-    load, still = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
+    load, static_load = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
     if isinstance(actuation, DistributedActuation):
         back = actuation.gears(q, front)[0]
         ratios = actuation.gears(middle, (front[..., 1:, :] + front[..., :-1, :]) / 2)[1:]
         effort = np.stack([ratio * load for ratio in ratios], axis=-2)
         travel = np.stack([np.diff(front, axis=-2), np.diff(back, axis=-2)], axis=-2)
-        held = np.stack([ratio * still for ratio in actuation.gears(q, front)[1:]], axis=-2)
+        static_effort = np.stack([ratio * static_load for ratio in actuation.gears(q, front)[1:]], axis=-2)
     else:
         effort, travel = load[..., None, :], np.diff(q, axis=-2)[..., None, :]
-        held = still[..., None, :]
+        static_effort = static_load[..., None, :]
     shares, times = list[np.ndarray](), list[np.ndarray]()
     for m, curve in enumerate(actuation.curves):
         low, high = curve.speeds(effort[..., m, :])
-        way = travel[..., m, :]
+        change = travel[..., m, :]
         with np.errstate(divide="ignore", invalid="ignore"):
-            times.append(np.where(np.abs(way) <= STILL, 0.0, way / np.where(way > 0, high, low)))
+            times.append(np.where(np.abs(change) <= TRAVEL_TOLERANCE, 0.0, change / np.where(change > 0, high, low)))
         times[-1] = np.where(np.isnan(high), np.nan, times[-1])
-        shares += [np.abs(each[..., m, :]).max(axis=-2) / curve.stall for each in (effort, held)]
+        shares += [np.abs(each[..., m, :]).max(axis=-2) / curve.stall for each in (effort, static_effort)]
     return Timing(
         intervals=np.stack(times, axis=-1).max(axis=(-1, -2)),
         travel=travel,

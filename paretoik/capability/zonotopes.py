@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from paretoik.nlp.linear_program import furthest
 
-IN_FACET = 1e-9  # cosine of a column with a normal, and of a range, below which there is none
-ALONG = 1e-14  # of its length: a normal that has less of a direction does not bound it
+PARALLEL_TOLERANCE = 1e-9  # cosine of a column with a normal, and of a range, below which there is none
+CROSSING_TOLERANCE = 1e-14  # of its length: a normal that has less of a direction does not bound it
 
 
 def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
@@ -30,7 +30,7 @@ def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, 
     return np.cross(every[..., pairs[:, 0]], every[..., pairs[:, 1]], axis=-2).swapaxes(-1, -2)
 
 
-def fastest(
+def highest_speeds(
     columns: Float[np.ndarray, "*batch task dof"],
     low: Float[np.ndarray, "*batch dof"],
     high: Float[np.ndarray, "*batch dof"],
@@ -41,11 +41,11 @@ def fastest(
     ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
     """
     _, bound = _facets(columns, low, high, directions)
-    found: np.ndarray = bound.min(axis=-2)
-    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, found)
+    speeds: np.ndarray = bound.min(axis=-2)
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, speeds)
 
 
-def strongest(
+def greatest_forces(
     columns: Float[np.ndarray, "*batch task dof"],
     low: Float[np.ndarray, "*batch dof"],
     high: Float[np.ndarray, "*batch dof"],
@@ -58,11 +58,11 @@ def strongest(
     shares = directions @ columns
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(shares > 0, high[..., None, :], low[..., None, :]) / shares
-    found: np.ndarray = np.where(shares != 0, bound, np.inf).min(axis=-1)
-    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, found)
+    forces: np.ndarray = np.where(shares != 0, bound, np.inf).min(axis=-1)
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, forces)
 
 
-def turning(
+def facet_joint_speeds(
     columns: Float[np.ndarray, "batch task dof"],
     low: Float[np.ndarray, "batch dof"],
     high: Float[np.ndarray, "batch dof"],
@@ -77,17 +77,17 @@ def turning(
     nearest = nearest * np.where((nearest * vertices).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     shares = np.einsum("ba,baj->bj", nearest, columns)
     size = np.linalg.norm(nearest, axis=1)[:, None] * np.linalg.norm(columns, axis=1)
-    between = np.abs(shares) <= IN_FACET * size
+    between = np.abs(shares) <= PARALLEL_TOLERANCE * size
     ends = np.where(between, 0.0, np.where(shares > 0, high, low))
-    left = vertices - np.einsum("baj,bj->ba", columns, ends)
-    found = ends + np.einsum("bja,ba->bj", np.linalg.pinv(columns * between[:, None]), left)
-    room = IN_FACET * (high - low)
-    missed = np.abs(np.einsum("baj,bj->ba", columns, found) - vertices).max(axis=1)
-    wrong = ((found < low - room) | (found > high + room)).any(axis=1)
-    for row in np.flatnonzero(wrong | (missed > IN_FACET * np.linalg.norm(vertices, axis=1))):
+    rest = vertices - np.einsum("baj,bj->ba", columns, ends)
+    dq = ends + np.einsum("bja,ba->bj", np.linalg.pinv(columns * between[:, None]), rest)
+    tolerance = PARALLEL_TOLERANCE * (high - low)
+    missed = np.abs(np.einsum("baj,bj->ba", columns, dq) - vertices).max(axis=1)
+    wrong = ((dq < low - tolerance) | (dq > high + tolerance)).any(axis=1)
+    for row in np.flatnonzero(wrong | (missed > PARALLEL_TOLERANCE * np.linalg.norm(vertices, axis=1))):
         length = float(np.linalg.norm(vertices[row])) or 1.0
-        found[row] = furthest(columns[row], low[row], high[row], vertices[row] / length).multiples
-    return np.clip(found, low, high)
+        dq[row] = furthest(columns[row], low[row], high[row], vertices[row] / length).multiples
+    return np.clip(dq, low, high)
 
 
 def _facets(
@@ -102,4 +102,4 @@ def _facets(
     size = np.linalg.norm(faces, axis=-1)[..., None] * np.linalg.norm(directions, axis=-1)[..., None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(along > 0, ahead[..., None], behind[..., None]) / np.abs(along)
-    return faces, np.where(np.abs(along) > ALONG * size, bound, np.inf)
+    return faces, np.where(np.abs(along) > CROSSING_TOLERANCE * size, bound, np.inf)

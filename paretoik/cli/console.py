@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from paretoik.compilation_notices import observe_compilation
+
 if TYPE_CHECKING:
     from paretoik.api.progress import Observer, RunProgress
 
@@ -38,12 +40,15 @@ def print_message(kind: str, style: str, text: str) -> None:
 
 @contextmanager
 def show_status(text: str, quiet: bool) -> Iterator[None]:
-    """Show a text on a terminal while the body runs."""
+    """Show a text on a terminal while the body runs, or what is compiled then."""
     console = Console(stderr=True)
-    if quiet or not console.is_terminal:
-        yield
-        return
-    with console.status(text):
+    if quiet:
+        with observe_compilation(lambda notice: None):
+            yield
+    elif console.is_terminal:
+        with console.status(text) as status, observe_compilation(lambda notice: status.update(str(notice))):
+            yield
+    else:
         yield
 
 
@@ -52,13 +57,14 @@ def show_progress(time_limit: float | None, quiet: bool) -> Iterator[Observer | 
     """Yield an observer that draws a bar on stderr, or, where that is no terminal, prints a line now and then."""
     console = Console(stderr=True)
     if quiet:
-        yield None
+        with observe_compilation(lambda notice: None):
+            yield None
     elif console.is_terminal:
         from rich import progress as rich
 
         bar = rich.Progress(rich.BarColumn(), rich.TextColumn("{task.description}"), console=console, transient=True)
-        with bar:
-            job = bar.add_task("preparing, the first time for a minute or two", total=None)
+        job = bar.add_task("preparing", total=None)
+        with bar, observe_compilation(lambda notice: bar.update(job, description=str(notice))):
             yield lambda progress: bar.update(
                 job,
                 completed=progress.done,
@@ -77,7 +83,7 @@ class _LinePrinter:
 
     def __call__(self, progress: RunProgress) -> None:
         now = time.monotonic()
-        if now >= self.due:
+        if now >= self.due or progress.stage == "compilation":
             self.due = now + LINE_INTERVAL
             print(progress_text(progress, self.time_limit), file=sys.stderr, flush=True)
 
@@ -90,7 +96,7 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     'step 3/12, front 9, at most 3:00 left'
     """
     if progress.total == 0:
-        return progress.stage
+        return progress.summary or progress.stage
     left = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
     if time_limit is not None:
         left = min(left, max(time_limit - progress.seconds, 0.0))

@@ -17,18 +17,15 @@ from jaxtyping import Float
 from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
-from paretoik.capability.actuation import (
-    Actuation,
-    DistributedActuation,
-    check_actuation,
-)
-from paretoik.capability.best_postures import held_postures, held_still, loads, values_at
-from paretoik.capability.capability import Capability
+from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.directional import unit_directions
+from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
+from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.configurations import Stance, Stances
+from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
-from paretoik.formulations.violations import explained
+from paretoik.formulations.violations import explain_worst
 from paretoik.front.front import Front
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
@@ -38,8 +35,8 @@ from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
-BESIDE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
-MIXED = 1.0  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
+SELF_MOTION_RANGE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
+SPEED_RANGE = 1.0  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
 
 
 class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -97,14 +94,15 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.names: Sequence[str] = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
         self.units: Sequence[str] = (*("m/s",) * count, *(("W",) if power else ()))
         self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
-        self.still = held_still(arm, self.position)
-        self.stances = Stances(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
-        found = held_postures(arm, actuation, self.position, samples, np.random.default_rng(seed))
-        self.bases = self.stances.bases(found)
+        self.still = stationary_task(arm, self.position)
+        self.configurations = Configurations(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
+        found = sample_holdable_postures(arm, actuation, self.position, samples, np.random.default_rng(seed))
+        self.bases = self.configurations.bases(found)
         free = self.still.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(free, -BESIDE), np.zeros(slides + count), np.full(count * free, -MIXED)])
-        high = np.concatenate([[1.0], np.full(free, BESIDE), np.ones(slides + count), np.full(count * free, MIXED)])
+        beside, mixed = np.full(free, SELF_MOTION_RANGE), np.full(count * free, SPEED_RANGE)
+        low = np.concatenate([[0.0], -beside, np.zeros(slides + count), -mixed])
+        high = np.concatenate([[1.0], beside, np.ones(slides + count), mixed])
         super().__init__(
             n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
         )
@@ -112,7 +110,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
     @cached_property
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions across the self-motion at every base (bases, dof, rows), and along it (bases, dof, redundancy)."""
-        return self.stances.frames(self.bases)
+        return self.configurations.frames(self.bases)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of bases as fast as they can go, sliders anywhere."""
@@ -123,7 +121,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         part["pace"][:] = 1.0
         return rows
 
-    def stance(self, genes: Genes) -> Stance:
+    def configuration(self, genes: Genes) -> Configuration:
         """Return the postures, sliders and speeds of genes (points, n_var)."""
         part = self._parts(genes)
         which = np.minimum((part["place"][:, 0] * len(self.bases)).astype(int), len(self.bases) - 1)
@@ -135,7 +133,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             low, high = self.actuation.front_bounds.T
             front = low + part["front"] * (high - low)
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
-        return self.stances.moving(led.q, front, part["pace"], mixed, led.error > ON_PATH_TOLERANCE)
+        return self.configurations.with_speeds(led.q, front, part["pace"], mixed, led.error > ON_PATH_TOLERANCE)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
@@ -177,14 +175,14 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
-        at, asked = self.stance(genes), self._asked
+        at, asked = self.configuration(genes), self._asked
         z = np.zeros((len(genes), asked.unknowns))
         z[:, asked.begins["q"]] = at.q
-        torque = loads(self.arm, at.q)
+        torque = gravity_torques(self.arm, at.q)
         motors = at.dq[:, :, None]
         if isinstance(self.actuation, DistributedActuation):
             z[:, asked.begins["front"]] = at.front
-            motors = self.stances.shared(at, torque)
+            motors = self.configurations.slider_speeds(at, torque)
         z[:, asked.begins["motors"]] = motors.reshape(len(genes), -1)
         z[:, asked.begins["values"]] = at.speeds
         if self.power:
@@ -209,7 +207,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             genes.append(np.clip((front - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0))
             ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
             dq = (ratios[:, None] * motors).sum(axis=2)
-        most, span, free = self.stances.fastest(q, front)
+        most, span, free = self.configurations.fastest(q, front)
         pace = np.clip(speeds / np.where(most.speeds > 0, most.speeds, 1.0), 0.0, 1.0)
         left = (dq - pace[..., None] * most.dq) / span[:, None, None]
         genes += [pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)]
@@ -229,11 +227,11 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
-        return explained(self.constraint_names, self.constraint_units, self.stance(genes).excess)
+        return explain_worst(self.constraint_names, self.constraint_units, self.configuration(genes).excess)
 
     @cached_property
-    def _asked(self) -> Capability:
-        return Capability(
+    def _asked(self) -> DirectionalProgram:
+        return DirectionalProgram(
             arm=self.arm,
             actuation=self.actuation,
             quantity="velocity",
@@ -250,7 +248,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         return {name: genes[:, a:b] for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
-        at = self.stance(X)
+        at = self.configuration(X)
         bad = ~np.isfinite(at.power).all(axis=1)
         values = [-at.speeds, at.power.max(axis=1, keepdims=True)] if self.power else [-at.speeds]
         out["F"] = np.where(bad[:, None], 0.0, np.concatenate(values, axis=1))

@@ -1,4 +1,4 @@
-"""Ways to begin with from point to point: straight ahead, in different postures, as splines."""
+"""InitialPaths to begin with from point to point: straight ahead, in different postures, as splines."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
-from paretoik.capability.actuation import Actuation, DistributedActuation, joint_speeds, overloaded
-from paretoik.capability.best_postures import held_postures, loads, within_rods
-from paretoik.capability.timing import timed
+from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.capability.joint_capability import joint_speeds, overload_error
+from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures
+from paretoik.capability.posture_values import gravity_torques
+from paretoik.capability.timing import minimum_timing
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.starts import rollout_starts, travelling_starts
@@ -20,21 +22,35 @@ from paretoik.task.objectives import joint_travel
 from paretoik.task.path_shapes import line, waypoints
 from paretoik.task.retraction import task_errors
 
-ROLL_OUTS = 256
-DEGREE = 3
-BOWS = (0.5, 1.0, 2.0)  # of the way: how far lines are bowed sideways
-PLACES = 5  # of sliders that stay where they are
-LEAST_UNIT = 1e-6  # J: what work is counted in at least, without gravity there is none
-APART = 0.2  # rad or m: ways whose coefficients are nearer than this are one
+
+@dataclass(frozen=True, kw_only=True)
+class InitialPathOptions:
+    """Settings of the search for initial paths."""
+
+    rollouts: int = 256
+    """Postures sampled at either end, and motions along a line, of each kind."""
+    degree: int = 3
+    """Degree of the splines."""
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)
+    """Sideways bow of lines where the straight one cannot be followed, as shares of its length."""
+    fixed_sliders: int = 5
+    """Places at which sliders that do not move are tried."""
+    work_unit: float = 1e-6
+    """Smallest unit of work [J]; without gravity there is none."""
+    distance: float = 0.2
+    """Distance of the coefficients of two paths, at least [rad, m]."""
+
+
+OPTIONS = InitialPathOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ways:
+class InitialPaths:
     """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
 
     ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
-    by which either end is led back to its place, ``pace`` [s] is the quickest way's mean interval, ``work_unit`` [J]
-    the mean work of a motor in it.
+    in which either end is retracted, ``pace`` [s] is the quickest path's mean interval, ``work_unit`` [J] the mean work
+    of a motor in it.
     """
 
     arm: Arm
@@ -75,13 +91,13 @@ class Ways:
 
 def spline(samples: int, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
     """Return a clamped cubic B-spline at evenly spaced samples: its ends are its first and last coefficient."""
-    inner = np.linspace(0.0, 1.0, coefficients - DEGREE + 1)
-    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
-    table: np.ndarray = BSpline.design_matrix(np.linspace(0.0, 1.0, samples), knots, DEGREE).toarray()
-    return table
+    inner = np.linspace(0.0, 1.0, coefficients - OPTIONS.degree + 1)
+    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
+    basis: np.ndarray = BSpline.design_matrix(np.linspace(0.0, 1.0, samples), knots, OPTIONS.degree).toarray()
+    return basis
 
 
-def ways(
+def find_initial_paths(
     arm: Arm,
     actuation: Actuation,
     start: Float[np.ndarray, " task"],
@@ -91,58 +107,62 @@ def ways(
     coefficients: int,
     bases: int,
     seed: int,
-) -> Ways:
-    """Return at most so many ways from start to target that motors can hold, quick ones first.
+) -> InitialPaths:
+    """Return at most so many paths from start to target that motors can hold, quick ones first.
 
     Straight ahead; where that cannot be followed, bowed sideways. Raises OutOfReach and Infeasible, the latter naming a
     joint, where there are none.
     """
-    kept, rng, table = within_rods(arm, actuation), np.random.default_rng(seed), spline(samples, coefficients)
-    task, led = _led(kept, actuation, start, target, samples, rng)
-    fitted = _fitted(table, led)
-    shares = _shares(actuation, arm, table, fitted)
-    fitted = np.repeat(fitted, len(shares) // len(fitted), axis=0)
-    q, front = table @ fitted, np.zeros((len(fitted), samples, arm.dof))
+    restricted, rng, basis = (
+        restrict_to_rods(arm, actuation),
+        np.random.default_rng(seed),
+        spline(samples, coefficients),
+    )
+    task, q_samples = _follow_lines(restricted, actuation, start, target, samples, rng)
+    splines = _fit_spline(basis, q_samples)
+    shares = _initial_sliders(actuation, arm, basis, splines)
+    splines = np.repeat(splines, len(shares) // len(splines), axis=0)
+    q, front = basis @ splines, np.zeros((len(splines), samples, arm.dof))
     if isinstance(actuation, DistributedActuation):
         low, high = actuation.front_bounds.T
-        front = low + (table @ shares) * (high - low)
-    empty = Ways(
+        front = low + (basis @ shares) * (high - low)
+    empty = InitialPaths(
         arm=arm,
         actuation=actuation,
-        q=fitted,
+        q=splines,
         shares=shares,
-        spline=table,
-        across=_across(task, fitted),
+        spline=basis,
+        across=_row_space_bases(task, splines),
         pace=1.0,
         work_unit=1.0,
     )
     with np.errstate(invalid="ignore"):
-        timing, past = timed(arm, actuation, q, front), empty.past(q, front)
+        timing, past = minimum_timing(arm, actuation, q, front), empty.past(q, front)
     worst = np.nan_to_num(np.maximum(np.maximum(past[0], timing.overload), past[1]), nan=1e3)
     good = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
     if not len(good):  # sliders may still find their way: those that are least off
-        good = _nearly(arm, actuation, q, worst)[:bases]
+        good = _least_violating(arm, actuation, q, worst)[:bases]
     order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
-    rows = _apart(fitted, order, bases)
+    rows = _distinct(splines, order, bases)
     pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
     work_unit = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
     return replace(
         empty,
-        q=fitted[rows],
+        q=splines[rows],
         shares=shares[rows],
         across=empty.across[rows],
         pace=pace,
-        work_unit=max(work_unit, LEAST_UNIT),
+        work_unit=max(work_unit, OPTIONS.work_unit),
     )
 
 
-def _led(
+def _follow_lines(
     arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
 ) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
     """Return the first of a straight and several bowed lines that can be followed, and motions that follow it."""
     lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
     sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
-    for bow in BOWS:
+    for bow in OPTIONS.bows:
         middles = [(start + target) / 2 + bow * side for side in (*sideways, *-sideways)]
         lines += [
             waypoints(np.stack([start, middle, target]), duration=1.0, samples=samples, timing="uniform")
@@ -150,49 +170,51 @@ def _led(
         ]
     for name, place in (("start", start), ("target", target)):
         try:
-            held_postures(arm, actuation, place, ROLL_OUTS, rng)
+            sample_holdable_postures(arm, actuation, place, OPTIONS.rollouts, rng)
         except (OutOfReach, Infeasible) as fault:
-            raise _said(f"{name}: {fault}", fault) from fault
+            raise _with_message(f"{name}: {fault}", fault) from fault
     faults = list[OutOfReach | Infeasible]()
     for path in lines:
         task = motion_task(arm, path, objectives=[joint_travel])
         try:
-            return task, np.concatenate([rollout_starts(task, ROLL_OUTS, rng), travelling_starts(task, ROLL_OUTS, rng)])
+            return task, np.concatenate(
+                [rollout_starts(task, OPTIONS.rollouts, rng), travelling_starts(task, OPTIONS.rollouts, rng)]
+            )
         except (OutOfReach, Infeasible) as fault:
             faults.append(fault)
-    raise _said(f"start to target: no way was found, straight or bowed; straight, the {faults[0]}", faults[0])
+    raise _with_message(f"start to target: no way was found, straight or bowed; straight, the {faults[0]}", faults[0])
 
 
-def _said(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
+def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
     """Return an error again in other words."""
     if isinstance(fault, OutOfReach):
         return OutOfReach(text, sample=fault.sample)
     return Infeasible(text, limit=fault.limit, violation=fault.violation)
 
 
-def _shares(actuation: Actuation, arm: Arm, table: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """Return slider coefficients to try for every way, those of a way beside each other.
 
     Where sliders do best at every sample, in the middle of what they may, and everywhere in one place: what is best may
     ask for far travel.
     """
     if not isinstance(actuation, DistributedActuation):
-        return np.zeros_like(fitted)
-    q = table @ fitted
-    speeds = joint_speeds(actuation, q, loads(arm, q))
+        return np.zeros_like(coefficients)
+    q = basis @ coefficients
+    speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
     low, high = actuation.front_bounds.T
     own = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
-    best = np.clip(_fitted(table, np.nan_to_num(own, nan=0.5)), 0.0, 1.0)
-    still = np.linspace(0.0, 1.0, PLACES)[:, None, None] * np.ones_like(best[:1])
+    best = np.clip(_fit_spline(basis, np.nan_to_num(own, nan=0.5)), 0.0, 1.0)
+    still = np.linspace(0.0, 1.0, OPTIONS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
-    middle = np.clip(_fitted(table, _middles(actuation, q)), 0.0, 1.0)
+    middle = np.clip(_fit_spline(basis, _middle_sliders(actuation, q)), 0.0, 1.0)
     tried = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in still)]
     return np.stack(tried, axis=1).reshape(-1, *best.shape[1:])
 
 
-def _middles(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
+def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
     """Return the middle of the front sliders' ways on which back sliders are within their bounds, as shares."""
-    shares = np.linspace(0.0, 1.0, 4 * PLACES + 1)
+    shares = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1)
     low, high = actuation.front_bounds.T
     fits = list[np.ndarray]()
     for share in shares:
@@ -203,29 +225,29 @@ def _middles(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
     return found
 
 
-def _nearly(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
+def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
     """Return the ways whose every sample can be held by itself, those least off first.
 
     Raises Infeasible, naming joint, torque and limit, where there are none.
     """
-    held = ~np.isnan(joint_speeds(actuation, q, loads(arm, q)).high).any(axis=(1, 2))
+    held = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
     if not held.any():
         least = int(np.argmin(worst))
-        load = loads(arm, q[least])
+        load = gravity_torques(arm, q[least])
         sample = int(np.isnan(joint_speeds(actuation, q[least], load).high).any(axis=1).argmax())
-        raise overloaded(actuation, arm, q[least, sample], load[sample])
+        raise overload_error(actuation, arm, q[least, sample], load[sample])
     return np.flatnonzero(held)[np.argsort(worst[held])]
 
 
-def _fitted(table: np.ndarray, samples: np.ndarray) -> np.ndarray:
+def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Return the coefficients that samples (batch, time, dof) are nearest to, both ends kept."""
-    inner, ends = table[:, 1:-1], table[:, [0, -1]]
+    inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
     return np.concatenate([outer[:, :1], middle, outer[:, 1:]], axis=1)
 
 
-def _across(task: MotionTask, q: np.ndarray) -> np.ndarray:
+def _row_space_bases(task: MotionTask, q: np.ndarray) -> np.ndarray:
     """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
     found = list[np.ndarray]()
     for end in (0, -1):
@@ -235,12 +257,12 @@ def _across(task: MotionTask, q: np.ndarray) -> np.ndarray:
     return np.stack(found, axis=1)
 
 
-def _apart(q: np.ndarray, order: np.ndarray, most: int) -> list[int]:
+def _distinct(q: np.ndarray, order: np.ndarray, most: int) -> list[int]:
     """Return the first few in order that are not near each other."""
     kept = [int(order[0])]
     for row in order[1:]:
         if len(kept) == most:
             break
-        if np.abs(q[kept] - q[row]).max(axis=(1, 2)).min() > APART:
+        if np.abs(q[kept] - q[row]).max(axis=(1, 2)).min() > OPTIONS.distance:
             kept.append(int(row))
     return kept

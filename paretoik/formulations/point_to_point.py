@@ -1,6 +1,6 @@
 """From point to point with no path given, time against energy, as a pymoo problem.
 
-An individual is a way through joint space, and of the sliders along the links: a spline, whose ends are brought to
+An individual is a path in joint space, and of the sliders along the links: a spline, whose ends are retracted to
 where the tool must begin and end. Path and posture are one thing then, and nothing is tracked. How long it takes at
 least, and what work its motors do, follow in closed form.
 
@@ -20,13 +20,13 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
-from paretoik.capability.best_postures import held_still
-from paretoik.capability.journey import Journey
-from paretoik.capability.timing import Timing, timed
+from paretoik.capability.point_to_point_program import PointToPointProgram
+from paretoik.capability.posture_samples import stationary_task
+from paretoik.capability.timing import Timing, minimum_timing
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
-from paretoik.formulations.initial_paths import Ways, ways
-from paretoik.formulations.violations import explained
+from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
+from paretoik.formulations.violations import explain_worst
 from paretoik.front.front import Front
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
@@ -37,11 +37,11 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
-BESIDE = 1.5  # rad or m: how far from its base a coefficient may be
-ROUNDING = 1e-9  # rad, m or shares: of limits
-OVER = 0.5  # of a slider's way: how far a coefficient may be past it, where samples are within
-SHORTEST = 1e-6  # s: an interval in which nothing moves
-BETWEEN = 8  # times finer than the samples
+COEFFICIENT_RANGE = 1.5  # rad or m: how far from its base a coefficient may be
+LIMIT_TOLERANCE = 1e-9  # rad, m or shares: of limits
+SLIDER_OVERSHOOT = 0.5  # of a slider's way: how far a coefficient may be past it, where samples are within
+SHORTEST_INTERVAL = 1e-6  # s: an interval in which nothing moves
+REFINEMENT = 8  # times finer than the samples
 
 
 class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -60,8 +60,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     samples, coefficients
         Of a motion, and of its spline for each joint and slider.
     bases, seed
-        The most ways to begin with, straight ahead (or bowed, where that is out of reach) in different postures, and
-        the seed of their chance; part of the problem.
+        The most initial paths, straight (or bowed, where that is out of reach) in different postures, and the seed of
+        their chance; part of the problem.
 
     Genes: place among the bases, how far each coefficient of each joint is from the base's, and those of the front
     sliders as shares of their way.
@@ -71,7 +71,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     InvalidInput
         Naming what cannot be used; OutOfReach where start or target, or what lies between them, cannot be reached.
     Infeasible
-        Where no way can be held, naming joint, torque and limit.
+        Where motors can hold the arm along no path, naming joint, torque and limit.
     """
 
     names: Sequence[str] = ("duration", "energy")
@@ -102,19 +102,21 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         task = 2 if arm.is_planar else 3
         if arm.dof <= task:
             raise InvalidInput(
-                f"{arm.name}: more than {task} joints wanted, so that there are ways to choose, got {arm.dof}"
+                f"{arm.name}: more than {task} joints wanted, so that there are paths to choose, got {arm.dof}"
             )
         given: dict[str, Any] = {"start": start, "target": target}
         ends = [finite_array(name, place, (task,)) for name, place in given.items()]
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
             raise InvalidInput(f"target: another place than the start wanted, got {ends[1].tolist()} m twice")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
-        self.ways: Ways = ways(
+        self.ways: InitialPaths = find_initial_paths(
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
         slides = self.ways.size * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(self.ways.size, -BESIDE), np.full(slides, -OVER)])
-        high = np.concatenate([[1.0], np.full(self.ways.size, BESIDE), np.full(slides, 1.0 + OVER)])
+        low = np.concatenate([[0.0], np.full(self.ways.size, -COEFFICIENT_RANGE), np.full(slides, -SLIDER_OVERSHOOT)])
+        high = np.concatenate(
+            [[1.0], np.full(self.ways.size, COEFFICIENT_RANGE), np.full(slides, 1.0 + SLIDER_OVERSHOOT)]
+        )
         super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
@@ -138,7 +140,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     def timing(self, genes: Genes) -> Timing:
         """Return the least times and the work of genes (points, n_var)."""
         q, front, _ = self.profiles(genes)
-        return timed(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
+        return minimum_timing(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
         """Return front and back sliders at the samples [m]; None without any."""
@@ -152,8 +154,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return the motions (points, time, dof) of genes, each with its own times."""
         q, front, _ = self.profiles(genes)
         q, front = self.ways.spline @ q, self.ways.spline @ front
-        steps = np.nan_to_num(timed(self.arm, self.actuation, q, front).intervals, nan=1.0)
-        time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(np.maximum(steps, SHORTEST), axis=1)], axis=1)
+        steps = np.nan_to_num(minimum_timing(self.arm, self.actuation, q, front).intervals, nan=1.0)
+        time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(np.maximum(steps, SHORTEST_INTERVAL), axis=1)], axis=1)
         return Motion(arm=self.arm, time=time, q=q)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
@@ -182,7 +184,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
         q, front, _ = self.profiles(genes)
-        timing = timed(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
+        timing = minimum_timing(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
         return self._journey.unknowns(q, front, timing.intervals, timing.work)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
@@ -204,10 +206,10 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
         """
         q, front, _ = self.profiles(genes)
-        fine = self.ways.finer(BETWEEN)
+        fine = self.ways.finer(REFINEMENT)
         given = self.timing(genes).intervals
-        again = timed(self.arm, self.actuation, fine @ q, fine @ front)
-        least = again.intervals.reshape(*given.shape, BETWEEN).sum(axis=2)
+        again = minimum_timing(self.arm, self.actuation, fine @ q, fine @ front)
+        least = again.intervals.reshape(*given.shape, REFINEMENT).sum(axis=2)
         late = np.nan_to_num(least - given, nan=0.0).max(axis=1) / given.mean(axis=1)
         found: np.ndarray = np.maximum(np.maximum(late, again.overload), 0.0)
         return found
@@ -233,16 +235,16 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
-        return explained(self.constraint_names, self.constraint_units, self.evaluate(genes, return_values_of=["G"]))
+        return explain_worst(self.constraint_names, self.constraint_units, self.evaluate(genes, return_values_of=["G"]))
 
     @cached_property
     def _ends(self) -> tuple[MotionTask, MotionTask]:
-        return held_still(self.arm, self.start), held_still(self.arm, self.target)
+        return stationary_task(self.arm, self.start), stationary_task(self.arm, self.target)
 
     @cached_property
-    def _journey(self) -> Journey:
+    def _journey(self) -> PointToPointProgram:
         known = self.ways
-        return Journey(
+        return PointToPointProgram(
             arm=self.arm,
             actuation=self.actuation,
             start=self.start,
@@ -256,11 +258,12 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         q, front, missed = self.profiles(X)
         q, front = self.ways.spline @ q, self.ways.spline @ front
         with np.errstate(invalid="ignore"):
-            timing = timed(self.arm, self.actuation, q, front)
+            timing = minimum_timing(self.arm, self.actuation, q, front)
             past = self.ways.past(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
         G = np.stack(
-            [missed / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - ROUNDING)], axis=1
+            [missed / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - LIMIT_TOLERANCE)],
+            axis=1,
         )
         bad = ~np.isfinite(F).all(axis=1)
         out["F"] = np.where(bad[:, None], 1e6, F)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 
-def explained(names: Sequence[str], units: Sequence[str], excess: Float[np.ndarray, "points limits"]) -> list[str]:
+def explain_worst(names: Sequence[str], units: Sequence[str], excess: Float[np.ndarray, "points limits"]) -> list[str]:
     """Return for each row of excesses the largest one with its unit, "" where none is above 0."""
     worst = excess.argmax(axis=1)
     return [

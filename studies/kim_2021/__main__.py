@@ -16,7 +16,7 @@ from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_rows, raced, 
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.racing import polygon_race, step_race
-from studies.kim_2021.sensitivity import MASSES, changes, nearest_rows, sensitivity_rows
+from studies.kim_2021.sensitivity import MASSES, changes, floor_rows, nearest_rows, sensitivity_rows
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import cheating, figure_8, trajectory
 from studies.kim_2021.without_jumps import straight_rows
@@ -66,7 +66,7 @@ def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     """Return all rows, and the pictures drawn into a folder."""
     angles = [float(angle) for angle in range(-180, 180, effort.angle)]
     corners = polygons()
-    rows = polygon_rows(corners) + sensitivity_rows(angles=angles)
+    rows = polygon_rows(corners) + sensitivity_rows(angles=angles) + floor_rows()
     rows += nearest_rows(angles=angles, masses=effort.masses)
     models = all_surrogates(count=effort.grid)
     rows += [row for found in models.values() for row in surrogate_rows(found)]

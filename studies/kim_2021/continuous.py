@@ -12,7 +12,17 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from paretoik.errors import SolverFailed
-from studies.kim_2021.profiles import Mechanism, Nodes, Profile, evenly, lasting, nodes, refined, timed, wrapped
+from studies.kim_2021.profiles import (
+    Mechanism,
+    Nodes,
+    Profile,
+    evenly,
+    lasting,
+    minimum_timing,
+    nodes,
+    refined,
+    wrapped,
+)
 
 ELBOWS = (1.0, -1.0)
 TIE = 1e-3  # s/J: of postures that are as soon, those of less work; otherwise joints wander that nobody waits for
@@ -49,9 +59,9 @@ def continuous(
     count = round(360 / cell)
     turns = 2 * np.pi / count * np.arange(count)
     sides = [nodes(mechanism, points, np.broadcast_to(turns, (len(points), count)), side) for side in ELBOWS]
-    chosen = _swept(sides, max(1, round(FURTHEST / (len(points) - 1) / turns[1])), price)
+    chosen = _search_curves(sides, max(1, round(FURTHEST / (len(points) - 1) / turns[1])), price)
     return polished(
-        mechanism, timed(mechanism, points, turns[chosen % count], np.array(ELBOWS)[chosen // count]), price
+        mechanism, minimum_timing(mechanism, points, turns[chosen % count], np.array(ELBOWS)[chosen // count]), price
     )
 
 
@@ -63,7 +73,7 @@ def polished(mechanism: Mechanism, known: Profile, price: float = TIE) -> Profil
         if radius < SHORTEST:
             break
         moves, promised = _program(mechanism, points, angles, elbows, price, radius)
-        trial = timed(mechanism, points, angles + moves, elbows)
+        trial = minimum_timing(mechanism, points, angles + moves, elbows)
         gained = now - _whole(trial, price)
         if gained > 0.1 * promised > 0:
             known, angles, now = trial, trial.angles, now - gained
@@ -71,7 +81,7 @@ def polished(mechanism: Mechanism, known: Profile, price: float = TIE) -> Profil
     return known
 
 
-def _swept(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarray, " samples"]:
+def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarray, " samples"]:
     """Return which choice each sample has, counted through both elbows; neighbours are within reach of each other."""
     samples, choices = sides[0].q.shape[:2]
     togo = [np.where(np.isfinite(side.slowness[0, -1]).all(axis=-1), 0.0, np.inf) for side in sides]

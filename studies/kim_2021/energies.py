@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.capability.actuation import joint_speeds
-from paretoik.capability.best_postures import loads
+from paretoik.capability.joint_capability import joint_speeds
+from paretoik.capability.posture_values import gravity_torques
 from studies.kim_2021.continuous import TIE, polished, resolved
 from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refined, wrapped
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
@@ -109,7 +109,7 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     """Return what motors do along a profile, every slider where it serves best at every moment."""
     seconds = np.diff(profile.times)
     q = profile.q[:-1] + profile.turned / 2
-    rate, torque = profile.turned / seconds[:, None], loads(mechanism.arm, q)
+    rate, torque = profile.turned / seconds[:, None], gravity_torques(mechanism.arm, q)
     motors = mechanism.actuation
     if isinstance(motors, pk.capability.JointActuation):
         return Driven(lasting=seconds, q=q, efforts=torque[:, None], speeds=rate[:, None], sliders=None)
@@ -143,7 +143,7 @@ def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tupl
     ]
     seconds = np.linalg.norm(change, axis=1) / np.array([each.values[0] for each in found])
     q = np.array([each.q[0] for each in found])
-    known = joint_speeds(mechanism.actuation, q, loads(mechanism.arm, q))
+    known = joint_speeds(mechanism.actuation, q, gravity_torques(mechanism.arm, q))
     slowness = 1.0 / np.stack([-known.low, known.high])
     turned = lasting(wrapped(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:])
     driven = Driven(

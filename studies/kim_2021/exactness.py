@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 import paretoik as pk
-from paretoik.capability.actuation import joint_speeds
-from paretoik.capability.best_postures import loads
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
-from paretoik.capability.zonotopes import fastest
+from paretoik.capability.joint_capability import joint_speeds
+from paretoik.capability.posture_values import gravity_torques
+from paretoik.capability.zonotopes import highest_speeds
 from paretoik.nlp.linear_program import furthest
 from paretoik.robot.kinematics import jacobian
 from problems.panda import panda
@@ -34,7 +34,7 @@ def random_postures(
     while sum(map(len, lows)) < count:
         ends = np.where(np.isfinite(arm.position_limits), arm.position_limits, [-np.pi, np.pi])
         q = ends[:, 0] + np.ptp(ends, axis=1) * rng.uniform(size=(20 * count, arm.dof))
-        known = joint_speeds(actuation, q, loads(arm, q))
+        known = joint_speeds(actuation, q, gravity_torques(arm, q))
         able = np.isfinite(known.low + known.high).all(axis=1)
         columns.append(jacobian(arm, q[able])[:, :task])
         lows.append(known.low[able])
@@ -51,7 +51,7 @@ def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
     for arm, actuation, name in [*arms, (robot, pk.capability.JointActuation.of(robot), "Panda, 3-D, its own limits")]:
         columns, low, high = random_postures(arm, actuation, count, rng)
         ways = unit_directions(rng.normal(size=(count, columns.shape[1])), columns.shape[1])
-        ours = fastest(columns, low, high, ways[:, None])[:, 0]
+        ours = highest_speeds(columns, low, high, ways[:, None])[:, 0]
         theirs = [furthest(*each).value for each in zip(columns, low, high, ways, strict=True)]
         worst = float(np.max(np.abs(ours / np.array(theirs) - 1.0)))
         rows.append(_small(name, "closed form beside LP, at most", worst, f"{count} random postures and directions"))
@@ -67,7 +67,7 @@ def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
         worst = float(np.abs(found[:, half:] / found[:, :half] - 1.0).max())
         rows.append(_small(name, "v(−d) beside v(d), at most", worst, "nine positions, 16 directions"))
         columns, low, high = random_postures(pk.arms.kim_3r(), actuation_of(name), count, rng)
-        vertices = fastest(columns, low, high, ways)[..., None] * ways
+        vertices = highest_speeds(columns, low, high, ways)[..., None] * ways
         edges = np.roll(vertices, -1, axis=1) - vertices
         size = np.linalg.norm(vertices, axis=2).max(axis=1)[:, None] ** 2
         after = np.roll(edges, -1, axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.capability.timing import timed
+from paretoik.capability.timing import minimum_timing
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.review.palette import PAPER
@@ -84,7 +84,7 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
     genes = np.array(front.genes)
     q, sliders, _ = problem.profiles(genes)
     fine = problem.ways.finer(AGAIN)
-    again = timed(problem.arm, problem.actuation, fine @ q, fine @ sliders)
+    again = minimum_timing(problem.arm, problem.actuation, fine @ q, fine @ sliders)
     program, near = problem.program(), problem.points(genes)
     arrival = printed()["Figure 8", name[:3], "arrival"]
     ends = minimise(program, near, np.array([[LITTLE, 1.0]]), np.array([[arrival, np.inf]]), COLD.barrier)

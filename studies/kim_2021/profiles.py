@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from paretoik.capability.actuation import joint_speeds
-from paretoik.capability.best_postures import loads
+from paretoik.capability.joint_capability import joint_speeds
+from paretoik.capability.posture_values import gravity_torques
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ def nodes(
     bent = np.asarray(elbows) * np.arccos(np.clip(cosine, -1.0, 1.0))
     begun = np.arctan2(y, x) - np.arctan2(second * np.sin(bent), first + second * np.cos(bent))
     q = wrapped(np.stack([begun, bent, angles - begun - bent], axis=-1))
-    torque = loads(arm, q)
+    torque = gravity_torques(arm, q)
     known = joint_speeds(mechanism.actuation, q, torque)
     speeds = np.stack([-known.low, known.high])
     low, high = np.where(np.isfinite(arm.position_limits), arm.position_limits, [-np.pi, np.pi]).T
@@ -85,7 +85,7 @@ def nodes(
     return Nodes(q=q, torque=torque, slowness=slowness)
 
 
-def timed(
+def minimum_timing(
     mechanism: Mechanism,
     points: Float[np.ndarray, "n 2"],
     angles: Float[np.ndarray, " n"],
@@ -104,7 +104,7 @@ def refined(mechanism: Mechanism, known: Profile, points: Float[np.ndarray, "n 2
     count = len(known.angles)
     places = np.linspace(0, count - 1, len(points))
     angles = np.interp(places, np.arange(count), np.unwrap(known.angles))
-    return timed(mechanism, points, angles, known.elbows[np.round(places).astype(int)])
+    return minimum_timing(mechanism, points, angles, known.elbows[np.round(places).astype(int)])
 
 
 def evenly(points: Float[np.ndarray, "n 2"], pieces: int) -> Float[np.ndarray, "m 2"]:

@@ -8,8 +8,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
+from paretoik.capability.planner import Planner
 from paretoik.capability.speed_models import PolynomialEllipsoids
-from paretoik.capability.time_optimal import Planner
 from studies.kim_2021.full_program import full_program
 from studies.kim_2021.looking_ahead import looking_ahead
 from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, speeds
@@ -65,11 +65,11 @@ def step_race(one: Trajectory, *, steps: int) -> list[Row]:
     third = max(1, len(one.path) // 4)
     for begun_at in (0, third, 2 * third):  # three stretches of consecutive steps
         program = looking_ahead(model, HORIZON)
-        plan = planner.plan(planner.guess(one.path[begun_at], target))
+        plan = planner.plan(planner.initial_points(one.path[begun_at], target))
         program.solved(plan.points, plan.time_to_go)
         for position in one.path[begun_at + 1 : begun_at + 1 + steps]:
             begun = perf_counter()
-            guess = planner.ahead(plan, position, PERIOD)
+            guess = planner.shift(plan, position, PERIOD)
             after = planner.plan(guess)
             middle = perf_counter()
             found, success = program.solved(guess, plan.time_to_go - PERIOD)

@@ -10,15 +10,17 @@ from typing import Any, Literal
 import numpy as np
 
 import paretoik as pk
-from paretoik.capability.actuation import TOGGLE
+from paretoik.capability.actuation import LEAST_ROD_ANGLE
 from paretoik.errors import Infeasible
 from studies.kim_2021.polygons import EQUAL
 from studies.kim_2021.setting import DIRECTIONS, POSITIONS, beside_paper, paper
 from studies.reporting import Row
 
 TABLE = "what the paper does not print, one change at a time"
+FLOOR = "what the least rod angle of 10° costs sliders: their speed below that with a smaller one"
 NEAREST = "which settings come near the paper's statements at p6"
 LEAST_ANGLES = (5.0, 10.0, 20.0, 30.0)  # degrees
+SMALLER_ANGLES = (5.0, 2.0, 0.1)  # degrees: at 0.1° hardly anything is left out
 SHOWN = 5
 MASSES = (0.0, 0.1, 0.25, 0.5, 0.8)  # kg a link
 
@@ -33,7 +35,7 @@ class Assumed:
     mass: float = 0.5
     base_angle: float = -120.0
     bend: Literal[-1, 1] = 1
-    least_angle: float = float(np.rad2deg(TOGGLE))
+    least_angle: float = float(np.rad2deg(LEAST_ROD_ANGLE))
     shape: Literal["diamond", "strip"] = "diamond"
     joint_ranges: bool = False
 
@@ -133,6 +135,26 @@ def sensitivity_rows(*, angles: Sequence[float]) -> list[Row]:
             note += f"; DAM is faster in {better} of {found.size} directions"
             rows.append(beside_paper((TABLE, row, "gain mean"), "%", 100 * found.mean(), note))
     return rows
+
+
+def floor_rows() -> list[Row]:
+    """Return by how much the default least rod angle lowers the sliders' speeds at the nine positions.
+
+    At a toggle the rod lies along both links: there sliders turn a joint ever faster, and for an ever shorter way.
+    """
+    usual = _slider_speeds(Assumed())
+    rows = []
+    for angle in SMALLER_ANGLES:
+        cost = 100 * (1.0 - usual / _slider_speeds(Assumed(least_angle=angle)))
+        note = f"none in {np.count_nonzero(cost < 0.1)} of {cost.size} directions, largest {cost.max():.0f} %"
+        rows.append(beside_paper((FLOOR, f"against {angle:g}°", "cost mean"), "%", cost.mean(), note))
+    return rows
+
+
+def _slider_speeds(assumed: Assumed) -> np.ndarray:
+    """Return the directional maxima of DAM (positions, directions) [m/s]."""
+    arm, sliders = assumed.free, assumed.sliders
+    return np.array([pk.directional_maxima(arm, sliders, place, DIRECTIONS).values for place in POSITIONS.values()])
 
 
 def nearest_rows(*, angles: Sequence[float], masses: Sequence[float] = MASSES) -> list[Row]:

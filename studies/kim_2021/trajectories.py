@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.geodesic import FastestPath, fastest_path, path_time
-from paretoik.capability.time_optimal import Plan, TimeOptimalRun, fastest_plan, time_optimal_control
+from paretoik.capability.planner import Plan, fastest_plan
+from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from studies.kim_2021.profiles import evenly
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, beside_paper, paper, speeds
 from studies.kim_2021.surrogates import Surrogates

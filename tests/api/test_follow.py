@@ -17,6 +17,7 @@ import rerun as rr
 import paretoik as pk
 from paretoik.formulations.protocol import reweigh
 from problems import marcos_2012
+from tests.cli.commands import first_progress
 from tests.closed_loop.postures import posture
 
 ROOT = Path(__file__).parents[2]
@@ -206,7 +207,7 @@ def test_the_command_line_lists_follows_and_chooses_anew(mine, tmp_path):
     assert "A few steps for tests." in out
     out, err = command("solve", f"{mine}:short", "--out", tmp_path / "run", "--seed", 2).communicate(timeout=120)
     assert "12 of 12 steps" in out
-    assert err.startswith("step 1/12, front ")
+    assert first_progress(err.splitlines()).startswith("step 1/12, front ")
     chosen = command(
         "select", tmp_path / "run", "--weights", "position_error=1", "--out", tmp_path / "other", "--quiet", "--json"
     )
@@ -222,7 +223,7 @@ def test_the_command_line_lists_follows_and_chooses_anew(mine, tmp_path):
 
 def test_an_interrupted_loop_keeps_its_steps(mine, tmp_path):
     process = command("solve", f"{mine}:long", "--out", tmp_path / "run")
-    assert process.stderr.readline().startswith("step 1/4000, front ")
+    assert first_progress(process.stderr).startswith("step 1/4000, front ")
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from paretoik.api.progress import RunProgress, count_observer
+from paretoik.api.progress import RunProgress, count_observer, show_compilation
+from paretoik.compilation_notices import CompilationNotice, announce
 
 
 def test_counts_become_the_progress_of_a_stage():
@@ -18,6 +19,14 @@ def test_counts_become_the_progress_of_a_stage():
 
 def test_the_answer_of_an_observer_is_passed_on():
     assert count_observer(lambda progress: progress.done == 2, "point")(2, 3) is True
+
+
+def test_what_is_compiled_is_a_stage():
+    seen: list[RunProgress] = []
+    with show_compilation(seen.append):
+        announce(CompilationNotice(what="the planner", seconds=40.0))
+    assert [(one.stage, one.total) for one in seen] == [("compilation", 0)]
+    assert seen[0].summary.startswith("compiling the planner")
 
 
 def test_without_an_observer_nothing_is_shown():

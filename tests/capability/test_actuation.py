@@ -7,17 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.capability.actuation import (
-    SHAPES,
-    DistributedActuation,
-    JointActuation,
-    MotorCurve,
-    check_actuation,
-    holding,
-    joint_speeds,
-    overloaded,
-)
-from paretoik.capability.actuations import kim_joint_motors, kim_sliders
+from paretoik.capability.actuation import DistributedActuation, JointActuation, check_actuation
+from paretoik.capability.joint_capability import joint_speeds, overload_error, torque_capacity
+from paretoik.capability.kim_actuations import kim_joint_motors, kim_sliders
+from paretoik.capability.motor_curves import SHAPES, MotorCurve
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import kim_3r, marcos_nr, wan_7r
@@ -39,7 +32,7 @@ def test_what_a_curve_allows_is_where_its_room_is_not_negative(seed, shape):
     curve = MotorCurve(stall=[2.0, 0.5], fastest=[3.0, 7.0], shape=shape)
     effort, speed = curve.stall * rng.uniform(-1.2, 1.2, (50, 2)), curve.fastest * rng.uniform(-1.2, 1.2, (50, 2))
     low, high = curve.speeds(effort)
-    within, room = (low <= speed) & (speed <= high), curve.room(effort, speed).min(axis=-1)
+    within, room = (low <= speed) & (speed <= high), curve.slacks(effort, speed).min(axis=-1)
     assert (room[within] >= -1e-12).all()
     assert (room[~within] <= 1e-12).all()
 
@@ -75,7 +68,7 @@ def test_no_slider_turns_a_joint_faster_than_the_best(seed, shape):
     actuation = sliders(shape, bend=rng.choice([-1.0, 1.0], 2), least_angle=0.05)
     q = actuation.zero + actuation.bend * rng.uniform(0.0, 2.2, (6, 2))
     torque = rng.normal(size=(6, 2)) * rng.choice([0.05, 0.5, 2.0])
-    found, able = joint_speeds(actuation, q, torque), holding(actuation, q)[0]
+    found, able = joint_speeds(actuation, q, torque), torque_capacity(actuation, q)[0]
     front = np.linspace(*actuation.front_bounds[0], 4001)[:, None, None] + np.zeros_like(q)
     q = np.broadcast_to(q, front.shape)
     with np.errstate(invalid="ignore"):
@@ -113,7 +106,7 @@ def test_the_best_slider_gives_the_speed_that_is_said_of_it(seed, shape):
 def test_sliders_hold_exactly_what_they_can_bear():
     actuation = kim_sliders()
     q = actuation.zero + np.array([0.9, 1.2, 1.9])
-    able, _ = holding(actuation, q)
+    able, _ = torque_capacity(actuation, q)
     assert np.isfinite(joint_speeds(actuation, q, 0.999999 * able).high).all()
     assert np.isnan(joint_speeds(actuation, q, 1.000001 * able).high).all()
 
@@ -123,7 +116,7 @@ def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
     for angle in (0.0, 0.1, np.deg2rad(117.5), -0.5):
         q = actuation.zero + np.full(3, angle)
         assert np.isnan(joint_speeds(actuation, q, np.zeros(3)).high).all()
-        assert np.isnan(holding(actuation, q)[0]).all()
+        assert np.isnan(torque_capacity(actuation, q)[0]).all()
     turned = actuation.zero + 1.0
     again = joint_speeds(actuation, turned + 2 * np.pi, np.zeros(3)).high
     assert np.allclose(again, joint_speeds(actuation, turned, np.zeros(3)).high)
@@ -131,10 +124,10 @@ def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
 
 def test_an_overload_names_joint_torque_and_limit():
     arm = kim_3r()
-    said = overloaded(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
+    said = overload_error(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
     assert "joint2: a torque of at most 3.5 N m wanted" in str(said)
     assert said.violation == pytest.approx(4.0 / 3.5 - 1)
-    assert "joint1: a rod's angle" in str(overloaded(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))
+    assert "joint1: a rod's angle" in str(overload_error(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))
 
 
 def test_motors_of_an_arm_are_its_own_limits():

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.capability.actuation import SHAPES, holding
-from paretoik.capability.best_postures import held_postures, loads, several_postures, within_rods
+from paretoik.capability.joint_capability import torque_capacity
+from paretoik.capability.motor_curves import SHAPES
+from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures, sample_postures_at
+from paretoik.capability.posture_values import gravity_torques
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import kinematics
 from problems import panda
@@ -43,7 +45,7 @@ def rods(dof, zero):
 @pytest.mark.parametrize("limits", [(1.0, np.inf), (-np.inf, -1.0), (4.0, np.inf), (-9.0, -4.0), (-np.inf, 20.0)])
 def test_joints_come_into_limits_in_whatever_turn_they_are(limits):
     arm = planar(4, limits=tuple([one] * 4 for one in limits))
-    found = several_postures(arm, np.array([0.5, 0.2]), 200, np.random.default_rng(0))
+    found = sample_postures_at(arm, np.array([0.5, 0.2]), 200, np.random.default_rng(0))
     assert len(found) > 150
     inside = (found >= limits[0] - 1e-9) & (found <= limits[1] + 1e-9)
     if np.ptp(limits) >= 2 * np.pi:
@@ -72,12 +74,12 @@ def test_limits_a_turn_away_change_no_maximum(quantity):
 def test_postures_that_can_be_held_are_found_where_none_of_few_can_be():
     arm, place = planar(6, mass=1.0), np.array([0.6, 0.3])
     actuation = motors([8.0] * 6)
-    drawn = several_postures(arm, place, 400, np.random.default_rng(1))
-    assert (np.abs(loads(arm, drawn)) <= 8.0).all(axis=1).sum() <= 1
+    drawn = sample_postures_at(arm, place, 400, np.random.default_rng(1))
+    assert (np.abs(gravity_torques(arm, drawn)) <= 8.0).all(axis=1).sum() <= 1
     for seed in range(2):
-        found = held_postures(arm, actuation, place, 10, np.random.default_rng(seed))
+        found = sample_holdable_postures(arm, actuation, place, 10, np.random.default_rng(seed))
         assert len(found)
-        assert np.abs(loads(arm, found)).max() <= 8.0 * (1 + 1e-9)
+        assert np.abs(gravity_torques(arm, found)).max() <= 8.0 * (1 + 1e-9)
         tool = kinematics.forward_kinematics(arm, found)[1][:, :2]
         assert tool == pytest.approx(np.tile(place, (len(found), 1)), abs=1e-7)
 
@@ -87,7 +89,7 @@ def test_where_no_posture_can_be_held_the_joint_of_the_best_is_named():
     arm = planar(6, mass=1.0).with_payload(40.0)
     said = r"joint\d: a torque of at most 8 N m wanted, .*; that is the best of \d+ postures looked at"
     with pytest.raises(Infeasible, match=said) as found:
-        held_postures(arm, motors([8.0] * 6), np.array([0.6, 0.3]), 10, np.random.default_rng(0))
+        sample_holdable_postures(arm, motors([8.0] * 6), np.array([0.6, 0.3]), 10, np.random.default_rng(0))
     assert found.value.violation >= 129.0 / 8.0 - 1.0
     assert found.value.limit.startswith("torque of joint")
 
@@ -101,11 +103,11 @@ def test_limits_and_rods_are_compared_in_the_turn_of_the_limits(turn, bend):
     reached = np.sort(0.4 + bend * actuation.angle_bounds[0]) + 2 * np.pi * turn
     inner, past = np.array([0.3, -0.3]), np.array([-0.2, 0.2])
     wanted = np.array([reached + inner, reached + past, [reached[0] + 0.2, reached[1] + 0.2]])
-    kept = within_rods(planar(3, limits=tuple(wanted.T)), actuation).position_limits
+    kept = restrict_to_rods(planar(3, limits=tuple(wanted.T)), actuation).position_limits
     assert kept == pytest.approx(np.array([reached + inner, reached, [reached[0] + 0.2, reached[1]]]))
     wanted[1] = reached[1] + np.array([0.1, 0.4])
     with pytest.raises(InvalidInput, match="joint2: limits that overlap with what its rod reaches wanted"):
-        within_rods(planar(3, limits=tuple(wanted.T)), actuation)
+        restrict_to_rods(planar(3, limits=tuple(wanted.T)), actuation)
 
 
 @pytest.mark.parametrize(("dof", "turns"), [(3, [1, 0, 0]), (3, [-1, 2, -3]), (4, [-1, 2, 0, -3])])
@@ -190,7 +192,7 @@ def test_forces_of_a_panda_are_the_same_from_any_seed():
         for seed in range(3)
     ]
     assert np.ptp(values, axis=0) == pytest.approx(np.zeros(3), abs=1e-6 * np.min(values))
-    able, _ = holding(actuation, np.zeros(7))
+    able, _ = torque_capacity(actuation, np.zeros(7))
     assert np.array_equal(able, arm.torque_limits)
 
 

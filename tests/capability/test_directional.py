@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import paretoik as pk
-from paretoik.capability.best_postures import _climbed, several_postures, values_at
-from paretoik.capability.capability import Capability
+from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.posture_ascent import maximise_from
+from paretoik.capability.posture_samples import sample_holdable_postures, sample_postures_at
+from paretoik.capability.posture_values import values_at
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.nlp.dense_sqp import minimised
 from paretoik.robot import kinematics
@@ -30,7 +32,7 @@ def driven(shape="diamond"):
 @pytest.mark.parametrize("quantity", ["velocity", "force"])
 def test_no_posture_of_many_does_more(drive, quantity):
     polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, quantity=quantity)
-    q = several_postures(ARM, PLACE, 4000, np.random.default_rng(1))
+    q = sample_postures_at(ARM, PLACE, 4000, np.random.default_rng(1))
     values = values_at(ARM, DRIVES[drive], polygon.directions, quantity, q)
     assert (np.nanmax(values, axis=0) <= polygon.values * (1 + 1e-9)).all()
     assert (np.nanmax(values, axis=0) >= 0.9 * polygon.values).all()  # and they come near
@@ -41,14 +43,14 @@ def test_no_posture_of_many_does_more(drive, quantity):
 def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(drive, shape):
     actuation = driven(shape) if drive == "motors" else DRIVES[drive]
     polygon = pk.directional_maxima(ARM, actuation, PLACE, 5)
-    asked = Capability(arm=ARM, actuation=actuation, quantity="velocity", count=1)
+    asked = DirectionalProgram(arm=ARM, actuation=actuation, quantity="velocity", count=1)
     cost = np.zeros(asked.unknowns)
     cost[asked.begins["values"]] = -1.0
-    starts = several_postures(ARM, PLACE, 200, np.random.default_rng(0))
+    starts = sample_postures_at(ARM, PLACE, 200, np.random.default_rng(0))
     held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:8]
     for direction, value in zip(polygon.directions, polygon.values, strict=True):
         program = asked.program(PLACE, direction[None], value)
-        ends = [minimised(program, cost, asked.begun(q)) for q in held]
+        ends = [minimised(program, cost, asked.initial_point(q)) for q in held]
         found = [end.z[asked.begins["values"]][0] for end in ends if end.violation <= 1e-9]
         assert max(found) == pytest.approx(1.0, abs=1e-7)
 
@@ -58,8 +60,8 @@ def test_climbing_as_other_arms_do_finds_the_same(drive):
     polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6)
     for quantity in ("velocity", "force"):
         polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6, quantity=quantity)
-        rng = np.random.default_rng(3)
-        q = _climbed(ARM, DRIVES[drive], PLACE, polygon.directions, quantity, 400, rng)
+        starts = sample_holdable_postures(ARM, DRIVES[drive], PLACE, 400, np.random.default_rng(3))
+        q = maximise_from(ARM, DRIVES[drive], PLACE, polygon.directions, quantity, starts)
         values = np.diagonal(values_at(ARM, DRIVES[drive], polygon.directions, quantity, q))
         assert values == pytest.approx(polygon.values, rel=1e-8)
 
@@ -72,7 +74,7 @@ def test_postures_speeds_and_efforts_are_those_that_are_said(drive):
     assert kinematics.forward_kinematics(ARM, polygon.q)[1][:, :2] == pytest.approx(np.tile(PLACE, (16, 1)), abs=1e-12)
     assert np.einsum("kaj,kj->ka", columns, polygon.dq) == pytest.approx(polygon.vertices, abs=1e-12)
     if polygon.sliders is None:
-        room = actuation.motors.room(polygon.motor_efforts[:, 0], polygon.motor_speeds[:, 0])
+        room = actuation.motors.slacks(polygon.motor_efforts[:, 0], polygon.motor_speeds[:, 0])
         assert polygon.motor_efforts[:, 0] == pytest.approx(polygon.torque)
     else:
         back, a, b = actuation.gears(polygon.q, polygon.sliders[:, 0])
@@ -80,7 +82,7 @@ def test_postures_speeds_and_efforts_are_those_that_are_said(drive):
         assert a * polygon.motor_speeds[:, 0] + b * polygon.motor_speeds[:, 1] == pytest.approx(polygon.dq, abs=1e-12)
         work = (polygon.motor_efforts * polygon.motor_speeds).sum(axis=1)
         assert work == pytest.approx(polygon.torque * polygon.dq, abs=1e-12)
-        room = actuation.front.room(polygon.motor_efforts, polygon.motor_speeds)
+        room = actuation.front.slacks(polygon.motor_efforts, polygon.motor_speeds)
     assert room.min() >= -1e-9
     assert room.min(axis=(-1, -2)).max() <= 1e-9  # some motor is at its limit
 
@@ -160,7 +162,7 @@ def test_planar_arms_of_any_length_and_spatial_arms_are_served():
         motors=pk.capability.MotorCurve(stall=[9.0] * 4, fastest=[1.0] * 4, shape="strip")
     )
     polygon = pk.directional_maxima(four, motors, [0.5, 0.2], 4)
-    many = several_postures(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
+    many = sample_postures_at(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
     assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
     arm = pk.arms.wan_7r()
     solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
@@ -174,7 +176,7 @@ def test_planar_arms_of_any_length_and_spatial_arms_are_served():
 def test_masses_off_the_links_and_a_bent_tool_are_the_same_arm_to_both_ways_of_looking():
     arm = ARM.with_tool(pk.Pose([0.02, 0.03, 0.0]), mass=0.2, center=(0.01, -0.02, 0.0))
     polygon = pk.directional_maxima(arm, DRIVES["motors"], PLACE, 6)
-    q = several_postures(arm, PLACE, 3000, np.random.default_rng(2))
+    q = sample_postures_at(arm, PLACE, 3000, np.random.default_rng(2))
     best = np.nanmax(values_at(arm, DRIVES["motors"], polygon.directions, "velocity", q), axis=0)
     assert (best <= polygon.values * (1 + 1e-9)).all()
     assert (best >= 0.98 * polygon.values).all()

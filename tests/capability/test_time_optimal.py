@@ -8,9 +8,10 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from paretoik.capability import time_optimal
+from paretoik.capability import planner
 from paretoik.capability.geodesic import fastest_path, path_time
-from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
+from paretoik.capability.planner import fastest_plan
+from paretoik.capability.time_optimal import time_optimal_control
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 
@@ -192,7 +193,7 @@ def test_a_model_that_is_not_finite_is_refused_with_the_place():
 
 
 def test_what_does_not_converge_says_so(monkeypatch):
-    monkeypatch.setattr(time_optimal, "ITERATIONS", 1)
+    monkeypatch.setattr(planner, "OPTIONS", planner.PlannerOptions(iterations=1))
     with pytest.raises(SolverFailed, match=r"plan from \[1 3\] m: settled within 1 iterations"):
         fastest_plan(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], formulation="printed")
 

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,5 +77,10 @@ def started(mine: str, out: Path) -> subprocess.Popen[str]:
         text=True,
     )
     assert process.stderr is not None
-    assert process.stderr.readline().startswith("generation 1/100000, front ")
+    assert first_progress(process.stderr).startswith("generation 1/100000, front ")
     return process
+
+
+def first_progress(stderr: Iterable[str]) -> str:
+    """Return the first line that is no notice of a compilation."""
+    return next(line for line in stderr if not line.startswith("compiling "))

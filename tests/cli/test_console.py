@@ -2,8 +2,11 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.api.progress import RunProgress
-from paretoik.cli.console import exit_code, progress_text, show_progress
+from paretoik.api.progress import RunProgress, show_compilation
+from paretoik.cli.console import exit_code, progress_text, show_progress, show_status
+from paretoik.compilation_notices import CompilationNotice, announce
+
+NOTICE = CompilationNotice(what="the planner", seconds=40.0)
 
 
 def progress(done: int, **parts) -> RunProgress:
@@ -32,9 +35,23 @@ def test_where_there_is_no_terminal_a_line_comes_now_and_then(capsys):
     assert capsys.readouterr().err == "generation 1/10, at most 4:30 left\n"
 
 
-def test_quiet_means_no_observer():
+def test_quiet_means_no_observer_and_no_notices_of_compilation(capsys):
     with show_progress(None, True) as observe:
         assert observe is None
+        announce(NOTICE)
+    with show_status("loading the problem", True):
+        announce(NOTICE)
+    assert capsys.readouterr().err == ""
+
+
+def test_what_is_compiled_is_a_line_at_once(capsys):
+    with show_status("loading the problem", False):
+        announce(NOTICE)
+    with show_progress(None, False) as observe, show_compilation(observe):
+        observe(progress(1))
+        announce(NOTICE)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [str(NOTICE), "generation 1/10, at most 4:30 left", str(NOTICE)]
 
 
 @pytest.mark.parametrize(

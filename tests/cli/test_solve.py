@@ -10,7 +10,7 @@ import rerun as rr
 from paretoik.api.load_front import load_front
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import claim_folder
-from tests.cli.commands import SMALL, started, strict
+from tests.cli.commands import SMALL, first_progress, started, strict
 
 
 def test_solve_keeps_a_run_that_select_reads(paretoik, mine, tmp_path):
@@ -19,7 +19,7 @@ def test_solve_keeps_a_run_that_select_reads(paretoik, mine, tmp_path):
     assert ended.code == 0
     assert "generation" not in ended.out.splitlines()[1]
     assert f"paretoik select {out} --weights kinetic_energy=0.5,torque_norm=0.5" in ended.out
-    assert ended.err.startswith("generation 1/3, front ")
+    assert first_progress(ended.err.splitlines()).startswith("generation 1/3, front ")
     assert {"run.json", "front.parquet", "motions.npz", "review.rrd", "front.png"} <= {f.name for f in out.iterdir()}
     chosen = paretoik("select", out, "--weights", "kinetic_energy=0.3,torque_norm=0.7")
     assert chosen.code == 0

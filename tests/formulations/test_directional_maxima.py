@@ -39,7 +39,7 @@ def evaluated(problem, genes):
 
 
 def test_individuals_stand_at_the_position_and_move_along_the_directions(problem, front):
-    at = problem.stance(front.genes)
+    at = problem.configuration(front.genes)
     assert kinematics.forward_kinematics(problem.arm, at.q)[1][:, :2] == pytest.approx(
         np.tile(PLACE, (len(front), 1)), abs=1e-9
     )

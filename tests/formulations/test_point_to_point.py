@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.capability.timing import timed
+from paretoik.capability.timing import minimum_timing
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot import dynamics, kinematics
 from tests.robot.oracles import potential_energy
@@ -44,7 +44,7 @@ def test_in_every_interval_some_motor_is_at_its_limit_and_none_is_past_it(proble
     q, times = front.motions.q, np.diff(front.motions.time, axis=1)
     middle = (q[:, 1:] + q[:, :-1]) / 2
     load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
-    room = problem.actuation.motors.room(load, np.diff(q, axis=1) / times[..., None])
+    room = problem.actuation.motors.slacks(load, np.diff(q, axis=1) / times[..., None])
     assert np.abs(room.min(axis=(-1, -2))).max() <= 1e-9
 
 
@@ -140,7 +140,7 @@ def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
 def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, refined):
     assert problem.between(np.array(refined.genes)).max() < 0.5  # 13 samples are few
     q = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes))[0]
-    fine = timed(problem.arm, problem.actuation, q, np.zeros_like(q))
+    fine = minimum_timing(problem.arm, problem.actuation, q, np.zeros_like(q))
     assert fine.duration == pytest.approx(refined.objectives[:, 0], rel=0.05)
 
 

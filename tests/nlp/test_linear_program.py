@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.capability.zonotopes import fastest, turning
+from paretoik.capability.zonotopes import facet_joint_speeds, highest_speeds
 from paretoik.errors import SolverFailed
 from paretoik.nlp.linear_program import furthest, furthest_model
 
@@ -28,7 +28,7 @@ def drawn(seed, task, dof, parallel=False):
 @settings(max_examples=60)
 def test_the_nearest_facet_is_the_optimum_of_the_linear_program(task, seed, dof, parallel):
     columns, low, high, direction = drawn(seed, task, dof, parallel)
-    closed = fastest(columns, low, high, direction[None])[0]
+    closed = highest_speeds(columns, low, high, direction[None])[0]
     assert closed == pytest.approx(furthest(columns, low, high, direction).value, rel=1e-12)
 
 
@@ -44,8 +44,8 @@ def test_clarabel_by_cvxpy_says_the_same_as_far_as_interior_points_go(task):
 @settings(max_examples=60)
 def test_joint_speeds_of_a_facet_move_the_tool_there_and_keep_their_ranges(task, seed, dof):
     columns, low, high, direction = drawn(seed, task, dof)
-    vertex = direction * fastest(columns, low, high, direction[None])[0]
-    speeds = turning(columns[None], low[None], high[None], vertex[None])[0]
+    vertex = direction * highest_speeds(columns, low, high, direction[None])[0]
+    speeds = facet_joint_speeds(columns[None], low[None], high[None], vertex[None])[0]
     assert np.abs(columns @ speeds - vertex).max() <= 1e-11 * np.abs(columns).sum() * 2
     assert (speeds >= low).all()
     assert (speeds <= high).all()
@@ -54,7 +54,7 @@ def test_joint_speeds_of_a_facet_move_the_tool_there_and_keep_their_ranges(task,
 def test_columns_that_do_not_span_reach_nothing_else():
     columns = np.array([[1.0, 2.0], [0.0, 0.0]])
     one = np.ones(2)
-    assert fastest(columns, -one, one, np.eye(2)).tolist() == [3.0, 0.0]
+    assert highest_speeds(columns, -one, one, np.eye(2)).tolist() == [3.0, 0.0]
     assert furthest(columns, -one, one, np.array([0.0, 1.0])).value == 0.0
 
 

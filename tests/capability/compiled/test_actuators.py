@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.capability.actuation import SHAPES, DistributedActuation, MotorCurve, holding, joint_speeds
+from paretoik.capability.actuation import DistributedActuation
+from paretoik.capability.joint_capability import joint_speeds, torque_capacity
+from paretoik.capability.motor_curves import SHAPES, MotorCurve
 from paretoik.errors import InvalidInput
 
 PLACES = 4001
@@ -41,7 +43,7 @@ def reaching(rng, shape="diamond", **changed):
             continue
 
 
-def geared(actuation, angle, front):
+def gears_at(actuation, angle, front):
     """Back sliders and both gears, from the rod's length alone; NaN where the back slider is past its bounds."""
     cosine, sine = np.cos(angle), np.sin(angle)
     back = -front * cosine + np.sqrt(actuation.rod**2 - (front * sine) ** 2)
@@ -70,8 +72,8 @@ def test_no_place_of_thousands_turns_a_joint_faster_however_little_it_can_hold_b
     least, most = actuation.angle_bounds[0]
     angle = np.repeat(least + (most - least) * rng.uniform(0.0, 1.0, 12), len(SHARES))
     q = (actuation.zero + actuation.bend * angle)[:, None]
-    able = holding(actuation, q)[0]
-    gears = geared(actuation, angle, front)
+    able = torque_capacity(actuation, q)[0]
+    gears = gears_at(actuation, angle, front)
     with np.errstate(divide="ignore"):
         hold = np.min([actuation.front.stall / abs(gears[0]), actuation.back.stall / abs(gears[1])], axis=0)
     assert (np.nan_to_num(hold).max(axis=0) <= np.nan_to_num(able[:, 0]) * (1 + 1e-9)).all()
@@ -82,7 +84,7 @@ def test_no_place_of_thousands_turns_a_joint_faster_however_little_it_can_hold_b
         brute = np.nan_to_num(fastest_at(actuation, gears, turned[:, 0]), nan=0.0).max(axis=0)
         assert (brute <= np.nan_to_num(ours[:, 0]) * (1 + 1e-9)).all()
         held = ~np.isnan(ours[:, 0])
-        own = fastest_at(actuation, geared(actuation, angle[held], place[held, 0]), turned[held, 0] * (1 - 1e-9))
+        own = fastest_at(actuation, gears_at(actuation, angle[held], place[held, 0]), turned[held, 0] * (1 - 1e-9))
         kept = ~np.isnan(own)  # at its very bound a slider may be a rounding past it
         assert kept.mean() > 0.5
         assert own[kept] == pytest.approx(ours[held, 0][kept], rel=1e-4)
@@ -96,8 +98,8 @@ def test_no_load_that_some_place_can_hold_is_refused(shape):
         front = np.linspace(*actuation.front_bounds[0], PLACES)[:, None]
         angle = rng.uniform(*actuation.angle_bounds[0], 40)
         q = (actuation.zero + actuation.bend * angle)[:, None]
-        torque = rng.uniform(0.9, 1.1, (40, 1)) * np.nan_to_num(holding(actuation, q)[0], nan=1.0)
-        brute = ~np.isnan(fastest_at(actuation, geared(actuation, angle, front), torque[:, 0])).all(axis=0)
+        torque = rng.uniform(0.9, 1.1, (40, 1)) * np.nan_to_num(torque_capacity(actuation, q)[0], nan=1.0)
+        brute = ~np.isnan(fastest_at(actuation, gears_at(actuation, angle, front), torque[:, 0])).all(axis=0)
         ours = ~np.isnan(joint_speeds(actuation, q, torque).high[:, 0])
         assert (brute <= ours).all()
         refused += int((~ours).sum())
@@ -112,7 +114,7 @@ def test_a_motor_that_bears_any_load_leaves_the_other_to_its_own():
         front = np.linspace(*actuation.front_bounds[0], PLACES)[:, None]
         angle = rng.uniform(*actuation.angle_bounds[0], 10)
         q, torque = (actuation.zero + actuation.bend * angle)[:, None], rng.uniform(-3.0, 3.0, (10, 1))
-        brute = fastest_at(actuation, geared(actuation, angle, front), torque[:, 0])
+        brute = fastest_at(actuation, gears_at(actuation, angle, front), torque[:, 0])
         ours = joint_speeds(actuation, q, torque).high[:, 0]
         assert (np.isnan(brute).all(axis=0) >= np.isnan(ours)).all()
         assert (np.nan_to_num(brute).max(axis=0) <= np.nan_to_num(ours) * (1 + 1e-9)).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.capability.actuation import SHAPES
+from paretoik.capability.motor_curves import SHAPES
 from paretoik.errors import Infeasible
 
 AROUND = 4000
@@ -28,7 +28,7 @@ class Drawn:
         self.low, self.high = np.where(without, [[-np.inf], [np.inf]], [middle - half, middle + half])
         q = middle + half * rng.uniform(-1.0, 1.0, 3)
         self.position = self.tips(q[None])[0, 2]
-        self.stall = np.abs(self.loads(q[None])[0]) * rng.uniform(1.0, rng.choice([1.02, 1.6]), 3) + 0.001
+        self.stall = np.abs(self.gravity_torques(q[None])[0]) * rng.uniform(1.0, rng.choice([1.02, 1.6]), 3) + 0.001
         self.fastest, self.shape = rng.uniform(0.5, 3.0, 3), SHAPES[seed % 3]
         turn = rng.uniform(-np.pi, np.pi, 5)
         self.directions = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -49,7 +49,7 @@ class Drawn:
         ways = np.cumsum(q, axis=1)
         return np.cumsum(self.lengths[:, None] * np.stack([np.cos(ways), np.sin(ways)], axis=2), axis=1)
 
-    def loads(self, q):
+    def gravity_torques(self, q):
         ways = np.cumsum(q, axis=1)
         tips = self.tips(q)
         starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
@@ -77,7 +77,7 @@ class Drawn:
 
     def values(self, q, quantity):
         """The most along each direction; NaN where some joint cannot hold."""
-        tips, load = self.tips(q), self.loads(q)
+        tips, load = self.tips(q), self.gravity_torques(q)
         starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
         arms = tips[:, 2:] - starts
         columns = np.stack([-arms[..., 1], arms[..., 0]], axis=2)
@@ -147,16 +147,16 @@ def test_what_is_found_can_be_done_by_other_formulae(compared):
         assert drawn.tips(q)[:, 2] == pytest.approx(np.tile(drawn.position, (5, 1)), abs=1e-12)
         assert (q >= drawn.low - 1e-9).all()
         assert (q <= drawn.high + 1e-9).all()
-        assert np.abs(drawn.loads(q) / drawn.stall).max() <= 1 + 1e-9
+        assert np.abs(drawn.gravity_torques(q) / drawn.stall).max() <= 1 + 1e-9
         if quantity == "velocity":
-            assert polygon.torque == pytest.approx(drawn.loads(q), abs=1e-12)
+            assert polygon.torque == pytest.approx(drawn.gravity_torques(q), abs=1e-12)
         drawn.stall = drawn.stall * (1 + 1e-9)
         assert np.diagonal(drawn.values(q, quantity)) == pytest.approx(polygon.values, rel=1e-6, abs=1e-9)
 
 
 def test_where_none_holds_the_joint_is_named_with_the_least_that_would_do():
     drawn = Drawn(0)
-    most = np.abs(drawn.loads(drawn.postures())).max(axis=1).min()
+    most = np.abs(drawn.gravity_torques(drawn.postures())).max(axis=1).min()
     drawn.actuation = pk.capability.JointActuation(
         motors=pk.capability.MotorCurve(stall=[0.5 * most] * 3, fastest=drawn.fastest)
     )

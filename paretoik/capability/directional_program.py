@@ -15,8 +15,10 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.actuation import Actuation, DistributedActuation, MotorCurve, holding, joint_speeds
+from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.compiled.actuators import gears
+from paretoik.capability.joint_capability import joint_speeds, torque_capacity
+from paretoik.capability.motor_curves import MotorCurve
 from paretoik.nlp.traced import Smooth, smooth
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
@@ -25,8 +27,8 @@ Quantity = Literal["velocity", "force"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Capability:
-    """What is asked of an arm along several directions in one posture; ``power`` asks for its least upper bound too.
+class DirectionalProgram:
+    """The program of an arm along several directions in one posture; with ``power`` and its least upper bound too.
 
     Unknowns are counted in ``scale``: 1 rad (m), a rod's length, a motor's fastest, and what ``size`` says of speeds
     [m/s] or forces [N]; powers in W.
@@ -88,18 +90,18 @@ class Capability:
         known = z * self.scale(size)
         return {name: known[place].reshape(self.sizes[name]) for name, place in self.begins.items()}
 
-    def begun(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
+    def initial_point(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
         """Return the unknowns of a posture, all at rest, sliders at their best."""
         z = np.zeros(self.unknowns)
         z[self.begins["q"]] = q
         if isinstance(self.actuation, DistributedActuation):
             load = dynamics.inverse_dynamics(self.arm, q, np.zeros_like(q), np.zeros_like(q))
             moving = self.quantity == "velocity"
-            able, front = holding(self.actuation, q)
+            capacity, front = torque_capacity(self.actuation, q)
             if moving:
                 known = joint_speeds(self.actuation, q, load)
                 front = np.where(np.isnan(known.high), front, known.front_high)
-            front = np.where(np.isnan(able), self.actuation.front_bounds.mean(axis=1), front)
+            front = np.where(np.isnan(capacity), self.actuation.front_bounds.mean(axis=1), front)
             z[self.begins["front"]] = front / self.actuation.rod
         return z
 
@@ -109,22 +111,22 @@ class Capability:
         directions: Float[np.ndarray, "directions task"],
         size: float,
     ) -> Smooth:
-        """Return the program at a position along directions; written down once for all of them."""
-        return replace(_written(self), parameters=np.concatenate([position, directions.ravel(), [size]]))
+        """Return the program at a position along directions; traced once for all of them."""
+        return replace(_transcribe(self), parameters=np.concatenate([position, directions.ravel(), [size]]))
 
 
 @lru_cache(maxsize=32)
-def _written(asked: Capability) -> Smooth:
-    task, arm = asked.task, asked.arm
+def _transcribe(settings: DirectionalProgram) -> Smooth:
+    task, arm = settings.task, settings.arm
 
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
         position, size = known[:task], known[-1]
-        directions = np.array(known[task:-1], dtype=object).reshape(asked.count, task)
-        scale: Any = asked.scale(1.0).astype(object)
-        scale[asked.begins["values"]] = size
+        directions = np.array(known[task:-1], dtype=object).reshape(settings.count, task)
+        scale: Any = settings.scale(1.0).astype(object)
+        scale[settings.begins["values"]] = size
         at = {
-            name: (np.array(z, dtype=object) * scale)[place].reshape(asked.sizes[name])
-            for name, place in asked.begins.items()
+            name: (np.array(z, dtype=object) * scale)[place].reshape(settings.sizes[name])
+            for name, place in settings.begins.items()
         }
         q = list(at["q"])
         links = kinematics.link_frames(arm, q)
@@ -133,53 +135,56 @@ def _written(asked: Capability) -> Smooth:
         columns = [pair[0][:task] for pair in kinematics.jacobian_components(arm, links, frame, place)]
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
-        ratios, room = geared(arm, asked.actuation, q, list(at["front"]))
+        ratios, slacks = ratios_and_slacks(arm, settings.actuation, q, list(at["front"]))
         for k, direction in enumerate(directions):
             value = at["values"][k]
-            if asked.quantity == "force":
-                room += _bearing(asked, ratios, load, columns, value, direction)
+            if settings.quantity == "force":
+                slacks += _force_slacks(settings, ratios, load, columns, value, direction)
                 continue
             motors = at["motors"][k]
             speeds = [sum(r * u for r, u in zip(ratios[j], motors[:, j], strict=True)) for j in range(arm.dof)]
             for a in range(task):
                 moved = sum(column[a] * speed for column, speed in zip(columns, speeds, strict=True))
                 equal.append((moved - value * direction[a]) / size)
-            for m, curve in enumerate(asked.curves):
+            for m, curve in enumerate(settings.curves):
                 effort = np.array([ratios[j][m] * load[j] for j in range(arm.dof)], dtype=object)
-                room += list(curve.room(effort, motors[m]).ravel())
-            if asked.power:
+                slacks += list(curve.slacks(effort, motors[m]).ravel())
+            if settings.power:
                 work = at["work"][k]
                 for j in range(arm.dof):
-                    room += [work[j] - load[j] * speeds[j], work[j] + load[j] * speeds[j]]
-                room.append(at["power"][0] - sum(work))
-        return equal, room
+                    slacks += [work[j] - load[j] * speeds[j], work[j] + load[j] * speeds[j]]
+                slacks.append(at["power"][0] - sum(work))
+        return equal, slacks
 
-    return smooth(asked.unknowns, task * (1 + asked.count) + 1, rows)
+    return smooth(settings.unknowns, task * (1 + settings.count) + 1, rows)
 
 
-def geared(arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]) -> tuple[list[tuple[Any, ...]], list[Any]]:
-    """Return each joint's speed per speed of its motors, and what room is left to positions and sliders."""
+def ratios_and_slacks(
+    arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]
+) -> tuple[list[tuple[Any, ...]], list[Any]]:
+    """Return each joint's speed per speed of its motors, and the slacks of position limits and sliders."""
     lower, upper = arm.position_limits.T
-    room = [q[j] - lower[j] for j in np.flatnonzero(np.isfinite(lower))]
-    room += [upper[j] - q[j] for j in np.flatnonzero(np.isfinite(upper))]
+    slacks = [q[j] - lower[j] for j in np.flatnonzero(np.isfinite(lower))]
+    slacks += [upper[j] - q[j] for j in np.flatnonzero(np.isfinite(upper))]
     if not isinstance(actuation, DistributedActuation):
-        return [(1.0,)] * len(q), room
+        return [(1.0,)] * len(q), slacks
     ratios = list[tuple[Any, ...]]()
-    for j, (back, a, b) in enumerate(_gears(actuation, q, front)):
+    for j, (back, a, b) in enumerate(gear_ratios(actuation, q, front)):
         rod, angle = actuation.rod[j], actuation.bend[j] * (q[j] - actuation.zero[j])
         ratios.append((actuation.bend[j] * a, actuation.bend[j] * b))
         for place, (low, high) in ((front[j], actuation.front_bounds[j]), (back, actuation.back_bounds[j])):
-            room += [(place - low) / rod, (high - place) / rod]
-        room.append(np.sin(angle) - np.sin(actuation.least_angle[j]))  # away from both toggles, in any turn
-    return ratios, room
+            slacks += [(place - low) / rod, (high - place) / rod]
+        slacks.append(np.sin(angle) - np.sin(actuation.least_angle[j]))  # away from both toggles, in any turn
+    return ratios, slacks
 
 
-def backs(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[Any]:
+def back_sliders(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[Any]:
     """Return the back sliders [m]."""
-    return [back for back, _, _ in _gears(actuation, q, front)]
+    return [back for back, _, _ in gear_ratios(actuation, q, front)]
 
 
-def _gears(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[tuple[Any, Any, Any]]:
+def gear_ratios(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[tuple[Any, Any, Any]]:
+    """Return each joint's back slider [m] and its ratios A and B [rad/m]."""
     angles = [sign * (x - zero) for sign, x, zero in zip(actuation.bend, q, actuation.zero, strict=True)]
     return [
         gears.py_func(np.sin(angle), np.cos(angle), s, rod)
@@ -187,16 +192,21 @@ def _gears(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> l
     ]
 
 
-def _bearing(
-    asked: Capability, ratios: list[tuple[Any, ...]], load: list[Any], columns: list[Any], value: Any, direction: Any
+def _force_slacks(
+    settings: DirectionalProgram,
+    ratios: list[tuple[Any, ...]],
+    load: list[Any],
+    columns: list[Any],
+    value: Any,
+    direction: Any,
 ) -> list[Any]:
-    """Return what room is left to the motors' efforts while the tool pushes."""
-    room = list[Any]()
+    """Return the slacks of the motors' efforts while the tool exerts a force."""
+    slacks = list[Any]()
     for j, (column, ratio) in enumerate(zip(columns, ratios, strict=True)):
-        pushing = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
-        for r, curve in zip(ratio, asked.curves, strict=True):
+        with_force = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
+        for r, curve in zip(ratio, settings.curves, strict=True):
             if np.isfinite(curve.stall[j]):
-                for torque in (load[j], pushing):  # before it pushes, too
+                for torque in (load[j], with_force):  # without the force, too
                     share = r * torque / curve.stall[j]
-                    room += [1.0 - share, 1.0 + share]
-    return room
+                    slacks += [1.0 - share, 1.0 + share]
+    return slacks

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.capability.capability import backs, geared
+from paretoik.capability.directional_program import back_sliders, ratios_and_slacks
 from paretoik.nlp.assembled import Assembled, Part
 from paretoik.nlp.traced import Smooth, smooth
 from paretoik.robot import dynamics, kinematics
@@ -25,8 +25,8 @@ REACH = 5  # coefficients of a cubic spline that two samples beside each other m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Journey:
-    """What is asked: from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
+class PointToPointProgram:
+    """The program of a motion from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
 
     ``pace`` [s] is what intervals are counted in, ``work_unit`` [J] work; joints in rad (m), sliders in rods' lengths.
     """
@@ -111,7 +111,7 @@ class Journey:
         return Assembled(unknowns=self.count, parts=tuple(parts))
 
     def _where(self, near: np.ndarray) -> np.ndarray:
-        """Return which unknowns hold coefficients (lanes, reach) of all joints, then of all sliders."""
+        """Return which unknowns hold coefficients (batch, reach) of all joints, then of all sliders."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.begins["front"].start * k for k in range(self.motors)], axis=1)
@@ -140,12 +140,12 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
         q, front = _at(arm, actuation, z, known)
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
-        ratios, room = geared(arm, actuation, q, front)
+        ratios, slacks = ratios_and_slacks(arm, actuation, q, front)
         for m, curve in enumerate(actuation.curves):
             for j in np.flatnonzero(np.isfinite(curve.stall)):
                 share = ratios[j][m] * load[j] / curve.stall[j]
-                room += [1.0 - share, 1.0 + share]
-        return [], room
+                slacks += [1.0 - share, 1.0 + share]
+        return [], slacks
 
     return smooth(_size(arm, actuation, reach), reach, rows)
 
@@ -161,19 +161,19 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit
         ends = [_at(arm, actuation, z[:size], known[:reach]), _at(arm, actuation, z[:size], known[reach:])]
         middle, front = ([(a + b) * 0.5 for a, b in zip(*pair, strict=True)] for pair in zip(*ends, strict=True))
         load = dynamics.torque_components(arm, middle, [0.0] * dof, [0.0] * dof)
-        ratios, _ = geared(arm, actuation, middle, front)
-        ways = [[b - a for a, b in zip(ends[0][0], ends[1][0], strict=True)]]
+        ratios, _ = ratios_and_slacks(arm, actuation, middle, front)
+        travels = [[b - a for a, b in zip(ends[0][0], ends[1][0], strict=True)]]
         if isinstance(actuation, DistributedActuation):
-            sliders = [end[1] for end in ends], [backs(actuation, *end) for end in ends]
-            ways = [[b - a for a, b in zip(*places, strict=True)] for places in sliders]
-        room = [duration]
-        for m, (curve, way) in enumerate(zip(curves, ways, strict=True)):
+            sliders = [end[1] for end in ends], [back_sliders(actuation, *end) for end in ends]
+            travels = [[b - a for a, b in zip(*places, strict=True)] for places in sliders]
+        slacks = [duration]
+        for m, (curve, change) in enumerate(zip(curves, travels, strict=True)):
             effort = np.array([ratios[j][m] * load[j] for j in range(dof)], dtype=object)
-            travel = np.array(way, dtype=object)
-            room += list(curve.room(effort, travel, duration).ravel() / pace)
+            travel = np.array(change, dtype=object)
+            slacks += list(curve.slacks(effort, travel, duration).ravel() / pace)
             done = effort * travel / work_unit
-            room += [w + sign * one for w, one in zip(work[m], done, strict=True) for sign in (-1.0, 1.0)]
-        return [], room
+            slacks += [w + sign * one for w, one in zip(work[m], done, strict=True) for sign in (-1.0, 1.0)]
+        return [], slacks
 
     return smooth(size + 1 + len(curves) * dof, 2 * reach, rows)
 

@@ -1,0 +1,126 @@
+"""Postures that reach a position: within limits and rods, and such that the motors can hold the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.infeasible_postures import limit_excess, overload, postures_error, reach_error_at
+from paretoik.capability.joint_capability import joint_speeds
+from paretoik.capability.posture_ascent import ascend, distant_postures
+from paretoik.capability.posture_values import gravity_torques
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
+from paretoik.self_motion.postures import reach_error, sample_postures
+from paretoik.task.curves import Line
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.objectives import joint_travel
+from paretoik.task.path import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class PostureSampleOptions:
+    """Settings of the search for postures that motors can hold."""
+
+    enough: int = 64
+    """Postures that can be held from which on no more samples are drawn."""
+    batches: int = 8
+    """Times that samples are drawn, at most."""
+    tool_radius: float = 0.1
+    """Times the motors' highest speed, the order of a tool's speed [m]."""
+
+
+OPTIONS = PostureSampleOptions()
+
+
+def sample_holdable_postures(
+    arm: Arm,
+    actuation: Actuation,
+    position: Float[np.ndarray, " task"],
+    samples: int,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "postures dof"]:
+    """Return postures that reach a position, within limits, in which motors can hold the arm.
+
+    Where none of the samples can be held, the least overloaded lead to some. Raises OutOfReach, and Infeasible, naming
+    joint, torque and limit of the least overloaded.
+    """
+    restricted, q, held = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
+    for _ in range(OPTIONS.batches):
+        more = sample_postures_at(restricted, position, samples, rng)
+        holds = ~np.isnan(joint_speeds(actuation, more, gravity_torques(arm, more)).high).any(axis=1)
+        holds &= (limit_excess(arm, more) <= 0).all(axis=1)
+        q, held = np.concatenate([q, more]), np.concatenate([held, more[holds]])
+        if len(held) >= min(OPTIONS.enough, samples):
+            break
+    if len(held):
+        return held
+    excess = np.maximum(limit_excess(arm, q), 0.0).max(axis=1)
+    over = overload(arm, actuation, q)
+    program = DirectionalProgram(arm=arm, actuation=actuation, quantity="velocity", count=1)
+    size = OPTIONS.tool_radius * max(float(curve.fastest.max()) for curve in program.curves)
+    upright = np.eye(len(position))[-1]
+    starts = distant_postures(arm, q[np.argsort(over + excess)])
+    ends = [ascend(program, position, upright, size, start) for start in starts]
+    feasible = np.array([end for end in ends if end is not None]).reshape(-1, arm.dof)
+    held = feasible[~np.isnan(joint_speeds(actuation, feasible, gravity_torques(arm, feasible)).high).any(axis=1)]
+    if len(held):
+        return held
+    raise postures_error(arm, actuation, q, position)
+
+
+def sample_postures_at(
+    arm: Arm, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
+) -> Float[np.ndarray, "postures dof"]:
+    """Return postures that reach a position, each joint in the turn that its limits want; some may be past limits.
+
+    Raises OutOfReach.
+    """
+    task = stationary_task(arm, position)
+    q = sample_postures(task, samples, rng)
+    if not len(q):
+        raise reach_error_at(reach_error(task, rng, 0), position)
+    lower, upper = arm.position_limits.T
+    for j in np.flatnonzero(arm.periodic):
+        column = q[:, j]
+        if np.isfinite(lower[j]):
+            column += 2 * np.pi * np.maximum(np.ceil((lower[j] - column) / (2 * np.pi)), 0.0)
+        if np.isfinite(upper[j]):
+            back = column - 2 * np.pi * np.maximum(np.ceil((column - upper[j]) / (2 * np.pi)), 0.0)
+            column[back >= lower[j]] = back[back >= lower[j]]
+    return q
+
+
+def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
+    """Return the arm with joint limits no wider than what rods and sliders can reach, in one turn.
+
+    Raises InvalidInput, naming the joint, where they do not overlap.
+    """
+    if not isinstance(actuation, DistributedActuation):
+        return arm
+    lower, upper = arm.position_limits.T
+    ends = np.sort(actuation.zero + actuation.bend * actuation.angle_bounds.T, axis=0)
+    middle = ends.mean(axis=0)
+    below = np.where(np.isfinite(lower), lower, middle - np.pi)
+    above = np.where(np.isfinite(upper), upper, middle + np.pi)
+    ends = ends + 2 * np.pi * np.round(((below + above) / 2 - middle) / (2 * np.pi))
+    low, high = np.maximum(ends[0], lower), np.minimum(ends[1], upper)
+    if (low > high).any():
+        j = int(np.argmax(low > high))
+        raise InvalidInput(
+            f"{arm.joint_names[j]}: limits that overlap with what its rod reaches wanted, "
+            f"{np.rad2deg(ends[:, j]).round(1).tolist()}°, got {np.rad2deg(arm.position_limits[j]).round(1).tolist()}°"
+        )
+    return replace(arm, position_limits=np.stack([low, high], axis=1))
+
+
+def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:
+    """Return the task of a tool that stays where it is."""
+    point = Line(position, np.zeros_like(position), None, np.zeros(3))
+    path = Path(np.array([0.0, 0.5, 1.0]), np.tile(position, (3, 1)), None, point)
+    return motion_task(arm, path, objectives=[joint_travel], redundant=False)
