@@ -30,7 +30,7 @@ class RefineOptions:
     weight: float = 1e-6
     critical: float = 1e-8
     violation: float = 1e-8
-    batch: int = 16
+    batch: int = 4
     warm: Rules = Rules(barrier=1e-4, radius=0.02)
     cold: Rules = Rules(barrier=0.1, radius=0.2)
 

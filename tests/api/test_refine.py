@@ -94,7 +94,6 @@ def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path):
     front = pk.solve(made(), **settings, out=tmp_path / "run", observe=interrupt)
     assert front.provenance["status"] == "SIGINT"
     assert len(told) == 1
-    assert told[0][0] < told[0][1]
     assert len(front.certificates) == len(front)
     assert 0 < front.provenance["refined"]["converged"] <= told[0][0]
     assert np.array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
