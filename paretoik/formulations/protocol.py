@@ -126,8 +126,9 @@ def restore_motions(problem: Any, front: Front) -> Any:
         return None
     if hasattr(problem, "task"):
         q, names = np.asarray(front.motions.q), list(front.motions.arm.joint_names)
-        order = [names.index(name) for name in problem.task.arm.joint_names]
-        return problem.task.truncate(q.shape[-2]).motion(q[..., order])
+        task = problem.task.truncate(q.shape[-2])
+        if np.allclose(front.motions.time, task.times):  # otherwise motions have times of their own
+            return task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
     decodes = hasattr(problem, "decode") and front.genes is not None
     return problem.decode(np.array(front.genes)) if decodes else front.motions
 

@@ -10,6 +10,7 @@ choose these by hand; that they are searched for, and by several objectives, is 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeVar, get_args, runtime_checkable
 
 import numpy as np
@@ -34,8 +35,17 @@ from paretoik.task.task import Task
 
 JudgedBy = Literal["worst", "mean"]
 START = Parameter("start", 0.0, 1.0)
-START_CANDIDATES = 400  # random postures that starts are found from
-DEFAULT_STARTS = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class TuningOptions:
+    """Settings of the starts."""
+
+    candidates: int = 400  # random postures that the starts on the first sample are found from
+    judged_starts: int = 5  # that an individual is judged by
+
+
+OPTIONS = TuningOptions()
 Tuned = TypeVar("Tuned", bound="Resolver")
 
 
@@ -128,7 +138,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.starts = sample_starts(self.task, seed) if starts is None else _checked_starts(arm, starts)
         self._searches_start = START.name in [each.name for each in self.parameters]
         every = starts is not None and not self._searches_start
-        default = len(self.starts) if every else min(DEFAULT_STARTS, len(self.starts))
+        default = len(self.starts) if every else min(OPTIONS.judged_starts, len(self.starts))
         self.judged_starts = default if judged_starts is None else judged_starts
         check_size("judged_starts", self.judged_starts, 1)
         if self.judged_starts > len(self.starts):
@@ -229,7 +239,7 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
     Raises OutOfReach where there are none.
     """
     rng = np.random.default_rng(seed)
-    candidates = sample_postures(task, START_CANDIDATES, rng)
+    candidates = sample_postures(task, OPTIONS.candidates, rng)
     if not len(candidates):
         raise reach_error(task, rng, 0)
     candidates = wrap_difference(candidates, task.arm.periodic)

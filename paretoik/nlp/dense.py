@@ -31,6 +31,7 @@ class DenseProgram:
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()
     rounding: float = 0.0
+    kinked: tuple[str, ...] = ()
 
     def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
         """Return the points as they are."""

@@ -1,7 +1,10 @@
 """The linear program of a directional maximum: how far sums of columns, each within its range, reach along a direction.
 
-max v over low ≤ x ≤ high with columns · x = v · direction. ``furthest_model`` is the same in cvxpy's words. Solved by
-SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, where interior points stop short of it.
+maximise    v
+subject to  columns · x = v · direction, low ≤ x ≤ high
+
+Solved by SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, where interior points stop short of it;
+``solve_with_cvxpy`` states the same for Clarabel and is what tests hold it against.
 """
 
 from __future__ import annotations
@@ -37,25 +40,25 @@ def furthest(
     scale = np.where(scale > 0, scale, 1.0)
     steps = columns * scale
     size = float(np.abs(steps).max(initial=0.0)) or 1.0
-    found = linprog(
+    solution = linprog(
         np.append(np.zeros(len(low)), -1.0),
         A_eq=np.column_stack([steps / size, -direction]),
         b_eq=np.zeros(len(direction)),
         bounds=[*zip(low / scale, high / scale, strict=True), (0.0, None)],
         method="highs-ds",
     )
-    if found.status != 0:
-        raise SolverFailed(f"furthest: HiGHS wanted to end with an optimum, got {found.message}")
-    return Furthest(value=float(found.x[-1]) * size, multiples=found.x[:-1] * scale)
+    if solution.status != 0:
+        raise SolverFailed(f"furthest: HiGHS wanted to end with an optimum, got {solution.message}")
+    return Furthest(value=float(solution.x[-1]) * size, multiples=solution.x[:-1] * scale)
 
 
-def furthest_model(
+def solve_with_cvxpy(
     columns: Float[np.ndarray, "task columns"],
     low: Float[np.ndarray, " columns"],
     high: Float[np.ndarray, " columns"],
     direction: Float[np.ndarray, " task"],
 ) -> Furthest:
-    """Return what ``furthest`` does, by cvxpy and Clarabel."""
+    """Return what ``furthest`` does, by cvxpy and Clarabel. Raises SolverFailed where there is no solution."""
     import cvxpy  # here: it takes two seconds, and only tests and readers want it
 
     x, v = cvxpy.Variable(len(low)), cvxpy.Variable(nonneg=True)

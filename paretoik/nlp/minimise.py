@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -53,13 +53,12 @@ def minimise(
 
 
 def check_solver(program: Program, solver: str) -> None:
-    """Raise InvalidInput unless ``solver`` is one that can solve the program."""
-    if solver not in ("auto", "interior-point", "sqp"):
-        raise InvalidInput(f"solver: one of auto, interior-point, sqp wanted, got {solver!r}")
+    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what has kinks."""
+    if solver not in get_args(Solver):
+        raise InvalidInput(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
     if solver == "interior-point" and program.kernel is None:
-        raise InvalidInput(
-            "solver='interior-point': smooth objectives and limits wanted, got some with kinks; 'sqp' solves them"
-        )
+        kinked = ", ".join(program.kinked)
+        raise InvalidInput(f"solver: 'interior-point' wants smooth functions, {kinked} has kinks: take 'sqp'")
 
 
 def _interior_point(

@@ -129,6 +129,10 @@ class Program(Protocol):
         """What compiled solvers take, None where F or c has kinks."""
 
     @property
+    def kinked(self) -> tuple[str, ...]:
+        """Names of what has kinks, where there is no kernel."""
+
+    @property
     def rounding(self) -> float:
         """Stationarity that cannot be told from none."""
 

@@ -17,7 +17,7 @@ class Criterion:
     """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
 
     ``gain`` scales its gradient and must not be negative. In ``WeightedGradientProjection`` its weight falls from 1
-    where the criterion is bad to 0 where it is good, told by H, its value over ``scale``: normalised to
+    where the criterion is bad to 0 where it is good, by H, its value over ``scale``: normalised to
     exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
     best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
     A mean over time, as ``manipulability`` is, counts as its value at the sample: ``motion.duration`` is 1 s there.

@@ -19,8 +19,16 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 
-SPLINE_KNOTS = 2000  # of the splines through the targets, which give their derivatives in time
-MASSLESS = 1e-12  # ratio of the inertia matrix's eigenvalues below which a joint moves no mass
+
+@dataclass(frozen=True, kw_only=True)
+class EquationOptions:
+    """Settings of the equation of motion."""
+
+    knots: int = 2000  # of the splines through the targets, which give their derivatives in time
+    massless: float = 1e-12  # ratio of the inertia matrix's eigenvalues below which a joint moves no mass
+
+
+OPTIONS = EquationOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,9 +93,9 @@ def equation_of_motion(task: MotionTask, *, as_printed: bool = False) -> Equatio
         raise InvalidInput("variational: wants an open motion, got a cyclic one")
     inertia = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
     smallest, largest = np.linalg.eigvalsh(inertia)[[0, -1]]
-    if smallest <= MASSLESS * largest:
+    if smallest <= OPTIONS.massless * largest:
         raise InvalidInput(f"variational: wants an arm whose every joint moves a mass, {task.arm.name} has others")
-    parts = max(1, -(-SPLINE_KNOTS // (len(task.times) - 1)))
+    parts = max(1, -(-OPTIONS.knots // (len(task.times) - 1)))
     knots = np.interp(np.arange(parts * (len(task.times) - 1) + 1) / parts, np.arange(len(task.times)), task.times)
     spline = make_interp_spline(knots, np.concatenate([each.targets(knots) for each in task.tasks], axis=1), k=5)
     return EquationOfMotion(

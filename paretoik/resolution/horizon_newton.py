@@ -42,7 +42,7 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
     size, count, free = horizon * dof, horizon * rows, horizon * (dof - rows)
     first_multiplier = inputs.shape[0] - dof - count
     outputs = np.empty((1 + size + count + count * dof, 1))
-    flat, known = outputs.reshape(outputs.shape[0]), inputs.reshape(inputs.shape[0])
+    flat, variables = outputs.reshape(outputs.shape[0]), inputs.reshape(inputs.shape[0])
     entries, H = np.empty((row.shape[0], 1)), np.zeros((size, size))
     basis, step = np.zeros((size, free)), np.empty(size)
     reduced, factor = np.empty((free, free)), np.empty((free, free))
@@ -54,7 +54,7 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
         value, largest = outputs[0, 0], 0.0
         gradient = flat[1 : 1 + size]
         J = flat[1 + size + count :].reshape((horizon, rows, dof))
-        _least_squares_multipliers(J, factors, gradient, known[first_multiplier : first_multiplier + count], work)
+        _least_squares_multipliers(J, factors, gradient, variables[first_multiplier : first_multiplier + count], work)
         for k in range(horizon):
             block = basis[k * dof : (k + 1) * dof, k * (dof - rows) : (k + 1) * (dof - rows)]
             _null_basis(J[k], factors[k], work, block)

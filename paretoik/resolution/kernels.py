@@ -17,7 +17,6 @@ from paretoik.resolution.traces import DAMPED, DONE, HELD, SHORTENED, STEP_LIMIT
 
 UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighted
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
-WEIGHT_AT_LIMIT = 1e12  # of the weighted least norm, at a position limit or past it
 
 
 @compiled
@@ -50,10 +49,7 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
             if k == time - 1:
                 continue
             dt, at = steps[k], min(k, limits.shape[0] - 1)
-            for i in range(rows):
-                v[i] = outputs[rows + i, local] / dt + settings[motion, FEEDBACK] * outputs[i, local]
-                for j in range(n):
-                    J[i, j] = outputs[2 * rows + i * n + j, local]
+            _read_task(outputs[:, local], dt, settings[motion, FEEDBACK], v, J)
             if weighting == LEAST_NORM:
                 _weight_by_norm(q[motion, k], limits[at], previous_slope[local], D, E, weights[motion, k])
             elif weighting == CLAMPING:
@@ -65,26 +61,18 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
             damping[motion, k] = np.sqrt(squared)
             status[motion, k] = DAMPED if squared > 0 else DONE
             if not cholesky(A, factor):
-                largest = 0.0
-                for j in range(n):
-                    repulsion[motion, k, j] = velocities[motion, k, j] = repulsive[j]
-                    largest = max(largest, abs(dt * repulsive[j]))
-                _limit_step(motion, k, largest, velocities, repulsion, projected, status)
+                repulsion[motion, k] = repulsive
+                velocities[motion, k] = repulsive
+                _limit_step(motion, k, _largest_move(dt, repulsive), velocities, repulsion, projected, status)
                 status[motion, k] = HELD
                 _advance(motion, k, dt, q, velocities)
                 continue
             solve_cholesky(factor, v)
-            for j in range(n):
-                total = 0.0
-                for i in range(rows):
-                    total += J[i, j] * v[i]
-                velocities[motion, k, j] = D[j] * total
+            _solve_task(J, D, v, velocities[motion, k])
             if weighting == CLAMPING:
-                for j in range(n):
-                    z[j] = repulsive[j]
+                z[:] = repulsive
                 _project(J, D, E, factor, printed, z, v, repulsion[motion, k])
-                for j in range(n):
-                    velocities[motion, k, j] += repulsion[motion, k, j]
+                _add(velocities[motion, k], repulsion[motion, k])
             for c in range(criteria):
                 gradient = outputs[2 * rows + rows * n + c * (n + 1) :, local]
                 gain = _criterion_gain(gradient, modes, settings[motion], gains[motion, c], scaling[c], n)
@@ -93,11 +81,8 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
                     continue
                 _descend(gradient, gain, modes, gains[motion, c, 1] / criteria, scaling[c, 0], limits[at], E, z)
                 _project(J, D, E, factor, printed, z, v, projected[motion, k, c])
-                for j in range(n):
-                    velocities[motion, k, j] += projected[motion, k, c, j]
-            largest = 0.0
-            for j in range(n):
-                largest = np.maximum(largest, abs(dt * velocities[motion, k, j]))  # NaN stays
+                _add(velocities[motion, k], projected[motion, k, c])
+            largest = _largest_move(dt, velocities[motion, k])
             _limit_step(motion, k, largest, velocities, repulsion, projected, status)
             _advance(motion, k, dt, q, velocities)
 
@@ -116,11 +101,48 @@ def _fill_inputs(k, first, q, velocities, table, inputs):
 
 
 @compiled
+def _read_task(outputs, dt, feedback, v, J):
+    """Write the task velocities and the Jacobian from the outputs of the step program. Source: Eqs. 32 and 33."""
+    rows, n = J.shape
+    for i in range(rows):
+        v[i] = outputs[rows + i] / dt + feedback * outputs[i]
+        for j in range(n):
+            J[i, j] = outputs[2 * rows + i * n + j]
+
+
+@compiled
+def _solve_task(J, D, multipliers, velocities):
+    """Write D Jᵀ A⁻¹ v, given A⁻¹ v."""
+    rows, n = J.shape
+    for j in range(n):
+        total = 0.0
+        for i in range(rows):
+            total += J[i, j] * multipliers[i]
+        velocities[j] = D[j] * total
+
+
+@compiled
+def _add(velocities, term):
+    """Add a term to velocities."""
+    for j in range(velocities.shape[0]):
+        velocities[j] += term[j]
+
+
+@compiled
+def _largest_move(dt, velocities):
+    """Return the largest move of a joint in a step; NaN where a velocity is."""
+    largest = 0.0
+    for j in range(velocities.shape[0]):
+        largest = np.maximum(largest, abs(dt * velocities[j]))  # NaN stays
+    return largest
+
+
+@compiled
 def _weight_by_norm(q, limits, previous_slope, D, E, weights):
     """Write the inverse weights of the weighted least norm, and the weights."""
     for j in range(q.shape[0]):
         E[j] = least_norm_weight(q[j], limits[j, 0], limits[j, 1], limits[j, 2], previous_slope, j)
-        weights[j] = 1.0 / E[j] if E[j] > 0 else WEIGHT_AT_LIMIT
+        weights[j] = 1.0 / E[j]
         D[j] = E[j]
 
 

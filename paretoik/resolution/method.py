@@ -36,10 +36,10 @@ class Method:
         for each in fields(self):
             if "below" not in each.metadata:
                 continue
-            upper, given, what = each.metadata["below"], getattr(self, each.name), f"{type(self).__name__}: {each.name}"
-            values, bound = finite_array(what, given), "" if np.isinf(upper) else f" and less than {upper:g}"
+            upper, value, what = each.metadata["below"], getattr(self, each.name), f"{type(self).__name__}: {each.name}"
+            values, bound = finite_array(what, value), "" if np.isinf(upper) else f" and less than {upper:g}"
             if not ((values >= 0) & (values < upper)).all():
-                raise InvalidInput(f"{what} of 0 or more{bound} wanted, got {given}")
+                raise InvalidInput(f"{what} of 0 or more{bound} wanted, got {value}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, on a path with these sample times [s]."""

@@ -30,7 +30,7 @@ Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VelocityMethod(Method):
-    """What all have in common: ``feedback`` [1/s] of the tracking error, by default one over a step, which is the most.
+    """Task velocities with ``feedback`` [1/s] of the tracking error, by default 1/Δt: more would overshoot.
 
     Source: Wan et al. 2018, Eqs. 32 and 33.
     """
@@ -112,10 +112,10 @@ class GradientProjection(DampedLeastSquares):
     @property
     def criterion_list(self) -> tuple[Criterion, ...]:
         """The criteria, all of them with gains; raises InvalidInput for what is none."""
-        given = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
-        if not isinstance(given, Iterable):
-            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {given!r}")
-        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in given)
+        criteria = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
+        if not isinstance(criteria, Iterable):
+            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {criteria!r}")
+        return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in criteria)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, the gain of every criterion among them."""
@@ -132,10 +132,10 @@ class GradientProjection(DampedLeastSquares):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedGradientProjection(GradientProjection):
-    """Joints near position limits are clamped and pushed back; criteria count where they are bad.
+    """Joints near position limits are clamped and repelled; criteria count where they are bad.
 
     ``buffer`` Ω is the share of a joint's range, at either end, in which it is clamped; ``repulsion`` t_rmax [rad/s,
-    m/s] the velocity that pushes it back at its limit; ``band`` λ the share of a normalised criterion's range, at
+    m/s] its velocity of repulsion at its limit; ``band`` λ the share of a normalised criterion's range, at
     either end, in which its weight no longer changes. Of several criteria the first weighs most, or as ``priorities``
     (*batch, criteria) say, the lowest first.
 
@@ -182,11 +182,11 @@ class WeightedGradientProjection(GradientProjection):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveKineticEnergy(Method):
-    """What the task leaves free leads to where the kinetic energy over a few samples ahead is least.
+    """The null space of the task is used to minimise the kinetic energy over a few samples ahead.
 
     ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
-    ``horizon`` h is how many samples ahead are looked at, ``prediction_step`` ΔT [s] how far apart they are, by default
-    0.2 of the path's duration over h, and ``update_interval`` [s] how often, by default half of that. The last of them
+    ``horizon`` h is the number of samples ahead, ``prediction_step`` ΔT [s] the time between, by default 0.2 of the
+    path's duration over h, and ``update_interval`` [s] that between predictions, by default half of it. The last sample
     counts ``terminal`` times more: what comes after the horizon costs as well. ``feedback`` [1/s] of the tracking error
     is 0 by default: open loop, as in the paper. These may be arrays (*batch,).
 
@@ -208,9 +208,9 @@ class PredictiveKineticEnergy(Method):
         if horizon.dtype.kind not in "iu" or not (horizon >= 1).all():
             raise InvalidInput(f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {self.horizon}")
         for name in ("prediction_step", "update_interval"):
-            given = getattr(self, name)
-            if given is not None and not (finite_array(f"PredictiveKineticEnergy: {name}", given) > 0).all():
-                raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {given}")
+            value = getattr(self, name)
+            if value is not None and not (finite_array(f"PredictiveKineticEnergy: {name}", value) > 0).all():
+                raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {value}")
         if not (finite_array("PredictiveKineticEnergy: feedback", self.feedback) >= 0).all():
             raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {self.feedback}")
         if not isinstance(self.objective, Objective):

@@ -27,7 +27,6 @@ LOST_STEPS = {
     "held": "no velocities do what the task wants",
     "shortened": "a joint were to go more than 1 rad or m in the step",
 }
-START_SAMPLES = 64  # random postures, of which a motion starts in the one farthest from singular
 Unreachable = Literal["refuse", "track"]
 
 
@@ -116,11 +115,11 @@ def resolve(
     return motion
 
 
-def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
-    """Return the postures (*batch, dof) that motions start in."""
+def _starts(task: MotionTask, start: object, seed: int, candidate_count: int = 64) -> np.ndarray:
+    """Return the postures (*batch, dof) that motions start in, by default the candidate farthest from singular."""
     if start is None:
         rng = np.random.default_rng(seed)
-        candidates = sample_postures(task, START_SAMPLES, rng)
+        candidates = sample_postures(task, candidate_count, rng)
         if not len(candidates):
             raise reach_error(task, rng, 0)
         jacobians = task_errors(task.arm, task.tasks, candidates, np.tile(task.targets[0], (len(candidates), 1)))[1]

@@ -129,12 +129,12 @@ def check_tolerance(tolerance: float | np.ndarray) -> None:
 
 def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
     """Return postures (*batch, dof) on the path's first sample; raise InvalidInput where they are not."""
-    given = task.start if start is None else np.asarray(start, dtype=float)
-    if given is None:
+    q = task.start if start is None else np.asarray(start, dtype=float)
+    if q is None:
         raise InvalidInput("variational: wants start postures, the task has no start of its own")
-    if given.ndim == 0 or given.shape[-1] != task.arm.dof or not np.isfinite(given).all():
-        raise InvalidInput(f"variational: start wants finite postures (..., {task.arm.dof}), got shape {given.shape}")
-    flat = given.reshape(-1, task.arm.dof)
+    if q.ndim == 0 or q.shape[-1] != task.arm.dof or not np.isfinite(q).all():
+        raise InvalidInput(f"variational: start wants finite postures (..., {task.arm.dof}), got shape {q.shape}")
+    flat = q.reshape(-1, task.arm.dof)
     targets = np.tile(task.targets[0], (len(flat), 1))
     distance = np.abs(task_errors(task.arm, task.tasks, flat, targets)[0]).max(axis=0, initial=0.0)
     if (distance > START_TOLERANCE).any():
@@ -143,8 +143,8 @@ def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
             f"variational: start {worst} is {distance[worst]:.3g} m (or rad) off the path's first sample; wants at "
             f"most {START_TOLERANCE}"
         )
-    q = retract_nearest(task, flat, targets)
-    return np.where(np.isfinite(q), q, flat).reshape(given.shape)
+    retracted = retract_nearest(task, flat, targets)
+    return np.where(np.isfinite(retracted), retracted, flat).reshape(q.shape)
 
 
 def _paths(
@@ -179,10 +179,10 @@ def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) 
 
 def _checked_rates(equation: EquationOfMotion, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray) -> np.ndarray:
     """Return velocities (motions, dof) that follow the path; raise InvalidInput where they don't."""
-    given = np.asarray(rates, dtype=float)
-    if given.shape != shape or not np.isfinite(given).all():
-        raise InvalidInput(f"variational: rates want finite numbers of the starts' shape {shape}, got {given.shape}")
-    flat = given.reshape(q.shape)
+    dq = np.asarray(rates, dtype=float)
+    if dq.shape != shape or not np.isfinite(dq).all():
+        raise InvalidInput(f"variational: rates want finite numbers of the starts' shape {shape}, got {dq.shape}")
+    flat = dq.reshape(q.shape)
     terms = equation.terms(np.zeros(len(q)), q, flat)
     residual = np.abs((terms.jacobian @ flat[..., None])[..., 0] - terms.velocity).max(initial=0.0)
     if residual > START_TOLERANCE:

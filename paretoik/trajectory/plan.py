@@ -20,6 +20,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import sample_starts
 from paretoik.trajectory.levels import OPTIONS, Observe, coarsest_level, level_programs, objective_scales, refine_levels
 from paretoik.trajectory.restarts import RestartPolicy, disturb_best
+from paretoik.trajectory.transcription import motion_program
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,11 +69,11 @@ def find_optima(
     limits; SolverFailed where limits hold but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
+    check_solver(motion_program(task), solver)
     level, rng = coarsest_level(task), np.random.default_rng(seed)
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
     programs = level_programs(task, objective_scales(task, q))
-    check_solver(programs[-1], solver)
     policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
     solutions, levels = refine_levels(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver

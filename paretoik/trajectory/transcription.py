@@ -115,6 +115,12 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
+    def kinked(self) -> tuple[str, ...]:
+        """Names of totals that are peaks or functions of the whole motion, or what else has kinks in general."""
+        names = tuple(total.name for total in self.totals if total.kind != "sum")
+        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+
+    @property
     def rounding(self) -> float:
         """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
         return 1e-6 if self.task.ends_at_rest else 0.0

@@ -230,3 +230,9 @@ def test_an_interrupted_loop_keeps_its_steps(mine, tmp_path):
     assert "of 4000 steps" in out
     assert "Traceback" not in err
     assert pk.load_front(tmp_path / "run").motions.q.shape[1] >= 3
+
+
+@pytest.mark.parametrize("verb", [pk.plan, pk.epsilon_front, lambda loop: pk.refine(pk.solve(loop))])
+def test_verbs_that_take_gradients_refuse_a_loop(verb):
+    with pytest.raises(pk.InvalidInput, match="a problem with gradients wanted, such as Tracking, got ClosedLoop"):
+        verb(short())

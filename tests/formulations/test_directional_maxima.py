@@ -9,7 +9,7 @@ from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.nlp.dense_sqp import Caps, minimised
+from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
 
 PLACE = [0.2, -0.15]
@@ -92,10 +92,10 @@ def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
         power = []
         for change in (-step, 0.0, step):
             most = (program.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
-            caps = Caps(rows=program.costs[:2] / ranges[:2, None], most=most)
-            end = minimised(program.rows, program.costs[2] / ranges[2], z[i], caps=caps)
-            assert end.converged
-            power.append(end.z @ program.costs[2])
+            upper = np.append(most, np.inf)[None]
+            end = minimise(problem.program(ranges), z[i : i + 1], np.array([[0.0, 0.0, 1.0]]), upper, solver="sqp")
+            assert end.converged.all()
+            power.append(end.objectives[0, 2] * ranges[2])
         more, less = -np.diff(power) / (step * ranges[0])
         low, high = known.exchange_intervals[i, 0, 2]
         assert (more + less) / 2 == pytest.approx((low + high) / 2, rel=2e-2)
@@ -143,5 +143,5 @@ def test_what_cannot_be_is_refused_by_name(problem, front):
     with pytest.raises(InvalidInput, match="at least one, wanted"):
         pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
-    with pytest.raises(InvalidInput, match="refine: a front of speed_1, speed_2 with its genes wanted"):
+    with pytest.raises(InvalidInput, match="refine: a problem with objectives speed_1, speed_2, joint_power wanted"):
         pk.refine(front, other)

@@ -453,3 +453,13 @@ def test_verbs_that_take_gradients_refuse_it_in_one_line_before_any_search(verb,
         run()
     assert "\n" not in str(error.value)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_of_time_optimal_control_comes_back_with_its_own_times(tmp_path):
+    control = pk.TimeOptimalControl(EVEN, period=0.01)
+    problem = pk.Tuning(ARM, PATH, control, objectives=[measures.duration, measures.evaluations], judged_starts=1)
+    front = pk.solve(problem, population=4, generations=1, out=tmp_path / "run")
+    again = pk.load_front(tmp_path / "run", problem)
+    np.testing.assert_array_equal(again.motions.time, front.motions.time)
+    np.testing.assert_array_equal(again.motions.q, front.motions.q)
+    assert front.motions.time[0, -1] != PATH.times[-1]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.interval_program import IntervalSolver, Pieces, intervals_model
+from paretoik.nlp.interval_program import IntervalSolver, Pieces, solve_with_cvxpy
 
 
 def random_pieces(seed, *, count=6, task=2):
@@ -31,7 +31,7 @@ def even_speed(points):
 def test_clarabel_and_cvxpy_agree(seed, task, common):
     pieces, box = random_pieces(seed, task=task), random_box(seed, task=task)
     ours = IntervalSolver(6, task, common=common).solve(pieces, *box)
-    theirs = intervals_model(pieces, *box, common=common)
+    theirs = solve_with_cvxpy(pieces, *box, common=common)
     assert ours.intervals == pytest.approx(theirs.intervals, abs=1e-4)
     assert ours.intervals.sum() == pytest.approx(theirs.intervals.sum(), rel=1e-8)
 

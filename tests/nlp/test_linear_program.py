@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from paretoik.capability.zonotopes import facet_joint_speeds, highest_speeds
 from paretoik.errors import SolverFailed
-from paretoik.nlp.linear_program import furthest, furthest_model
+from paretoik.nlp.linear_program import furthest, solve_with_cvxpy
 
 seeds = st.integers(0, 10**6)
 
@@ -35,7 +35,7 @@ def test_the_nearest_facet_is_the_optimum_of_the_linear_program(task, seed, dof,
 @pytest.mark.parametrize("task", [2, 3])
 def test_clarabel_by_cvxpy_says_the_same_as_far_as_interior_points_go(task):
     columns, low, high, direction = drawn(5, task, 6)
-    ours, theirs = (solve(columns, low, high, direction) for solve in (furthest, furthest_model))
+    ours, theirs = (solve(columns, low, high, direction) for solve in (furthest, solve_with_cvxpy))
     assert ours.value == pytest.approx(theirs.value, rel=1e-6)
 
 

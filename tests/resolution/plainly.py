@@ -65,7 +65,7 @@ class Plainly:
         """Return how far the target goes: positions in world axes, the turn of its frame in the tool's."""
         (task,) = self.motion.tasks
         now, later = (task.targets(self.motion.time)[i] for i in (k, k + 1))
-        size = task.positions
+        size = task.position_rows
         if len(now) == size:
             return later - now
         before, after = (Rotation.from_matrix(each[size:].reshape(3, 3)) for each in (now, later))

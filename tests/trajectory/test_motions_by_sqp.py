@@ -1,17 +1,22 @@
 """Sequential quadratic programming beside the interior point, and on what only it can do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.nlp import minimise as batches
 from paretoik.nlp.compiled.interior_point import Rules
-from paretoik.nlp.minimise import minimise_violation
+from paretoik.nlp.minimise import check_solver, minimise_violation
 from paretoik.nlp.program import Goal
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.linearisation import linearise
+from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
+from problems.panda import across_the_table
 from tests.pareto.motions import certify_motions
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -58,6 +63,33 @@ def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     found = solved(problem.task, best.motion.q, radius=0.01)
     assert found.status == 0
     assert found.objectives[0] == pytest.approx(best.objective, rel=1e-8)
+
+
+@pytest.mark.parametrize("name", ["simulation_1", "simulation_4"])
+def test_both_solvers_find_the_same_best_optimum(name):
+    task = getattr(tringali_2020, name)().task
+    ours, theirs = (find_optima(task, starts=6, seed=0, solver=each).best for each in ("sqp", "interior-point"))
+    assert ours.objective == pytest.approx(theirs.objective, rel=1e-7)
+
+
+def test_both_solvers_agree_on_a_spatial_arm():
+    whole = across_the_table().task
+    task = replace(whole, objectives=whole.objectives[:1]).subsample(26)
+    best = find_optima(task, starts=4, seed=0).best
+    program = motion_program(task, [best.objective])
+    found = batches.minimise(program, best.motion.q[None], np.ones((1, 1)), solver="sqp")
+    assert found.converged.all()
+    assert found.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
+
+
+def test_interior_points_refuse_kinks_by_name_before_any_work():
+    task = problem_of(pk.kinetic_energy, pk.peak_torque).task
+    with pytest.raises(pk.InvalidInput, match="solver: 'interior-point' wants smooth functions, peak_torque has kinks"):
+        check_solver(motion_program(task), "interior-point")
+    with pytest.raises(pk.InvalidInput, match="solver: 'interior-point'"):
+        find_optima(problem_of(pk.peak_velocity).task, starts=10**6, seed=0, solver="interior-point")
+    with pytest.raises(pk.InvalidInput, match="solver must be one of auto, interior-point, sqp, got 'newton'"):
+        check_solver(motion_program(task), "newton")
 
 
 @pytest.mark.parametrize(
