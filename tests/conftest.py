@@ -12,11 +12,9 @@ import pytest
 
 import paretoik.capability.compiled.actuators
 import paretoik.capability.compiled.planar_maxima
-import paretoik.closed_loop.admissible_steps
-import paretoik.closed_loop.configurations
 import paretoik.closed_loop.engine
 import paretoik.closed_loop.exact_step
-import paretoik.closed_loop.obstacles
+import paretoik.closed_loop.open_loop_engine
 import paretoik.nlp.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.resolution.horizon_newton
 import paretoik.resolution.kernels

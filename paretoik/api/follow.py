@@ -10,10 +10,11 @@ import numpy as np
 from paretoik.api.progress import RunProgress
 from paretoik.api.run_session import Display, RunSession
 from paretoik.api.settings import SolveSettings
+from paretoik.closed_loop.loop import StepRecord
 from paretoik.errors import InvalidInput
 from paretoik.files import replace_file
 from paretoik.formulations.closed_loop import ClosedLoop
-from paretoik.formulations.closed_loop_result import ClosedLoopRun, Taken, told
+from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
 from paretoik.review.generation import Generation
 from paretoik.run_files import PICTURE, STEPS
@@ -61,7 +62,7 @@ class LoopRun:
             late = self.time_limit is not None and session.seconds >= self.time_limit
             return late or session.signal is not None
 
-        self._run = loop.run(observe=lambda step: _show(step, loop, session, steps), ended=is_over)
+        self._run = loop.run(observe=lambda step: _show(step, loop, session, steps), should_stop=is_over)
         status, done = "end of the path", len(self._run.q) - 1
         if done < steps:
             status = session.signal or "time limit"
@@ -76,11 +77,11 @@ class LoopRun:
             return
         assert self._run is not None
         _write_steps(self._run, session.folder / STEPS)
-        session.recorder.finish(None, told(front))
+        session.recorder.finish(None, explain_choice(front))
         loop_picture(self._run.motion, self._run.values, _natural_ranges(self._run), front, session.folder / PICTURE)
 
 
-def _show(step: Taken, loop: ClosedLoop, session: RunSession, steps: int) -> None:
+def _show(step: StepRecord, loop: ClosedLoop, session: RunSession, steps: int) -> None:
     """Show a step: its front, in the user's own sign, and which point of it was chosen."""
     F = step.front.F * loop.signs
     generation = Generation(

@@ -1,1 +1,1 @@
-"""Marcos et al. 2012: the control step, its compiled search, the exact step."""
+"""The closed loop of Marcos et al. 2012: the control step, its compiled search, the loop, the exact step."""

@@ -1,151 +1,195 @@
-"""Which steps are free, compiled: within their bounds, and clear of obstacles at their end or all the way."""
+"""Which steps are admissible, compiled: within their bounds, and clear of obstacles at their end or all the way.
+
+No point of the arm moves by more than Σ reach · |Δq|, its travel. What is farther than that from all obstacles need not
+be evaluated, and between two configurations that are together as far from them the arm is clear.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.closed_loop.obstacles import gaps
-from paretoik.closed_loop.workspace import FINEST, LOOKED, SLACK
 from paretoik.compilation import compiled
 
 
 @compiled
-def clearance_before(place, guard, room):
-    """Return by how much the configuration before keeps more than the required distance; inf without obstacles."""
-    if guard.obstacles.shape[0] == 0:
-        return np.inf
-    for j in range(place.previous.shape[0]):
-        room.table[j, 0] = place.previous[j]
-    _posed(guard, 1, room)
-    _spare(guard.obstacles, guard, 1, room)
-    return room.gaps[0]
+def clearance_at_start(start, constraints, w):
+    """Return by how much the configuration before a step exceeds the required distance; inf without obstacles."""
+    for j in range(start.previous.shape[0]):
+        w.configurations[j, 0] = start.previous[j]
+    _evaluate_distances(constraints.clearance, constraints.required, 1, w)
+    return w.distances[0, 0]
 
 
 @compiled
-def _posed(guard, count, room):
-    """Write the arm's polylines in the configurations in ``room.table``."""
-    run_first(guard.nodes, room.table, room.nodes, count)
+def _evaluate_distances(program, required, count, w):
+    """Write by how much the first configurations exceed the required distance, for every output of an evaluator."""
+    run_first(program, w.configurations, w.distances, count)
+    for i in range(w.distances.shape[0]):
+        for k in range(count):
+            w.distances[i, k] -= required
 
 
 @compiled
-def _spare(obstacles, guard, count, room):
-    """Write by how much the polylines in ``room.nodes`` keep more than the required distance from obstacles."""
-    gaps(obstacles, room.nodes, count, room.gaps)
-    for k in range(count):
-        room.gaps[k] -= guard.required
-
-
-@compiled
-def shorten(count, place, guard, room):
-    """Take of the self-motion of the lanes asked no more than keeps joints within their bounds; genes follow."""
-    q, genes, n = room.given, room.children, place.previous.shape[0]
-    for i in range(count if guard.bounded else 0):
-        lane, kept = room.asked[i], 1.0
-        for k in range(n):
-            least = place.particular[k]
-            more = q[k, lane] - place.previous[k] - least
-            if least + more < guard.lower[k] or least + more > guard.upper[k]:
-                kept = min(kept, max(((guard.upper[k] if more > 0.0 else guard.lower[k]) - least) / more, 0.0))
-        if kept < 1.0:
-            for k in range(n):
-                at = place.previous[k] + place.particular[k]
-                q[k, lane] = at + kept * (q[k, lane] - at)
-            for begun in range(0, genes.shape[0], n + 1):
-                genes[begun + n, lane] = 0.0
-                for k in range(n):
-                    genes[begun + n, lane] += genes[begun + k, lane] * (q[k, lane] - place.previous[k])
-
-
-@compiled
-def blocked(count, place, guard, clear, room):
-    """Move the lanes whose step is not free to the front of those asked; return how many.
-
-    No point of the arm moves by more than Σ reach · |Δq|: what is farther from all obstacles than that need not be
-    looked at, and between two places that are together as far from them the arm is clear.
-    """
-    asked, given, table, places = room.asked, room.given, room.table, room.places
-    stopped, near, n = 0, 0, place.previous.shape[0]
-    for k in range(count):
-        lane = asked[k]
-        far, within = 0.0, True
-        for j in range(n):
-            step = given[j, lane] - place.previous[j]
-            far += guard.reach[j] * abs(step)
-            within &= (step >= guard.lower[j] - SLACK) & (step <= guard.upper[j] + SLACK)  # not what is no number
-        if not within:
-            asked[stopped] = lane
-            stopped += 1
-        elif far >= clear - guard.standoff:
+def shorten(count, start, constraints, w):
+    """Scale down the self-motion of pending steps so that joints stay within their bounds; genes follow."""
+    q, genes, n = w.inputs, w.children, start.previous.shape[0]
+    for i in range(count if constraints.bounded else 0):
+        k = w.pending[i]
+        scale = _admissible_scale(q, k, start.previous, start.particular, constraints.lower, constraints.upper)
+        if scale < 1.0:
             for j in range(n):
-                table[j, near] = given[j, lane]
-            places[near], room.spans[near] = lane, far
-            near += 1
+                base = start.previous[j] + start.particular[j]
+                q[j, k] = base + scale * (q[j, k] - base)
+            for row in range(0, genes.shape[0], n + 1):
+                genes[row + n, k] = 0.0
+                for j in range(n):
+                    genes[row + n, k] += genes[row + j, k] * (q[j, k] - start.previous[j])
+
+
+@compiled
+def _admissible_scale(q, k, previous, particular, lower, upper):
+    """Return the largest scale, at most 1, of a step's self-motion that keeps joints within their bounds."""
+    scale = 1.0
+    for j in range(previous.shape[0]):
+        self_motion = q[j, k] - previous[j] - particular[j]
+        if particular[j] + self_motion < lower[j] or particular[j] + self_motion > upper[j]:
+            bound = upper[j] if self_motion > 0.0 else lower[j]
+            scale = min(scale, max((bound - particular[j]) / self_motion, 0.0))
+    return scale
+
+
+@compiled
+def find_inadmissible(count, start, constraints, clearance, options, w):
+    """Move the pending steps that are not admissible to the front of ``w.pending``; return how many.
+
+    ``clearance`` is what ``clearance_at_start`` returned. Balls around and inside the obstacles decide first.
+    """
+    rejected, near = _check_bounds(count, start, constraints, clearance, options, w)
     if near == 0:
-        return stopped
-    _posed(guard, near, room)
-    _spare(guard.enclosing, guard, near, room)
-    close = 0
-    for k in range(near):
-        far = room.spans[k] - clear if guard.swept else 0.0
-        if not room.gaps[k] > max(guard.standoff, far):
-            places[close], room.spans[close] = places[k], room.spans[k]
-            for i in range(room.nodes.shape[0]):
-                room.nodes[i, close] = room.nodes[i, k]
-            close += 1
-    _spare(guard.obstacles, guard, close, room)
-    doubtful = 0
-    for k in range(close):
-        if not room.gaps[k] > guard.standoff:
-            asked[stopped] = places[k]
-            stopped += 1
-        elif guard.swept and clear + room.gaps[k] <= room.spans[k]:
-            places[doubtful], room.spans[doubtful], room.parts[4, doubtful] = places[k], room.spans[k], room.gaps[k]
+        return rejected
+    close = _check_balls(near, constraints, clearance, w)
+    doubtful, evaluated = 0, 0
+    for i in range(close):
+        gap = 0.0  # inside a ball inside an obstacle
+        if w.inside[i] == 0:
+            gap = w.distances[0, evaluated]
+            evaluated += 1
+        if w.inside[i] == 1 or not gap > constraints.standoff:
+            w.pending[rejected] = w.candidates[i]
+            rejected += 1
+        elif constraints.swept and clearance + gap <= w.travel[i]:
+            w.candidates[doubtful], w.travel[doubtful], w.intervals[4, doubtful] = w.candidates[i], w.travel[i], gap
             doubtful += 1
     if doubtful > 0:
-        _look_between(doubtful, place, clear, guard, room)
-    for k in range(doubtful):
-        if room.spans[k] < 0.0:
-            asked[stopped] = places[k]
-            stopped += 1
-    return stopped
+        _sweep(doubtful, start, clearance, constraints, options, w)
+    for i in range(doubtful):
+        if w.travel[i] < 0.0:
+            w.pending[rejected] = w.candidates[i]
+            rejected += 1
+    return rejected
 
 
 @compiled
-def _look_between(count, place, clear, guard, room):
-    """Mark the lanes in ``places`` whose steps are not seen to be clear all the way: their span turns negative.
+def _check_bounds(count, start, constraints, clearance, options, w):
+    """Reject pending steps beyond their bounds; write those that may meet an obstacle as candidates.
 
-    Parts of steps (which one, begin, width, distance at begin and end) wait on a stack; what its ends do not tell of is
-    halved.
+    Return how many of each.
     """
-    parts, table, q = room.parts, room.table, room.given
-    left = count
-    for k in range(count):
-        parts[0, k], parts[1, k], parts[2, k], parts[3, k] = k, 0.0, 1.0, clear
-    while left > 0:
-        taken = min(left, LOOKED)
-        left -= taken
-        for i in range(taken):
-            lane, share = room.places[np.int64(parts[0, left + i])], parts[1, left + i] + 0.5 * parts[2, left + i]
-            for j in range(place.previous.shape[0]):
-                table[j, i] = place.previous[j] + share * (q[j, lane] - place.previous[j])
-        _posed(guard, taken, room)
-        _spare(guard.obstacles, guard, taken, room)
-        popped = parts[:, left : left + taken].copy()
-        for i in range(taken):
-            which, width, middle = np.int64(popped[0, i]), 0.5 * popped[2, i], room.gaps[i]
-            span = room.spans[which]
-            if span < 0.0:
-                continue
-            told, rest = popped[3, i] + middle > span * width, middle + popped[4, i] > span * width
-            if not middle > 0.0 or (not (told and rest) and width <= FINEST):
-                room.spans[which] = -1.0
-                continue
-            if not told:
-                parts[0, left], parts[1, left], parts[2, left] = which, popped[1, i], width
-                parts[3, left], parts[4, left] = popped[3, i], middle
-                left += 1
-            if not rest:
-                parts[0, left], parts[1, left], parts[2, left] = which, popped[1, i] + width, width
-                parts[3, left], parts[4, left] = middle, popped[4, i]
-                left += 1
+    rejected, near, n = 0, 0, start.previous.shape[0]
+    for i in range(count):
+        k = w.pending[i]
+        travel, within = 0.0, True
+        for j in range(n):
+            step = w.inputs[j, k] - start.previous[j]
+            travel += constraints.reach[j] * abs(step)
+            within &= step >= constraints.lower[j] - options.bound_tolerance  # False for NaN
+            within &= step <= constraints.upper[j] + options.bound_tolerance
+        if not within:
+            w.pending[rejected] = k
+            rejected += 1
+        elif travel >= clearance - constraints.standoff:
+            for j in range(n):
+                w.configurations[j, near] = w.inputs[j, k]
+            w.candidates[near], w.travel[near] = k, travel
+            near += 1
+    return rejected, near
+
+
+@compiled
+def _check_balls(near, constraints, clearance, w):
+    """Keep the candidates that the balls around obstacles do not clear, and evaluate their distances; return how many.
+
+    Those whose ends lie within a ball inside an obstacle are marked, and not evaluated.
+    """
+    _evaluate_distances(constraints.bounding, constraints.required, near, w)
+    close, evaluated = 0, 0
+    for i in range(near):
+        travel = w.travel[i] - clearance if constraints.swept else 0.0
+        if w.distances[0, i] > max(constraints.standoff, travel):
+            continue
+        w.candidates[close], w.travel[close] = w.candidates[i], w.travel[i]
+        w.inside[close] = np.int64(w.distances[1, i] <= constraints.standoff)
+        if w.inside[close] == 0:
+            for j in range(w.configurations.shape[0]):
+                w.configurations[j, evaluated] = w.configurations[j, i]
+            evaluated += 1
+        close += 1
+    _evaluate_distances(constraints.clearance, constraints.required, evaluated, w)
+    return close
+
+
+@compiled
+def _sweep(count, start, clearance, constraints, options, w):
+    """Mark the candidates whose steps are not proven clear all the way: their travel becomes negative.
+
+    Intervals of steps (candidate, begin, width, distance at begin and end) wait on a stack; those that the distances at
+    their ends do not clear are halved.
+    """
+    intervals = w.intervals
+    waiting = count
+    for i in range(count):
+        intervals[0, i], intervals[1, i], intervals[2, i], intervals[3, i] = i, 0.0, 1.0, clearance
+    popped = np.empty((5, options.interval_batch))
+    while waiting > 0:
+        batch = min(waiting, options.interval_batch)
+        waiting -= batch
+        for i in range(batch):
+            for m in range(5):
+                popped[m, i] = intervals[m, waiting + i]
+            k, share = w.candidates[np.int64(popped[0, i])], popped[1, i] + 0.5 * popped[2, i]
+            for j in range(start.previous.shape[0]):
+                w.configurations[j, i] = start.previous[j] + share * (w.inputs[j, k] - start.previous[j])
+        _evaluate_distances(constraints.clearance, constraints.required, batch, w)
+        for i in range(batch):
+            waiting = _halve(popped, i, w.distances[0, i], waiting, options.shortest_interval, intervals, w.travel)
+
+
+@compiled
+def _halve(popped, i, middle, waiting, shortest, intervals, travels):
+    """Push the halves of a popped interval that are not proven clear; return how many intervals then wait.
+
+    ``middle`` is the distance in its middle. Where that is not positive, or halves would be too short, the travel of
+    the candidate becomes negative.
+    """
+    candidate, begin, width = np.int64(popped[0, i]), popped[1, i], 0.5 * popped[2, i]
+    first, last, travel = popped[3, i], popped[4, i], travels[candidate]
+    if travel < 0.0:
+        return waiting
+    first_clear, second_clear = first + middle > travel * width, middle + last > travel * width
+    if not middle > 0.0 or (not (first_clear and second_clear) and width <= shortest):
+        travels[candidate] = -1.0
+        return waiting
+    if not first_clear:
+        _push(intervals, waiting, candidate, begin, width, first, middle)
+        waiting += 1
+    if not second_clear:
+        _push(intervals, waiting, candidate, begin + width, width, middle, last)
+        waiting += 1
+    return waiting
+
+
+@compiled
+def _push(intervals, i, candidate, begin, width, first_distance, last_distance):
+    intervals[0, i], intervals[1, i], intervals[2, i] = candidate, begin, width
+    intervals[3, i], intervals[4, i] = first_distance, last_distance

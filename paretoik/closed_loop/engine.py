@@ -1,7 +1,7 @@
-"""A control step's search, compiled: what ``ControlStep.algorithm`` does.
+"""The search of a control step, compiled: NSGA-II with MaxiMin on the genes of the extended Jacobian.
 
-NSGA-II with MaxiMin on the genes of the extended Jacobian, a stream of chance for every seed and step. Objectives and
-clearance are programs, so that arms and objectives of all kinds run through the same code.
+Every seed and step has a random stream of its own. Objectives and distances are evaluators, so that arms, objectives
+and obstacles of all kinds run through the same code. Source: Marcos et al. 2012, section 4.1.
 """
 
 from __future__ import annotations
@@ -9,196 +9,216 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.closed_loop.admissible_steps import blocked, clearance_before, shorten
-from paretoik.closed_loop.configurations import configurations
-from paretoik.closed_loop.workspace import TRIES
+from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible, shorten
+from paretoik.closed_loop.extended_jacobian import decode
 from paretoik.compilation import compiled
-from paretoik.search.compiled.chance import begin
-from paretoik.search.compiled.many_objectives import filled, ranks
-from paretoik.search.compiled.offspring import anew, offspring
-from paretoik.search.compiled.survival import (
-    by_rank,
-    first_rank,
-    insertion_distances,
-    met,
-    placed,
-    ranks_in_order,
-    thinned,
-)
+from paretoik.search.compiled.many_objectives import rank_points, select_by_distance
+from paretoik.search.compiled.offspring import draw_chromosome, generate_offspring
+from paretoik.search.compiled.random_streams import seed_stream
+from paretoik.search.compiled.sorted_points import first_front, locate, merge_children, rank_sorted
+from paretoik.search.compiled.two_objectives import insertion_distances, keep_farthest, select_by_rank
 
 
 @compiled(what="the search of a control step", seconds=15)
-def searched(seed, step, generations, operators, place, objectives, guard, room, warm):
-    """Search one step from a place; return how many of the last population in ``room`` have not failed.
+def search(seed, step, generations, options, start, objectives, constraints, w, warm_start):
+    """Search one step; return how many of the last population in the workspace have not failed.
 
-    The arguments are those of ``room.py``: Operators, Place, Worth, Guard and Room. A ``warm`` search begins with the
-    population that is there.
+    The arguments are those of ``workspace.py``. A ``warm_start`` begins with the population in the workspace.
     """
-    F, order, children, state = room.F, room.order, room.children, room.state
-    row, count = place.null.shape[0] + 1, order.shape[0]
-    begin(state, seed, step)
-    clear = clearance_before(place, guard, room)
-    for child in range(count):
-        if warm:
-            for k in range(children.shape[0]):
-                children[k, child] = room.genes[order[child], k]
-        else:
-            anew(state, operators.low, operators.high, children, child)
-    evaluate(place, operators, objectives, guard, clear, count, room, True, False)
-    F[:, :count] = np.inf
-    for k in range(count):
-        order[k] = k
-    level = survive(room, count, False)
-    for _ in range(generations):
-        new = offspring(
-            state,
-            room.genes,
-            order,
-            room.worth,
-            F,
-            row,
-            operators.crossing,
-            operators.mutating,
-            operators.low,
-            operators.high,
-            children,
-        )
-        evaluate(place, operators, objectives, guard, clear, new, room, not guard.swept, level)
-        level = survive(room, new, level)
+    seed_stream(w.state, seed, step)
+    clearance = clearance_at_start(start, constraints, w)
+    _initialise(warm_start, options, w)
+    single_rank = False
+    for generation in range(generations + 1):
+        count = w.order.shape[0]
+        if generation > 0:
+            count = generate_offspring(
+                w.state,
+                w.genes,
+                w.order,
+                w.fitness,
+                w.F,
+                start.null_space.shape[0] + 1,
+                options.crossover_probability,
+                options.mutation_probability,
+                -options.gene_bound,
+                options.gene_bound,
+                w.children,
+            )
+        replaces = generation == 0 or not constraints.swept
+        evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank)
+        single_rank = survive(w, count, single_rank)
     alive = 0
-    for k in range(count):
-        alive += F[0, k] < np.inf
+    for k in range(w.order.shape[0]):
+        if w.F[0, k] < np.inf:
+            alive += 1
     return alive
 
 
 @compiled
-def evaluate(place, operators, objectives, guard, clear, count, room, replacing, level):
-    """Write the objectives of ``count`` children; those whose step is not free are replaced by new ones, or fail.
+def _initialise(warm_start, options, w):
+    """Fill the children with random chromosomes, or the population in the workspace; let all parents have failed."""
+    for k in range(w.order.shape[0]):
+        if warm_start:
+            for j in range(w.children.shape[0]):
+                w.children[j, k] = w.genes[w.order[k], j]
+        else:
+            draw_chromosome(w.state, -options.gene_bound, options.gene_bound, w.children, k)
+    for k in range(w.order.shape[0]):
+        w.order[k] = k
+        for m in range(w.F.shape[0]):
+            w.F[m, k] = np.inf
 
-    To see whether all of a step is clear takes long: where all parents are of one ``level``, children that one
-    dominates are not looked at.
+
+@compiled
+def evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank):
+    """Write the objectives of ``count`` children. Inadmissible ones fail, or others are drawn where ``replaces``.
+
+    To test whether the whole of a step is clear takes long: where the parents are of a ``single_rank``, children that
+    one dominates are not tested.
     """
-    F, given, found = room.F, room.given, room.values
-    parents, n = room.order.shape[0], place.previous.shape[0]
-    configurations(room.children, 0, count, place, room.work, given)
-    for lane in range(count):
-        room.asked[lane] = lane
-    shorten(count, place, guard, room)
-    if replacing and (clear < np.inf or guard.bounded):
-        _free(place, operators, guard, clear, count, room)
+    F, parents = w.F, w.order.shape[0]
+    decode(w.children, 0, count, start, w.linear_systems, w.inputs)
+    for k in range(count):
+        w.pending[k] = k
+    shorten(count, start, constraints, w)
+    if replaces and (clearance < np.inf or constraints.bounded):
+        _redraw_inadmissible(start, options, constraints, clearance, count, w)
+    _evaluate_objectives(start, objectives, count, w)
+    if replaces:
+        return
+    tested = 0
+    for k in range(count):
+        x, y = F[0, parents + k], F[1, parents + k]
+        if x < np.inf and not (single_rank and locate(F, parents, x, y)[1]):
+            w.pending[tested] = k
+            tested += 1
+    for i in range(find_inadmissible(tested, start, constraints, clearance, options, w)):
+        _fail(F, parents + w.pending[i])
+
+
+@compiled
+def _evaluate_objectives(start, objectives, count, w):
+    """Write the objectives of children from their joint positions; where one is not finite, the child fails."""
+    F, inputs, outputs, parents, n = w.F, w.inputs, w.outputs, w.order.shape[0], start.previous.shape[0]
     for j in range(n):
         for order in range(1, objectives.orders):
-            before = place.previous[j] if order == 1 else place.rates[order - 2, j]
-            rate, now, dt = given[order * n + j], given[(order - 1) * n + j], place.dt
-            for lane in range(count):
-                rate[lane] = (now[lane] - before) / dt
-    run_first(objectives.program, given, found, count)
+            before = start.previous[j] if order == 1 else start.rates[order - 2, j]
+            rate, value, dt = inputs[order * n + j], inputs[(order - 1) * n + j], start.dt
+            for k in range(count):
+                rate[k] = (value[k] - before) / dt
+    run_first(objectives.arrays, inputs, outputs, count)
     for m in range(F.shape[0]):
-        for lane in range(count):
-            F[m, parents + lane] = found[m, lane]
+        for k in range(count):
+            F[m, parents + k] = outputs[m, k]
     for m in range(F.shape[0]):
-        for lane in range(count):
-            if not abs(found[m, lane]) < np.inf:
-                for each in range(F.shape[0]):
-                    F[each, parents + lane] = np.inf
-    if replacing:
-        return
-    asked = 0
-    for lane in range(count):
-        x, y = F[0, parents + lane], F[1, parents + lane]
-        if x < np.inf and not (level and met(F, parents, x, y)[1]):
-            room.asked[asked] = lane
-            asked += 1
-    for k in range(blocked(asked, place, guard, clear, room)):
-        for m in range(F.shape[0]):
-            F[m, parents + room.asked[k]] = np.inf
+        for k in range(count):
+            if not abs(outputs[m, k]) < np.inf:
+                _fail(F, parents + k)
 
 
 @compiled
-def _free(place, operators, guard, clear, left, room):
-    """Replace the chromosomes of steps that are not free, as often as it takes."""
-    asked = room.asked
-    for _ in range(TRIES):
-        left = blocked(left, place, guard, clear, room)
-        if left == 0:
+def _fail(F, point):
+    for m in range(F.shape[0]):
+        F[m, point] = np.inf
+
+
+@compiled
+def _redraw_inadmissible(start, options, constraints, clearance, count, w):
+    """Replace the chromosomes of inadmissible steps by random ones until all are admissible (section 5.2)."""
+    pending = w.pending
+    for _ in range(options.max_redraws):
+        count = find_inadmissible(count, start, constraints, clearance, options, w)
+        if count == 0:
             return
-        for k in range(left):
-            anew(room.state, operators.low, operators.high, room.children, asked[k])
-            configurations(room.children, asked[k], asked[k] + 1, place, room.work, room.given)
-        shorten(left, place, guard, room)
-    for k in range(left):
-        room.given[0, asked[k]] = np.nan
+        for i in range(count):
+            draw_chromosome(w.state, -options.gene_bound, options.gene_bound, w.children, pending[i])
+            decode(w.children, pending[i], pending[i] + 1, start, w.linear_systems, w.inputs)
+        shorten(count, start, constraints, w)
+    for i in range(count):
+        w.inputs[0, pending[i]] = np.nan
 
 
 @compiled
-def survive(room, new, level):
-    """Choose the next population; ``level`` says that all parents were of one rank, and so says what is returned.
+def survive(w, children, single_rank):
+    """Choose the next population; ``single_rank`` says that all parents are of one rank; return whether all now are.
 
-    Of two objectives the survivors are in order of the first.
+    Of two objectives the survivors stand in order of the first.
     """
-    F, order, worth, s = room.F, room.order, room.worth, room.selection
-    objectives, count = F.shape[0], order.shape[0]
-    if objectives > 2:
-        ranks(F, s.rank, s.spare)
-        _ranked(F, count, s)
-        for k in range(count):  # by rank, then distance: so they were chosen
-            tied = k > 0 and s.rank[s.front[k]] == s.rank[s.front[k - 1]] and s.value[k] == s.value[k - 1]
-            worth[k] = worth[k - 1] if tied else -float(k)
+    F, order, s = w.F, w.order, w.selection
+    if F.shape[0] > 2:
+        _select_of_many(F, order.shape[0], w.fitness, s)
     else:
-        length, total = 0, 0
-        if level:
-            total = placed(F, count, new, True, s.spare, s.begins, s.taken, s.points, s.keys)
-            length = first_rank(s.points, total, s.keys, s.front, s.along)
-        if length < count:
-            total = placed(F, count, count, False, s.spare, s.begins, s.taken, s.points, s.keys)
-            length = first_rank(s.points, total, s.keys, s.front, s.along)
-        level = length >= count
-        if level:
-            insertion_distances(s.along, length, s.x, s.y, s.value, s.waiting)
-            thinned(s.front, s.along, s.value, length, count, s.x, s.y)
-        else:
-            ranks_in_order(s.keys, total, s.rank, s.scaled)
-            by_rank(total, count, s)
-        for k in range(count):
-            worth[k] = s.value[k]
-    for m in range(objectives):
-        for k in range(count):
-            F[m, k] = s.along[m, k]
-    _moved_in(room.genes, order, room.children, s.front, s.taken, s.spare)
-    return level
+        single_rank = _select_of_two(F, order.shape[0], children, single_rank, w.fitness, s)
+    for m in range(F.shape[0]):
+        for k in range(order.shape[0]):
+            F[m, k] = s.objectives[m, k]
+    _replace_parents(w.genes, order, w.children, s.front, s.chosen, s.spare)
+    return single_rank
 
 
 @compiled
-def _ranked(F, count, s):
-    """Choose by rank, and failed points where the others are too few."""
-    found = filled(F, s.rank, count, s.front, s.value, s.scaled, s.nearest, s.spare, s.begins, s.along)
+def _select_of_two(F, count, children, single_rank, fitness, s):
+    """Select of two objectives; return whether all survivors are of the first rank.
+
+    Where the parents are of a single rank, new children that none dominates are tried first: mostly they suffice.
+    """
+    length, total, tries = 0, 0, single_rank
+    while True:
+        new = children if tries else count
+        total = merge_children(F, count, new, tries, s.spare, s.begins, s.chosen, s.points, s.values)
+        length = first_front(s.points, total, s.values, s.front, s.objectives)
+        if length >= count or not tries:
+            break
+        tries = False
+    if length >= count:
+        insertion_distances(s.objectives, length, s.x, s.y, s.fitness, s.stack)
+        keep_farthest(s.front, s.objectives, s.fitness, length, count, s.x, s.y)
+    else:
+        rank_sorted(s.values, total, s.rank, s.scaled)
+        select_by_rank(total, count, s)
+    for k in range(count):
+        fitness[k] = s.fitness[k]
+    return length >= count
+
+
+@compiled
+def _select_of_many(F, count, fitness, s):
+    """Select of three and more objectives, failed points where others are too few; fitness is by order of choice."""
+    rank_points(F, s.rank, s.spare)
+    found = select_by_distance(
+        F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
+    )
     for k in range(F.shape[1]):
         if found < count and s.rank[k] == F.shape[1]:
-            s.front[found], s.value[found] = k, 0.0
+            s.front[found], s.fitness[found] = k, 0.0
             found += 1
     for m in range(F.shape[0]):
         for k in range(count):
-            s.along[m, k] = F[m, s.front[k]]
+            s.objectives[m, k] = F[m, s.front[k]]
+    for k in range(count):
+        tied = k > 0 and s.rank[s.front[k]] == s.rank[s.front[k - 1]] and s.fitness[k] == s.fitness[k - 1]
+        fitness[k] = fitness[k - 1] if tied else -float(k)
 
 
 @compiled
-def _moved_in(genes, order, children, front, taken, gone):
-    """Let the chosen points be the parents, in this order; genes move only where a child takes a parent's place."""
+def _replace_parents(genes, order, children, front, rows, is_free):
+    """Let the chosen points be the parents, in this order; a chosen child takes the row of a parent that is not."""
     count = order.shape[0]
     for k in range(count + 1):
-        gone[k] = 1
+        is_free[k] = 1
     for k in range(count):
-        gone[min(front[k], count)] = 0
+        is_free[min(front[k], count)] = 0
     place = 0
     for k in range(count):
         if front[k] < count:
-            taken[k] = order[front[k]]
+            rows[k] = order[front[k]]
             continue
-        while gone[place] == 0:
+        while is_free[place] == 0:
             place += 1
-        taken[k] = order[place]
+        rows[k] = order[place]
         place += 1
         for j in range(genes.shape[1]):
-            genes[taken[k], j] = children[j, front[k] - count]
+            genes[rows[k], j] = children[j, front[k] - count]
     for k in range(count):
-        order[k] = taken[k]
+        order[k] = rows[k]

@@ -1,69 +1,102 @@
-"""The extended Jacobian's best step without any search by chance: verifier of the closed loop, and its real-time form.
-
-With the task eliminated a step of a planar arm is one- or two-dimensional: both objectives of Marcos et al. 2012 (Eqs.
-17 and 18) are looked at over all of it, and the least weighted sum (Eqs. 19 and 20) is taken, each objective scaled to
-its range on the exact front.
-"""
+"""Genes to configurations, compiled: the steps that a population's extended Jacobians make (Marcos 2012, 4.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-from jaxtyping import Float
-
-from paretoik.errors import Infeasible, InvalidInput
-from paretoik.robot.arm import Arm
-from paretoik.task.obstacles import Box, Circle, Obstacle
-
-STILL = 1e-12
+from paretoik.compilation import compiled
 
 
-def exact_steps(
-    arm: Arm,
-    targets: Float[np.ndarray, "time 2"],
-    start: Float[np.ndarray, " dof"],
-    *,
-    weight: float,
-    obstacles: Sequence[Obstacle] = (),
-) -> Float[np.ndarray, "time dof"]:
-    """Return the joint positions of the loop that always takes the best step; ``weight`` is that of the displacement.
+@compiled
+def decode(genes, first, last, start, systems, q):
+    """Write the joint positions (dof, batch) that genes (genes, batch) stand for: Eqs. 7, 12 and 13.
 
-    Obstacles count at the end of a step. Raises InvalidInput for arms that are not planar, at the origin, with three or
-    four joints, and for obstacles other than circles and boxes along the axes; Infeasible where no step is free.
+    A step that makes Δx is Δq = particular + N y, N the null space of the Jacobian. The rows J* Δq = Δx* of the
+    extended Jacobian leave J* N y = Δx* − J* particular, a system of the size of the redundancy. ``systems`` holds the
+    matrix and the right-hand side of each, entry by entry.
     """
-    from paretoik.closed_loop.exact_step import best_step  # here: numba takes its time
+    previous, particular, null_space = start.previous, start.particular, start.null_space
+    n, r = null_space.shape
+    for i in range(r):
+        rhs, row = systems[r * r + i], i * (n + 1)
+        _weighted_sum(genes, row, particular, n, first, last, rhs)
+        target = genes[row + n]
+        for k in range(first, last):
+            rhs[k] = target[k] - rhs[k]
+        for j in range(r):
+            _weighted_sum(genes, row, null_space[:, j], n, first, last, systems[i * r + j])
+    _solve(systems, r, first, last)
+    for i in range(n):
+        base, positions = previous[i] + particular[i], q[i]
+        for j in range(r):
+            y, factor = systems[r * r + j], null_space[i, j]
+            if j == 0:
+                for k in range(first, last):
+                    positions[k] = base + factor * y[k]
+            else:
+                for k in range(first, last):
+                    positions[k] += factor * y[k]
 
-    lengths, circles, boxes = link_lengths(arm), *shapes(obstacles)
-    q = np.empty((len(targets), arm.dof))
-    q[0] = start
-    for k in range(1, len(targets)):
-        if not best_step(lengths, q[k - 1], q[0], targets[k], float(weight), circles, boxes, q[k]):
-            raise Infeasible(f"step {k}: a free configuration wanted, there is none")
-    return q
+
+@compiled
+def _weighted_sum(genes, row, weights, count, first, last, result):
+    """Write the weighted sum of ``count`` rows of genes; rows are read before the loops, for vector instructions."""
+    i = 0
+    if count >= 3:
+        a, b, c = weights[0], weights[1], weights[2]
+        row_a, row_b, row_c = genes[row], genes[row + 1], genes[row + 2]
+        for k in range(first, last):
+            result[k] = a * row_a[k] + b * row_b[k] + c * row_c[k]
+        i = 3
+    else:
+        for k in range(first, last):
+            result[k] = 0.0
+    while i < count:
+        a, row_a = weights[i], genes[row + i]
+        for k in range(first, last):
+            result[k] += a * row_a[k]
+        i += 1
 
 
-def link_lengths(arm: Arm) -> Float[np.ndarray, " dof"]:
-    """Return the lengths of a planar arm's links [m].
+@compiled
+def _solve(systems, r, first, last):
+    """Solve systems of r equations; the solutions overwrite the right-hand sides."""
+    if r == 1:
+        for k in range(first, last):
+            systems[1, k] /= systems[0, k]
+    elif r == 2:
+        _solve_pairs(systems[0], systems[1], systems[2], systems[3], systems[4], systems[5], first, last)
+    else:
+        for k in range(first, last):
+            _eliminate(systems, r, k)
 
-    Raises InvalidInput for other arms than planar ones with three or four links, their base at the origin.
-    """
-    offsets = np.array([place.position for place in (*arm.placements[1:], arm.tool)])
-    straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < STILL and np.abs(arm.base.position).max() < STILL
-    if not straight or arm.dof not in (3, 4) or np.abs(arm.placements[0].position).max() >= STILL:
-        raise InvalidInput(f"exact steps: a planar arm of 3 or 4 links at the origin wanted, got {arm!r}")
-    return np.ascontiguousarray(offsets[:, 0])
+
+@compiled
+def _solve_pairs(m11, m12, m21, m22, x, y, first, last):
+    """Solve systems of two equations by Cramer's rule."""
+    for k in range(first, last):
+        a, b, c, d = m11[k], m12[k], m21[k], m22[k]
+        e, f, determinant = x[k], y[k], a * d - b * c
+        x[k], y[k] = (e * d - b * f) / determinant, (a * f - e * c) / determinant
 
 
-def shapes(obstacles: Sequence[Obstacle]) -> tuple[np.ndarray, np.ndarray]:
-    """Return circles (x, y, radius) and boxes (left, bottom, right, top); raise InvalidInput for other obstacles."""
-    circles, boxes = [], []
-    for obstacle in obstacles:
-        if isinstance(obstacle, Circle):
-            circles.append([*obstacle.center, obstacle.radius])
-            continue
-        if not isinstance(obstacle, Box) or np.abs(obstacle.pose.rotation - np.eye(3)).max() > STILL:
-            raise InvalidInput(f"exact steps: circles and boxes along the axes wanted, got {obstacle}")
-        center, halves = obstacle.pose.position[:2], obstacle.half_sizes[:2]
-        boxes.append([*(center - halves), *(center + halves)])
-    return np.array(circles).reshape(-1, 3), np.array(boxes).reshape(-1, 4)
+@compiled
+def _eliminate(systems, r, k):
+    """Solve one system by Gaussian elimination with partial pivoting."""
+    for column in range(r):
+        pivot = column
+        for i in range(column + 1, r):
+            if abs(systems[i * r + column, k]) > abs(systems[pivot * r + column, k]):
+                pivot = i
+        for j in range(r):
+            here, there = column * r + j, pivot * r + j
+            systems[here, k], systems[there, k] = systems[there, k], systems[here, k]
+        here, there = r * r + column, r * r + pivot
+        systems[here, k], systems[there, k] = systems[there, k], systems[here, k]
+        for i in range(column + 1, r):
+            factor = systems[i * r + column, k] / systems[column * r + column, k]
+            for j in range(column, r):
+                systems[i * r + j, k] -= factor * systems[column * r + j, k]
+            systems[r * r + i, k] -= factor * systems[r * r + column, k]
+    for i in range(r - 1, -1, -1):
+        for j in range(i + 1, r):
+            systems[r * r + i, k] -= systems[i * r + j, k] * systems[r * r + j, k]
+        systems[r * r + i, k] /= systems[i * r + i, k]

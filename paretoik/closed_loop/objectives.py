@@ -1,4 +1,4 @@
-"""What a control step is worth: the paper's two objectives, users' own, and the library's objectives of motions.
+"""Objectives of a control step: the paper's two, users' own, and the library's objectives of motions.
 
 A step objective is a plain NumPy function of a batch of ``Step``; it returns one value a step.
 """
@@ -16,10 +16,10 @@ from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
 
 if TYPE_CHECKING:
-    Moving: TypeAlias = Motion
+    MotionLike: TypeAlias = Motion
     Numbers: TypeAlias = np.ndarray
 else:
-    Moving = Numbers = Any  # where programs are written, expressions come in and go out
+    MotionLike = Numbers = Any  # traced, expressions come in and go out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class Step:
     what the tool misses its target by; ``dt`` is the time between steps [s].
     """
 
-    motion: Moving
+    motion: MotionLike
     home: Numbers
     position_error: Numbers
     rotation_error: Numbers
@@ -65,10 +65,10 @@ def step_objective(
     """Make an objective of a function of steps.
 
     >>> @step_objective(unit="rad")
-    ... def wrist_away(step):
+    ... def wrist_drift(step):
     ...     return np.abs(step.motion.q[..., -1] - step.home[..., -1])
-    >>> wrist_away
-    StepObjective wrist_away [rad]
+    >>> wrist_drift
+    StepObjective wrist_drift [rad]
     """
 
     def wrap(function: Function) -> StepObjective:
@@ -80,8 +80,8 @@ def step_objective(
 @step_objective(unit="rad²/s²")
 def joint_displacement(step: Step) -> Numbers:
     """‖q̇‖² + ‖(q − q₀) / Δt‖². Source: Marcos et al. 2012, Eq. 17."""
-    away = (step.motion.q - step.home) / step.dt
-    return np.sum(step.motion.dq**2, axis=-1) + np.sum(away**2, axis=-1)
+    drift = (step.motion.q - step.home) / step.dt
+    return np.sum(step.motion.dq**2, axis=-1) + np.sum(drift**2, axis=-1)  # Eq. 17
 
 
 @step_objective(unit="m")
@@ -96,21 +96,26 @@ def rotation_error(step: Step) -> Numbers:
     return np.sqrt(np.sum(step.rotation_error**2, axis=-1))
 
 
-def of_step(given: StepObjective | Objective) -> StepObjective:
+def as_step_objective(objective: StepObjective | Objective) -> StepObjective:
     """Return an objective of motions as one of steps: its integrand, or the series whose peak it is, at the step's end.
 
-    Raises InvalidInput for what is neither, and for objectives that look at a whole motion.
+    Raises InvalidInput for what is neither, and for objectives of a whole motion.
     """
-    if isinstance(given, StepObjective):
-        return given
-    if not isinstance(given, Objective):
-        raise InvalidInput(f"objectives: wants functions decorated with @objective or @step_objective, got {given!r}")
-    if given.form not in ("integral", "peak"):
+    if isinstance(objective, StepObjective):
+        return objective
+    if not isinstance(objective, Objective):
         raise InvalidInput(
-            f"objective {given.name} looks at a whole motion ({given.form}); a control step wants one of form integral "
-            "or peak, or a @step_objective"
+            f"objectives: wants functions decorated with @objective or @step_objective, got {objective!r}"
         )
-    function = given.function
+    if objective.form not in ("integral", "peak"):
+        raise InvalidInput(
+            f"objective {objective.name} looks at a whole motion ({objective.form}); a control step wants one of form "
+            "integral or peak, or a @step_objective"
+        )
+    function = objective.function
     return StepObjective(
-        function=lambda step: function(step.motion), name=given.name, unit=given.unit, maximise=given.maximise
+        function=lambda step: function(step.motion),
+        name=objective.name,
+        unit=objective.unit,
+        maximise=objective.maximise,
     )

@@ -1,4 +1,4 @@
-"""What the engine works on and in, by name: tuples of arrays and numbers, as compiled code takes them."""
+"""What the engine reads and writes, by name: tuples of arrays and numbers, as compiled code takes them."""
 
 from __future__ import annotations
 
@@ -6,55 +6,55 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-BOUND = 1.0  # of every gene, either side
-TRIES = 100  # at a chromosome whose configuration is free
-SLACK = 1e-10  # rad or m: a step that was shortened may round to a little more
-FINEST = 2.0**-8  # of a step: parts that are not seen to be clear are halved down to this
-LOOKED = 64  # places on the way of steps that are looked at together
+
+class EngineOptions(NamedTuple):
+    """Settings of a step's search and of the test whether a step is admissible."""
+
+    crossover_probability: float = 0.5  # p_c of Marcos et al. 2012, section 5.1
+    mutation_probability: float = 0.5  # p_m, ibid.
+    gene_bound: float = 1.0  # genes lie within ±1, ibid.
+    max_redraws: int = 100  # of chromosomes whose configuration is not admissible (section 5.2 says: until it is)
+    bound_tolerance: float = 1e-10  # rad or m: rounding may put a shortened step this far beyond its bounds
+    shortest_interval: float = 2.0**-8  # of a step: intervals that are not proven clear are halved down to this
+    interval_batch: int = 64  # intervals of steps whose middles are evaluated together
+    interval_depth: int = 16  # batches that fit on the stack of intervals
+    singular_ratio: float = 1e-9  # of the singular values of a Jacobian: below, no finite step makes every Δx
 
 
-class Operators(NamedTuple):
-    """Chances of crossover and mutation, and the bounds of every gene."""
-
-    crossing: float
-    mutating: float
-    low: float
-    high: float
+OPTIONS = EngineOptions()
 
 
-class Place(NamedTuple):
+class StepStart(NamedTuple):
     """Where a step begins: joint positions (dof,), the shortest step that makes Δx, and the null space of the Jacobian.
 
-    ``rates`` (3, dof) are velocity, acceleration and jerk before, ``dt`` [s] the time between steps.
+    ``rates`` (3, dof) are velocity, acceleration and jerk before the step, ``dt`` [s] the time between steps.
     """
 
     previous: np.ndarray
     particular: np.ndarray
-    null: np.ndarray
+    null_space: np.ndarray
     rates: np.ndarray
     dt: float
 
 
-class Worth(NamedTuple):
-    """The program of the objectives, and how many orders of rates it reads: 1 for positions alone."""
+class ObjectiveProgram(NamedTuple):
+    """The evaluator of the objectives, and how many orders of rates it reads: 1 for positions alone."""
 
-    program: Any
+    arrays: Any
     orders: int
 
 
-class Guard(NamedTuple):
-    """The obstacles, what is required of the distance of the arm's polyline from them [m], and how far a step may go.
+class StepConstraints(NamedTuple):
+    """The obstacles, the required distance of the arm's links from them [m], and how far each joint may move.
 
-    ``nodes`` is the program of the polyline, ``obstacles`` what ``scene`` returns, ``enclosing`` what ``round_scene``
-    does. ``reach`` (dof,) is the most that
-    any point of the arm moves with each joint, ``lower`` and ``upper`` (dof,) bound how far each may move, where
-    ``bounded``; ``swept`` says that all of a step is to be clear, not its end alone. Its end keeps a ``standoff`` [m]
-    beyond what is required.
+    ``clearance`` is the evaluator of the distance to the obstacles, ``bounding`` that of the distances to balls around
+    and inside them. ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``lower`` and
+    ``upper`` (dof,) bound how far each joint may move, where ``bounded``; ``swept`` says that the whole step is to be
+    clear, not its end alone. Its end keeps a ``standoff`` [m] beyond what is required.
     """
 
-    nodes: Any
-    obstacles: np.ndarray
-    enclosing: np.ndarray
+    clearance: Any
+    bounding: Any
     required: float
     reach: np.ndarray
     lower: np.ndarray
@@ -64,91 +64,92 @@ class Guard(NamedTuple):
     standoff: float
 
 
-class Selection(NamedTuple):
-    """Room for the choice among N parents and N children."""
+class SelectionWorkspace(NamedTuple):
+    """Arrays for the choice among N parents and N children."""
 
     points: np.ndarray
     front: np.ndarray
-    value: np.ndarray
+    fitness: np.ndarray
     x: np.ndarray
     y: np.ndarray
-    waiting: np.ndarray
+    stack: np.ndarray
     spare: np.ndarray
     rank: np.ndarray
     scaled: np.ndarray
     nearest: np.ndarray
-    taken: np.ndarray
-    keys: np.ndarray
+    chosen: np.ndarray
+    values: np.ndarray
     begins: np.ndarray
-    along: np.ndarray
+    objectives: np.ndarray
     distance: np.ndarray
 
 
-class Room(NamedTuple):
-    """A population and its children, and room for what is computed of them; one a thread.
+class Workspace(NamedTuple):
+    """A population and its children, and arrays for what is computed of them; one a thread.
 
-    ``genes`` has a row an individual, ``order`` says which row stands at which place, ``worth`` is that in a
+    ``genes`` has a row an individual, ``order`` says which row stands at which place, ``fitness`` is that in a
     tournament, by place. ``F`` has the objectives of the parents by place, then those of the children, whose genes are
-    the columns of ``children``.
+    the columns of ``children`` and whose joint positions and rates are the columns of ``inputs``.
     """
 
     genes: np.ndarray
     F: np.ndarray
     order: np.ndarray
-    worth: np.ndarray
+    fitness: np.ndarray
     children: np.ndarray
     state: np.ndarray
-    given: np.ndarray
-    table: np.ndarray
-    nodes: np.ndarray
-    gaps: np.ndarray
-    work: np.ndarray
-    asked: np.ndarray
-    places: np.ndarray
-    spans: np.ndarray
-    parts: np.ndarray
-    selection: Selection
-    values: np.ndarray
+    inputs: np.ndarray
+    outputs: np.ndarray
+    linear_systems: np.ndarray
+    pending: np.ndarray
+    candidates: np.ndarray
+    travel: np.ndarray
+    inside: np.ndarray
+    configurations: np.ndarray
+    distances: np.ndarray
+    intervals: np.ndarray
+    selection: SelectionWorkspace
 
 
-def room(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Room:
-    """Return room for a population, and programs of so many inputs."""
+def allocate(
+    dof: int, redundancy: int, population: int, objectives: int, inputs: int, options: EngineOptions = OPTIONS
+) -> Workspace:
+    """Return the workspace of a population, and of evaluators with so many inputs."""
     N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
-    looked = max(N, LOOKED)
-    index = np.int64
-    selection = Selection(
+    evaluated, index = max(N, options.interval_batch), np.int64
+    selection = SelectionWorkspace(
         points=np.zeros(both, index),
         front=np.zeros(both, index),
-        value=np.zeros(both),
+        fitness=np.zeros(both),
         x=np.zeros(both),
         y=np.zeros(both),
-        waiting=np.zeros((both, 2), index),
+        stack=np.zeros((both, 2), index),
         spare=np.zeros(both, index),
         rank=np.zeros(both, index),
         scaled=np.zeros((M, both)),
         nearest=np.zeros(both),
-        taken=np.zeros(both, index),
-        keys=np.zeros((4, both)),
+        chosen=np.zeros(both, index),
+        values=np.zeros((4, both)),
         begins=np.zeros(both + 2, index),
-        along=np.zeros((M, both)),
+        objectives=np.zeros((M, both)),
         distance=np.zeros(both),
     )
-    return Room(
+    return Workspace(
         genes=np.zeros((N, size)),
         F=np.zeros((M, both)),
         order=np.zeros(N, index),
-        worth=np.zeros(N),
+        fitness=np.zeros(N),
         children=np.zeros((size, N)),
         state=np.zeros(1, np.uint64),
-        given=np.zeros((inputs, N)),
-        table=np.zeros((dof, looked)),
-        nodes=np.zeros((3 * (dof + 2), looked)),
-        gaps=np.zeros(looked),
-        work=np.zeros((r * r + r, N)),
-        asked=np.zeros(N, index),
-        places=np.zeros(N, index),
-        spans=np.zeros(N),
-        parts=np.zeros((5, N + LOOKED * 16)),
+        inputs=np.zeros((inputs, N)),
+        outputs=np.zeros((M, N)),
+        linear_systems=np.zeros((r * r + r, N)),
+        pending=np.zeros(N, index),
+        candidates=np.zeros(N, index),
+        travel=np.zeros(N),
+        inside=np.zeros(N, index),
+        configurations=np.zeros((dof, evaluated)),
+        distances=np.zeros((2, evaluated)),
+        intervals=np.zeros((5, N + options.interval_batch * options.interval_depth)),
         selection=selection,
-        values=np.zeros((M, N)),
     )

@@ -1,8 +1,9 @@
-"""What a closed loop did: every step's choice, the motion, and what both are worth."""
+"""The result of a closed loop: the motion, every step's choice, and what it is as a front."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives
-from paretoik.closed_loop.searching import Population
+from paretoik.closed_loop.loop import StepRecord
 from paretoik.front.front import Choice, Front
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -24,42 +25,28 @@ if TYPE_CHECKING:
 @objective(unit="m", form="general")
 def mean_position_error(motion: AnyMotion) -> AnyValues:
     """Mean over the steps of the distance of the tool from its target. Source: Marcos et al. 2012, Eq. 23."""
-    return motion.position_error[..., 1:].mean(axis=-1)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Taken:
-    """A step that was taken: to which sample, the front that was found, which of its points was chosen."""
-
-    sample: int
-    front: Population
-    index: int
-
-    @property
-    def q(self) -> Float[np.ndarray, " dof"]:
-        """The joint positions after it."""
-        return self.front.q[self.index]
+    return motion.position_error[..., 1:].mean(axis=-1)  # Eq. 23
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """What a closed loop did: ``q`` (time, dof), and what of each step is kept.
+    """What a closed loop did: ``q`` (time, dof), and of each step its choice.
 
-    ``F`` (steps, n_obj) are the objectives of the choices, minimised, ``ranges`` (steps, n_obj, 2) the least and most
-    on each step's front, ``fronts`` the steps that were asked for by sample, ``digests`` those of the state on the way.
-    Where it was ended early, ``q`` goes as far as it came.
+    ``F`` (steps, n_obj) are the objectives of the choices, minimised, ``ranges`` (steps, n_obj, 2) the smallest and
+    largest on each step's front, ``fronts`` the records of the steps that were asked for, by sample, ``digests`` those
+    of the state on the way. Where the loop was stopped early, ``q`` ends there.
     """
 
     loop: ClosedLoop
     q: Float[np.ndarray, "time dof"]
     F: Objectives
     ranges: Float[np.ndarray, "steps n_obj 2"]
-    fronts: Mapping[int, Taken]
+    fronts: Mapping[int, StepRecord]
     digests: tuple[str, ...]
 
     @cached_property
     def task(self) -> MotionTask:
-        """The task, as far as the loop came."""
+        """The task up to the last step that was taken."""
         return self.loop.task.truncate(len(self.q))
 
     @cached_property
@@ -98,9 +85,39 @@ class ClosedLoopRun:
         )
 
 
-def told(front: Front) -> Choice:
-    """Return the one motion of a closed loop's front, and what it was chosen by."""
-    weighed = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
+def collect_run(
+    loop: ClosedLoop,
+    *,
+    fronts: Sequence[int],
+    observe: Callable[[StepRecord], object] | None,
+    should_stop: Callable[[], bool],
+    digest_interval: int = 100,
+) -> ClosedLoopRun:
+    """Follow a loop's path and return what it did, as ``ClosedLoop.run`` says; a digest every so many steps."""
+    q, F, ranges, records, digests = [loop.start], [], [], dict[int, StepRecord](), list[str]()
+    state = hashlib.sha256()
+    for record in loop.steps():
+        front = record.front.F
+        q.append(record.q)
+        F.append(front[record.index])
+        ranges.append(np.stack([front.min(axis=0), front.max(axis=0)], axis=1))
+        state.update(front.tobytes() + record.q.tobytes())
+        if record.sample % digest_interval == 0:
+            digests.append(state.hexdigest())
+        if record.sample in fronts:
+            records[record.sample] = record
+        if observe is not None:
+            observe(record)
+        if record.sample > 1 and should_stop():
+            break
+    return ClosedLoopRun(
+        loop=loop, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records, digests=tuple(digests)
+    )
+
+
+def explain_choice(front: Front) -> Choice:
+    """Return the one motion of a closed loop's front, and in words how its steps were chosen."""
+    weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
     means = ", ".join(
         f"{name} {value:.4g} {unit}".rstrip()
         for name, value, unit in zip(front.names, front.objectives[0], front.units, strict=True)
@@ -111,24 +128,8 @@ def told(front: Front) -> Choice:
         objectives=front.objectives[0],
         motion=None if front.motions is None else front.motions[0],
         reason=(
-            f"At every step the point with the least weighted sum ({weighed}) was taken. Means over the steps: "
+            f"At every step the point with the least weighted sum ({weights}) was taken. Means over the steps: "
             f"{means}; position error {front.provenance['position_error']:.4g} m, "
             f"drift {front.provenance['drift']:.4g} rad."
         ),
     )
-
-
-def undominated(population: Population) -> Population:
-    """Return the non-dominated ones, by the first objective."""
-    from moocore import is_nondominated
-
-    kept = np.flatnonzero(is_nondominated(population.F, keep_weakly=False))
-    kept = kept[np.lexsort(population.F[kept].T[::-1])]
-    return Population(genes=population.genes[kept], F=population.F[kept], q=population.q[kept])
-
-
-def chosen(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
-    """Return the point with the least weighted sum of objectives, scaled to the range of the front (Eqs. 19, 20)."""
-    least, width = F.min(axis=0), np.ptp(F, axis=0)
-    z = np.where(width > 0, (F - least) / np.where(width > 0, width, 1.0), 0.0)
-    return int(np.argmin(z @ weights))

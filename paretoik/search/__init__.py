@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from paretoik.search.archive import Archive, Failures, Members
-from paretoik.search.ask_tell import Asked, Search
+from paretoik.search.ask_tell import Candidates, Search
 from paretoik.search.constraints import violations
 from paretoik.search.endings import (
     Ending,
     Evaluations,
     Generations,
-    HypervolumeTarget,
-    Interrupt,
     Stagnation,
     Target,
     TimeLimit,
@@ -24,14 +22,12 @@ from paretoik.search.seeding import seeded_population
 
 __all__ = [
     "Archive",
-    "Asked",
     "BranchwiseMating",
+    "Candidates",
     "Ending",
     "Evaluations",
     "Failures",
     "Generations",
-    "HypervolumeTarget",
-    "Interrupt",
     "MaxiMin",
     "MaxiMinNSGA2",
     "Members",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from paretoik.search.archive import Archive, Failures
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, column_tolerance, violations
 from paretoik.search.maximin import column, survivors
 from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.objectives import describe_objectives
 from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, checked_genes
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Candidates:
     """What to evaluate: ``ids`` (n,), genes ``X`` (n, genes), and the index of their ``generation``, from 0."""
 
     ids: Ids
@@ -33,7 +34,7 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class _Answers:
+class _Evaluations:
     """What was told of one generation so far; rows as asked."""
 
     told: Mask
@@ -89,7 +90,7 @@ class Search:
         self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives to be anchored
         self._anchors, self._stage = anchors, 0
         self._found: Genes = np.empty((0, problem.n_var))  # the best of each stage
-        self.names, self.units, self.maximised = described_objectives(problem)
+        self.names, self.units, self.maximised = describe_objectives(problem)
         self._algorithm = self._started(initial)
         survival = self._algorithm.survival
         self._tolerance = getattr(survival, "tolerance", TOLERANCE)
@@ -99,9 +100,9 @@ class Search:
         self._evaluations = 0
         self._population: Objectives = np.empty((0, problem.n_obj))
         self._suggested: Genes = np.empty((0, problem.n_var))
-        self._asked: Asked | None = None
+        self._asked: Candidates | None = None
         self._infills: Any = None
-        self._answers: _Answers | None = None
+        self._answers: _Evaluations | None = None
 
     @property
     def generation(self) -> int:
@@ -149,7 +150,7 @@ class Search:
             violation=None if members is None else members.G.max(axis=1, initial=0.0),
         )
 
-    def ask(self) -> Asked:
+    def ask(self) -> Candidates:
         """Return what to evaluate; the same object until all of it has been told."""
         if self._asked is None:
             self._infills = self._algorithm.ask()
@@ -164,8 +165,8 @@ class Search:
                 individual.X = genes
             ids = np.arange(self._evaluations, self._evaluations + n)
             ids.flags.writeable = False
-            self._asked = Asked(ids, X, self._generation)
-            self._answers = _unanswered(self.problem, n)
+            self._asked = Candidates(ids, X, self._generation)
+            self._answers = _no_evaluations(self.problem, n)
         return self._asked
 
     def suggest(self, X: ArrayLike) -> None:
@@ -218,7 +219,7 @@ class Search:
             raise InvalidInput(f"ids: each told once wanted, got {first + row} again")
         return rows
 
-    def _advance(self, answers: _Answers) -> None:
+    def _advance(self, answers: _Evaluations) -> None:
         assert self._asked is not None
         slack = column_tolerance("equality_tolerance", self._equality_tolerance, answers.H.shape[1])
         columns = np.column_stack((answers.G, np.abs(answers.H) - slack))
@@ -284,22 +285,9 @@ class Search:
         return np.concatenate((inequalities, np.zeros(self.problem.n_eq_constr)))
 
 
-def described_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[bool, ...]]:
-    """Names, units and senses of a problem's objectives; f1, f2, ... minimised, for a plain pymoo problem."""
-    n_obj = problem.n_obj
-    names = tuple(getattr(problem, "names", None) or (f"f{axis + 1}" for axis in range(n_obj)))
-    units = tuple(getattr(problem, "units", None) or ("",) * n_obj)
-    maximised = tuple(getattr(problem, "maximised", None) or (False,) * n_obj)
-    described: dict[str, Sequence[object]] = {"names": names, "units": units, "maximised": maximised}
-    for what, given in described.items():
-        if len(given) != n_obj:
-            raise InvalidInput(f"problem.{what}: {n_obj} wanted, one an objective, got {len(given)}")
-    return names, units, maximised
-
-
-def _unanswered(problem: Any, rows: int) -> _Answers:
+def _no_evaluations(problem: Any, rows: int) -> _Evaluations:
     F, G, H = (np.full((rows, size), np.nan) for size in (problem.n_obj, problem.n_ieq_constr, problem.n_eq_constr))
-    return _Answers(told=np.zeros(rows, dtype=bool), F=F, G=G, H=H, causes={})
+    return _Evaluations(told=np.zeros(rows, dtype=bool), F=F, G=G, H=H, causes={})
 
 
 def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:

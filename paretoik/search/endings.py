@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from threading import Event
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput, check_size
-from paretoik.front.indicators import hypervolume
-from paretoik.search.progress import Progress, normalised_hypervolume, spans
+from paretoik.search.progress import Progress, ideal_and_range, normalised_hypervolume
 
 
 @runtime_checkable
@@ -108,14 +106,14 @@ class Stagnation:
             or not len(progress.past[-self.over])
         ):
             return None
-        then = progress.past[-self.over]
-        ideal, width = spans(progress.front)
-        ideal_moved = np.abs(ideal - then.min(axis=0))
-        nadir_moved = np.abs(progress.front.max(axis=0) - then.max(axis=0))
-        if (np.maximum(ideal_moved, nadir_moved) > self.gain * width).any():
+        earlier = progress.past[-self.over]
+        ideal, width = ideal_and_range(progress.front)
+        ideal_change = np.abs(ideal - earlier.min(axis=0))
+        nadir_change = np.abs(progress.front.max(axis=0) - earlier.max(axis=0))
+        if (np.maximum(ideal_change, nadir_change) > self.gain * width).any():
             return None
-        gained = progress.hypervolume - normalised_hypervolume(then, ideal, width)
-        return "stagnation" if gained < self.gain * progress.hypervolume else None
+        gain = progress.hypervolume - normalised_hypervolume(earlier, ideal, width)
+        return "stagnation" if gain < self.gain * progress.hypervolume else None
 
 
 @dataclass(frozen=True)
@@ -131,46 +129,11 @@ class Target:
 
     def reached(self, progress: Progress) -> str | None:
         """Return "target" once it is met."""
-        wanted = _one_each("target", self.values, progress)
-        return "target" if np.less_equal(progress.front, wanted).all(axis=1).any() else None
+        values = _one_per_objective("target", self.values, progress)
+        return "target" if np.less_equal(progress.front, values).all(axis=1).any() else None
 
 
-@dataclass(frozen=True)
-class HypervolumeTarget:
-    """Ends once the front's hypervolume below ``reference`` (minimised objectives) is at least ``value``."""
-
-    reference: Sequence[float]
-    value: float
-    memory: int = field(default=0, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.value) and all(math.isfinite(number) for number in self.reference)):
-            raise InvalidInput(f"hypervolume target: finite numbers wanted, got {self.value}, {tuple(self.reference)}")
-
-    def reached(self, progress: Progress) -> str | None:
-        """Return "target" once it is met."""
-        reference = _one_each("hypervolume target", self.reference, progress)
-        return "target" if len(progress.front) and hypervolume(progress.front, reference) >= self.value else None
-
-
-@dataclass(frozen=True, eq=False)
-class Interrupt:
-    """Ends the search after the generation during which ``request`` was called, by a signal handler for instance."""
-
-    reason: str = "interrupted"
-    memory: int = field(default=0, init=False, repr=False)
-    _requested: Event = field(default_factory=Event, init=False, repr=False)
-
-    def request(self) -> None:
-        """Ask the search to end."""
-        self._requested.set()
-
-    def reached(self, progress: Progress) -> str | None:
-        """Return the reason once the end was requested."""
-        return self.reason if self._requested.is_set() else None
-
-
-def _one_each(name: str, values: Sequence[float], progress: Progress) -> Values:
+def _one_per_objective(name: str, values: Sequence[float], progress: Progress) -> Values:
     n_obj = progress.population.shape[1]
     if len(values) != n_obj:
         raise InvalidInput(f"{name}: {n_obj} numbers wanted, one an objective, got {len(values)}")

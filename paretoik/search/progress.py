@@ -38,10 +38,10 @@ class Progress:
     @cached_property
     def hypervolume(self) -> float:
         """The front's, normalised by its own ideal and nadir; 0 for an empty front."""
-        return normalised_hypervolume(self.front, *spans(self.front)) if len(self.front) else 0.0
+        return normalised_hypervolume(self.front, *ideal_and_range(self.front)) if len(self.front) else 0.0
 
 
-def spans(front: Objectives) -> tuple[Values, Values]:
+def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
     """Ideal and width (n_obj,) of a front; an axis without range has its magnitude for a width, or 1."""
     ideal, width = front.min(axis=0), np.ptp(front, axis=0)
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))

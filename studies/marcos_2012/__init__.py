@@ -14,7 +14,7 @@ step every time; Figures 2 to 9 as pictures. What was read into the paper:
 ============== ========================================================================================================
 loops          every closed loop, searched and exact, on all cores
 tables         Tables 1 to 4 and what they say
-collisions     whether the arm meets an obstacle between steps, by geometry of its own
+collisions     whether the arm meets an obstacle between steps, on a grid
 pictures       Figures 2 to 9
 ============== ========================================================================================================
 """

@@ -1,4 +1,4 @@
-"""Whether the arm meets an obstacle, at the steps and between them: by the oracle's geometry, not the search's."""
+"""Whether the arm meets an obstacle, at the steps and between them: on a grid, not by the bounds of the search."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from paretoik.closed_loop.extended_jacobian import link_lengths, shapes
 from paretoik.formulations.closed_loop_result import ClosedLoopRun
+from paretoik.robot.kinematics import link_nodes
+from paretoik.task.distances import clearance
 from problems import marcos_2012
 from studies.reporting import Row
 
@@ -15,15 +16,12 @@ BETWEEN = 20  # times finer than the steps
 
 
 def meets(run: ClosedLoopRun, *, finer: int = BETWEEN) -> tuple[int, float]:
-    """Return at how many places of a finer grid the arm meets an obstacle, and the longest step of a joint [rad]."""
-    from paretoik.closed_loop.exact_step import hits  # here: numba takes its time
-
-    lengths, (circles, boxes) = link_lengths(run.task.arm), shapes(run.task.obstacles)
-    q = run.q
+    """Return at how many points of a finer grid the arm meets an obstacle, and the longest step of a joint [rad]."""
+    q, task = run.q, run.task
     share = np.linspace(0, 1, finer, endpoint=False)[:, None, None]
-    every = (q[:-1] + share * (q[1:] - q[:-1])).reshape(-1, q.shape[1])
-    count = sum(bool(hits(lengths, np.ascontiguousarray(one), circles, boxes)) for one in every)
-    return count, float(np.abs(np.diff(q, axis=0)).max())
+    between = (q[:-1] + share * (q[1:] - q[:-1])).reshape(-1, q.shape[1])
+    distance = clearance(task.obstacles, link_nodes(task.arm, between), task.link_radius)
+    return int(np.count_nonzero(distance <= 0)), float(np.abs(np.diff(q, axis=0)).max())
 
 
 def collision_rows(
@@ -42,7 +40,7 @@ def collision_rows(
 def _row(reading: str, name: str, run: ClosedLoopRun) -> Row:
     met, longest = meets(run)
     return Row(
-        table=f"places between steps where the arm meets an obstacle, {BETWEEN} a step",
+        table=f"points between steps where the arm meets an obstacle, {BETWEEN} a step",
         row=reading,
         column=name,
         unit="",

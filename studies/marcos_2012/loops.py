@@ -13,7 +13,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from paretoik.closed_loop.extended_jacobian import exact_steps
+from paretoik.closed_loop.exact_loop import exact_steps
 from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from paretoik.task.motion import Motion
 from problems import marcos_2012
@@ -110,6 +110,5 @@ def follow(
     begun = time.thread_time()
     run = loop.run(fronts=(1, 2))
     seconds = time.thread_time() - begun
-    obstacles = loop.task.obstacles
-    q = exact_steps(loop.task.arm, loop.task.targets, start, weight=cell.weight, obstacles=obstacles)
+    q = exact_steps(loop.task, start, weight=cell.weight)
     return Followed(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))

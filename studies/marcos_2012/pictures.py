@@ -65,11 +65,11 @@ def _joints(figure: Figure, pair: Sequence[Followed]) -> None:
 
 
 def _fronts(figure: Figure, one: Followed) -> None:
-    for axes, taken in zip(figure.subplots(1, 2), (one.run.fronts[1], one.run.fronts[2]), strict=True):
-        F = taken.front.F
+    for axes, record in zip(figure.subplots(1, 2), (one.run.fronts[1], one.run.fronts[2]), strict=True):
+        F = record.front.F
         axes.plot(*F.T, linestyle="none", marker=".", markersize=3, color=PAPER.ink)
         for axis, name in enumerate("ab"):
             best = F[int(np.argmin(F[:, axis]))]
             axes.plot(*best, marker="o", color=PAPER.accents[axis])
             axes.annotate(name, best, textcoords="offset points", xytext=(5, 5), color=PAPER.accents[axis])
-        axes.set(title=f"t = {one.run.task.times[taken.sample]:.3f} s", xlabel="f₁ [rad²/s²]", ylabel="f₂ [m]")
+        axes.set(title=f"t = {one.run.task.times[record.sample]:.3f} s", xlabel="f₁ [rad²/s²]", ylabel="f₂ [m]")

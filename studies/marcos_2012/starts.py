@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
-from paretoik.closed_loop.extended_jacobian import exact_steps
+from paretoik.closed_loop.exact_loop import exact_steps
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, RADIUS
 from studies.marcos_2012.loops import WEIGHTS, Cell
@@ -40,7 +40,7 @@ class Exact:
 def exact(distance: float, start: Float[np.ndarray, " dof"], weight: float) -> Exact | None:
     """Return what the exact loop of three links from a start gives, None where it meets a singularity."""
     loop = marcos_2012.loop(3, distance, weight=weight, start=start, as_printed=True)
-    moved = exact_steps(loop.task.arm, loop.task.targets, start, weight=weight)
+    moved = exact_steps(loop.task, start, weight=weight)
     if not np.abs(np.diff(moved, axis=0)).max() < LEAP:
         return None
     error, drift = (float(measure(loop.task.motion(moved))) for measure in MEASURES.values())

@@ -9,27 +9,27 @@ from moocore import pareto_rank
 import paretoik as pk
 from paretoik.closed_loop import engine
 from paretoik.closed_loop.objectives import joint_displacement, position_error
-from paretoik.closed_loop.step import ControlStep
-from paretoik.closed_loop.workspace import room
+from paretoik.closed_loop.workspace import allocate
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from paretoik.search.maximin import survivors
 from problems import marcos_2012
+from studies.benchmarks.closed_loop.step_problem import StepProblem
 from tests.closed_loop.postures import posture
 
 
 def selected(F, parents):
     """Return which points (of two populations in turn) survive one selection after another."""
     N = len(parents)
-    made = room(3, 1, N, F.shape[1], 1)
+    made = allocate(3, 1, N, F.shape[1], 1)
     number = 0
 
-    def inside(points, level, new=N):
+    def inside(points, single_rank, new=N):
         nonlocal number
         made.children[0] = np.arange(number, number + N)
         number += N
         made.F[:, N:] = F[points].T
-        return engine.survive(made, new, level)
+        return engine.survive(made, new, single_rank)
 
     made.F[:, :N] = np.inf
     made.order[:] = np.arange(N)
@@ -54,13 +54,13 @@ def test_the_compiled_selection_is_that_of_maximin(kind, N):
     rng = np.random.default_rng(N)
     F = fronts(kind, 6 * N, rng)
     made, inside = selected(F, np.arange(N))
-    level = inside(np.arange(N), False)
+    single_rank = inside(np.arange(N), False)
     kept = np.arange(N)
     for turn in range(1, 6):
         children = np.arange(turn * N, (turn + 1) * N)
         both = np.concatenate([kept, children])
         wanted = both[survivors(F[both], np.zeros(2 * N), N).index]
-        level = inside(children, level)
+        single_rank = inside(children, single_rank)
         kept = made.genes[made.order, 0].astype(int)
         np.testing.assert_array_equal(made.F[:, :N].T, F[kept])
         if kind == "ties":  # of equals either may stay: as many of every rank are kept
@@ -75,12 +75,12 @@ def test_three_objectives_are_selected_as_maximin_does():
     rng, N = np.random.default_rng(0), 30
     F = rng.normal(size=(3 * N, 3))
     made, inside = selected(F, np.arange(N))
-    level = inside(np.arange(N), False)
+    single_rank = inside(np.arange(N), False)
     kept = np.arange(N)
     for turn in (1, 2):
         both = np.concatenate([kept, np.arange(turn * N, (turn + 1) * N)])
         wanted = both[survivors(F[both], np.zeros(2 * N), N).index]
-        level = inside(both[N:], level)
+        single_rank = inside(both[N:], single_rank)
         kept = made.genes[made.order, 0].astype(int)
         assert sorted(kept) == sorted(wanted.tolist())
 
@@ -89,8 +89,8 @@ def test_failed_points_survive_only_where_no_others_are_left():
     N = 6
     F = np.concatenate([np.full((N, 2), np.inf), [[0, 1], [1, 0], [0.5, 0.5], [2, 2], [np.inf, np.inf], [3, 3]]])
     made, inside = selected(F, np.arange(N))
-    level = inside(np.arange(N), False)
-    assert not inside(np.arange(N, 2 * N), level)
+    single_rank = inside(np.arange(N), False)
+    assert not inside(np.arange(N, 2 * N), single_rank)
     assert np.isfinite(made.F[0, :N]).sum() == 5
 
 
@@ -100,29 +100,29 @@ def loop(request):
     return marcos_2012.loop(links, 0.7, start=posture(links), steps=4, population=40, generations=15)
 
 
-def test_a_search_finds_what_the_problem_says_its_genes_are_worth(loop):
-    found = loop.search()(loop.instant(1))
-    step = ControlStep(loop.instant(1), loop.objectives)
+def test_objectives_of_a_search_are_those_of_its_genes(loop):
+    found = loop.step_search()(loop.control_step(1))
+    step = StepProblem(loop.control_step(1), loop.objectives)
     np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)
-    np.testing.assert_allclose(step.scores(found.q), found.F, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(step.score(found.q), found.F, rtol=1e-7, atol=1e-12)
     assert np.abs(found.genes).max() <= 1.0
 
 
 def test_the_same_seed_and_step_give_the_same_bits(loop):
-    search, other = loop.search(), loop.search()
-    first = search(loop.instant(1))
-    search(loop.instant(2))
-    for again in (search(loop.instant(1)), other(loop.instant(1))):
+    search, other = loop.step_search(), loop.step_search()
+    first = search(loop.control_step(1))
+    search(loop.control_step(2))
+    for again in (search(loop.control_step(1)), other(loop.control_step(1))):
         np.testing.assert_array_equal(again.genes, first.genes)
         np.testing.assert_array_equal(again.F, first.F)
-    assert not np.array_equal(search(loop.instant(2)).genes, first.genes)
+    assert not np.array_equal(search(loop.control_step(2)).genes, first.genes)
 
 
 def test_longer_searches_find_better_fronts(loop):
-    search, found = loop.search(), []
+    search, found = loop.step_search(), []
     for generations in (2, 60):
         search.generations = generations
-        found.append(search(loop.instant(1)).F)
+        found.append(search(loop.control_step(1)).F)
     corner = found[0].max(axis=0)
     assert hypervolume(found[1], corner) > hypervolume(found[0], corner)
     assert np.all(found[1].min(axis=0) <= found[0].min(axis=0))
@@ -135,21 +135,21 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
     objectives = [joint_displacement, position_error, pk.joint_limit_distance]
     found = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
-    population = found.search()(found.instant(1))
-    step = ControlStep(found.instant(1), found.objectives)
+    population = found.step_search()(found.control_step(1))
+    step = StepProblem(found.control_step(1), found.objectives)
     np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-8)
-    np.testing.assert_allclose(step.scores(population.q), population.F, rtol=1e-6, atol=1e-10)
+    np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-6, atol=1e-10)
 
 
 def test_steps_that_are_too_long_are_shortened_alike_by_engine_and_problem():
     loop = marcos_2012.loop(4, 0.7, start=posture(4), steps=4, population=40, generations=10)
-    step = ControlStep(loop.instant(1), loop.objectives)
+    step = StepProblem(loop.control_step(1), loop.objectives)
     drawn = np.random.default_rng(0).uniform(-1, 1, size=(200, step.n_var))
-    assert not step.free(drawn).all()
-    short = step.shortened(drawn)
-    assert step.free(short).all()
-    near = step.free(drawn)
+    assert not step.is_admissible(drawn).all()
+    short = step.shorten(drawn)
+    assert step.is_admissible(short).all()
+    near = step.is_admissible(drawn)
     np.testing.assert_array_equal(short[near], drawn[near])
-    found = loop.search()(loop.instant(1))
+    found = loop.step_search()(loop.control_step(1))
     assert np.abs(found.q - loop.start).max() <= 0.1 * (1 + 1e-9)
     np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)

@@ -10,8 +10,6 @@ from paretoik.search import (
     Evaluations,
     Failures,
     Generations,
-    HypervolumeTarget,
-    Interrupt,
     Progress,
     Stagnation,
     Target,
@@ -57,7 +55,6 @@ def test_limits_end_when_they_are_reached_and_not_before(ending, early, reason):
         (Stagnation, (0.0,), "stagnation gain: more than 0 wanted, got 0.0"),
         (Stagnation, (1e-4, 0), "stagnation over: .* got 0"),
         (Target, ((1.0, float("nan")),), "target: .*nan"),
-        (HypervolumeTarget, ((1.0, np.inf), 0.5), "hypervolume target: finite numbers wanted"),
     ],
 )
 def test_limits_that_cannot_be_used_are_refused_by_name_and_value(ending, arguments, message):
@@ -106,20 +103,6 @@ def test_a_target_is_met_by_one_point_as_good_in_every_objective():
     assert Target((np.inf, 0.0)).reached(progress()) == "target"
     with pytest.raises(InvalidInput, match="target: 2 numbers wanted, one an objective, got 1"):
         Target((0.5,)).reached(progress())
-
-
-def test_a_hypervolume_target_is_met_by_the_volume():
-    volume = progress().hypervolume
-    assert HypervolumeTarget((1.1, 1.1), volume).reached(progress()) == "target"
-    assert HypervolumeTarget((1.1, 1.1), volume * 1.001).reached(progress()) is None
-    assert HypervolumeTarget((1.0, 1.0), 0.1).reached(progress(np.empty((0, 2)))) is None
-
-
-def test_an_interrupt_ends_once_requested():
-    ending = Interrupt("terminated")
-    assert ending.reached(progress()) is None
-    ending.request()
-    assert ending.reached(progress()) == "terminated"
 
 
 def test_hypervolume_is_normalised_by_the_front_itself():

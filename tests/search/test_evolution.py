@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.search import Evaluations, Generations, Interrupt, Search, Stagnation, evolve
+from paretoik.search import Evaluations, Generations, Search, Stagnation, evolve
 from paretoik.search.evolution import evaluated
 from tests.search.problems import Parabolas
 
@@ -171,18 +171,6 @@ def test_ctrl_c_during_an_evaluation_keeps_the_result():
     assert asked.generation == 3
     running.tell(asked.ids, Parabolas().evaluate(asked.X))
     assert running.generation == 4
-
-
-def test_a_requested_interrupt_ends_after_the_generation():
-    flag = Interrupt()
-    running = search()
-
-    def observe(progress):
-        if progress.generation == 3:
-            flag.request()
-
-    assert evolve(running, [Generations(50), flag], observe=observe) == "interrupted"
-    assert running.generation == 3
 
 
 def test_what_improve_returns_is_evaluated_in_the_next_generation():

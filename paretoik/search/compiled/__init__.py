@@ -1,1 +1,1 @@
-"""What of a search runs compiled, for loops that run it a thousand times a second: numba code on plain arrays."""
+"""Compiled parts of evolutionary search, for a thousand searches a second: numba code on plain arrays."""

@@ -8,47 +8,82 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
-from paretoik.search.compiled.survival import TINY
+from paretoik.search.compiled.two_objectives import RANGE_TOLERANCE
+
+AXIS_WEIGHT = 1e6  # of the other objectives in the achievement function along an axis
 
 
 @compiled
-def ranks(F, rank, room):
+def rank_points(F, rank, spare):
     """Write the non-domination rank of every point, failed ones beyond all, for any number of objectives."""
-    objectives, total = F.shape
+    total = F.shape[1]
     for k in range(total):
         rank[k] = total
-    current, left = 0, True
-    while left:
-        left, found = False, 0
+    current, found = 0, 1
+    while found > 0:
+        found = 0
         for i in range(total):
-            if rank[i] < total or not F[0, i] < np.inf:
-                continue
-            beaten = False
-            for j in range(total):
-                if rank[j] < total or not F[0, j] < np.inf:
-                    continue
-                no_worse, better = True, False
-                for m in range(objectives):
-                    no_worse = no_worse and F[m, j] <= F[m, i]
-                    better = better or F[m, j] < F[m, i]
-                if no_worse and better:
-                    beaten = True
-                    break
-            if not beaten:
-                room[found] = i
+            if rank[i] == total and F[0, i] < np.inf and not _is_dominated(F, rank, i):
+                spare[found] = i
                 found += 1
         for k in range(found):
-            rank[room[k]] = current
-            left = True
+            rank[spare[k]] = current
         current += 1
 
 
 @compiled
-def filled(F, rank, wanted, chosen, value, Z, nearest, members, begins, table):
-    """Choose ``wanted`` points rank by rank, those of each always farthest from all chosen first; return how many.
+def _is_dominated(F, rank, i):
+    """Return whether a point without rank dominates point i."""
+    objectives, total = F.shape
+    for j in range(total):
+        if rank[j] < total or not F[0, j] < np.inf:
+            continue
+        no_worse, better = True, False
+        for m in range(objectives):
+            no_worse = no_worse and F[m, j] <= F[m, i]
+            better = better or F[m, j] < F[m, i]
+        if no_worse and better:
+            return True
+    return False
+
+
+@compiled
+def select_by_distance(F, rank, wanted, chosen, distance, Z, nearest, members, begins, chosen_Z):
+    """Choose ``wanted`` points rank by rank, of each always the one farthest from all chosen; return how many.
 
     Write their numbers and squared insertion distances; failed points are not chosen.
     """
+    objectives, total = F.shape
+    _normalise(F, rank, Z)
+    _group_by_rank(rank, members, begins)
+    count, first, current = 0, 0, 0
+    while count < wanted and current < total and begins[current] > first:
+        size = begins[current] - first
+        group = members[first : first + size]
+        for i in range(size):
+            nearest[i] = _distance_to_chosen(chosen_Z, count, Z, group[i])
+        places = min(size, wanted - count)
+        started = _choose_extremes(Z, group, places, chosen, distance, nearest) if current == 0 else 0
+        for k in range(count + started, count + places):
+            best = 0
+            for i in range(1, size):
+                if nearest[i] > nearest[best]:
+                    best = i
+            chosen[k], distance[k] = group[best], nearest[best]
+            _update_nearest(Z, group, group[best], nearest)
+            nearest[best] = -1.0  # below every distance: never again
+        for k in range(count, count + places):
+            for m in range(objectives):
+                chosen_Z[m, k] = Z[m, chosen[k]]
+        count += places
+        first += size
+        current += 1
+    return count
+
+
+@compiled
+def _normalise(F, rank, Z):
+    """Write objectives scaled by the ideal and nadir of the first rank."""
     objectives, total = F.shape
     for m in range(objectives):
         ideal, nadir = np.inf, -np.inf
@@ -56,7 +91,14 @@ def filled(F, rank, wanted, chosen, value, Z, nearest, members, begins, table):
             if rank[k] == 0:
                 ideal, nadir = min(ideal, F[m, k]), max(nadir, F[m, k])
         for k in range(total):
-            Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if nadir - ideal > TINY and rank[k] < total else 0.0
+            scaled = nadir - ideal > RANGE_TOLERANCE and rank[k] < total
+            Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if scaled else 0.0
+
+
+@compiled
+def _group_by_rank(rank, members, begins):
+    """Write the points in order of their rank; ``begins[r]`` is then the end of rank r."""
+    total = rank.shape[0]
     for k in range(total + 2):
         begins[k] = 0
     for k in range(total):
@@ -66,68 +108,46 @@ def filled(F, rank, wanted, chosen, value, Z, nearest, members, begins, table):
     for k in range(total):
         members[begins[rank[k]]] = k
         begins[rank[k]] += 1
-    taken, first, current = 0, 0, 0
-    while taken < wanted and current < total and begins[current] > first:
-        count = begins[current] - first
-        own = members[first : first + count]
-        for i in range(count):
-            nearest[i] = _to_chosen(table, taken, Z, own[i])
-        wanted_here = min(count, wanted - taken)
-        begun = _started(Z, own, wanted_here, chosen, value, nearest) if current == 0 else 0
-        for at in range(taken + begun, taken + wanted_here):
-            best = 0
-            for i in range(1, count):
-                if nearest[i] > nearest[best]:
-                    best = i
-            chosen[at], value[at] = own[best], nearest[best]
-            _seen(Z, own, own[best], nearest)
-            nearest[best] = -1.0  # below every distance: never again
-        for at in range(taken, taken + wanted_here):
-            for m in range(objectives):
-                table[m, at] = Z[m, chosen[at]]
-        taken += wanted_here
-        first += count
-        current += 1
-    return taken
 
 
 @compiled
-def _to_chosen(table, taken, Z, point):
-    """Return the squared distance of a point to the nearest of those chosen."""
-    least = np.inf
-    for k in range(taken):
-        apart = 0.0
-        for m in range(table.shape[0]):
-            apart += (table[m, k] - Z[m, point]) ** 2
-        least = min(least, apart)
-    return least
+def _distance_to_chosen(chosen_Z, count, Z, point):
+    """Return the squared distance of a point to the nearest chosen one."""
+    smallest = np.inf
+    for k in range(count):
+        squared = 0.0
+        for m in range(chosen_Z.shape[0]):
+            squared += (chosen_Z[m, k] - Z[m, point]) ** 2
+        smallest = min(smallest, squared)
+    return smallest
 
 
 @compiled
-def _started(Z, members, wanted, chosen, value, nearest):
-    """Choose the first points of the first rank: least by the achievement function along each axis."""
-    objectives, taken = Z.shape[0], 0
+def _choose_extremes(Z, members, wanted, chosen, distance, nearest):
+    """Choose the first points of the first rank: the minimisers of the achievement function along each axis."""
+    objectives, count = Z.shape[0], 0
     for axis in range(objectives):
-        best, least = -1, np.inf
+        best, smallest = -1, np.inf
         for i in range(members.shape[0]):
-            worth = -np.inf
+            achievement = -np.inf
             for m in range(objectives):
-                worth = max(worth, Z[m, members[i]] if m == axis else Z[m, members[i]] * 1e6)
-            if best < 0 or worth < least:
-                best, least = i, worth
-        if nearest[best] >= 0.0 and taken < wanted:
-            chosen[taken], value[taken] = members[best], np.inf
-            _seen(Z, members, members[best], nearest)
+                value = Z[m, members[i]]
+                achievement = max(achievement, value if m == axis else value * AXIS_WEIGHT)
+            if best < 0 or achievement < smallest:
+                best, smallest = i, achievement
+        if nearest[best] >= 0.0 and count < wanted:
+            chosen[count], distance[count] = members[best], np.inf
+            _update_nearest(Z, members, members[best], nearest)
             nearest[best] = -1.0
-            taken += 1
-    return taken
+            count += 1
+    return count
 
 
 @compiled
-def _seen(Z, members, point, nearest):
-    """Note that a point was chosen: how far the members of its rank are from it."""
+def _update_nearest(Z, members, point, nearest):
+    """Update the distances of the members of a rank to the nearest chosen point, after this one was chosen."""
     for i in range(members.shape[0]):
-        apart = 0.0
+        squared = 0.0
         for m in range(Z.shape[0]):
-            apart += (Z[m, members[i]] - Z[m, point]) ** 2
-        nearest[i] = min(nearest[i], apart)
+            squared += (Z[m, members[i]] - Z[m, point]) ** 2
+        nearest[i] = min(nearest[i], squared)

@@ -1,6 +1,6 @@
-"""Offspring, compiled: tournaments, crossover by rows, one gene replaced. The operators of ``search/rowwise`` in words.
+"""Offspring, compiled: tournaments, crossover by rows, one gene replaced (Marcos et al. 2012, section 4.1).
 
-A population is in ``order``: place after place its row of genes, with its ``worth`` in a tournament by place.
+A population stands in ``order``: place after place its row of ``genes``, with its ``fitness`` in a tournament by place.
 """
 
 from __future__ import annotations
@@ -8,64 +8,66 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
-from paretoik.search.compiled.chance import bits, lower, share, upper
+from paretoik.search.compiled.random_streams import lower_integer, next_bits, uniform, upper_integer
 
-DECIDING = 1 << 32  # what half of some bits is compared with
-
-
-@compiled
-def winner(state, worth, count):
-    """Return the place of the better of two drawn ones; of equals the first drawn."""
-    drawn = bits(state)
-    first, second = upper(drawn, count), lower(drawn, count)
-    return first if worth[first] >= worth[second] else second
+HALF_RANGE = 1 << 32  # of the integers that half of 64 bits stands for
 
 
 @compiled
-def offspring(state, genes, order, worth, F, row, crossing, mutating, low, high, children):
-    """Fill ``children`` (genes, places) with the offspring of ``genes`` (rows, genes), rows of ``row`` genes each.
+def tournament(state, fitness, count):
+    """Return the place of the fitter of two that are drawn; of equals the first."""
+    bits = next_bits(state)
+    first, second = upper_integer(bits, count), lower_integer(bits, count)
+    return first if fitness[first] >= fitness[second] else second
+
+
+@compiled
+def generate_offspring(
+    state, genes, order, fitness, F, row_size, crossover_probability, mutation_probability, lower, upper, children
+):
+    """Fill ``children`` (genes, places) with the offspring of ``genes`` (rows, genes), in rows of ``row_size`` genes.
 
     Return how many are new; the others, at the end, are copies of a parent and have its objectives: ``F`` (objectives,
-    points) has those of the parents by place, then those of the children. What chance decides is written without
-    branches: a processor cannot foretell it.
+    points) holds those of the parents by place, then those of the children. Random decisions are arithmetic instead of
+    branches, which a processor cannot predict.
     """
     size, count, parents = genes.shape[1], children.shape[1], order.shape[0]
     new, last = 0, count - 1
-    for made in range(0, count, 2):
-        place, other_place = winner(state, worth, parents), winner(state, worth, parents)
-        mother, father = order[place], order[other_place]
-        drawn, one_drawn, other_drawn = bits(state), bits(state), bits(state)
-        crossed = np.int64(lower(drawn, DECIDING) < crossing * DECIDING)
-        mutated = np.int64(lower(one_drawn, DECIDING) < mutating * DECIDING)
-        other_mutated = np.int64(lower(other_drawn, DECIDING) < mutating * DECIDING)
-        changed, other_changed = crossed | mutated, crossed | other_mutated
-        one = changed * new + (1 - changed) * last
-        new, last = new + changed, last - (1 - changed)
-        other = other_changed * new + (1 - other_changed) * last
-        if made + 1 == count:
-            other = one
+    for k in range(0, count, 2):
+        mother_place, father_place = tournament(state, fitness, parents), tournament(state, fitness, parents)
+        mother, father = order[mother_place], order[father_place]
+        bits, first_bits, second_bits = next_bits(state), next_bits(state), next_bits(state)
+        crossed = np.int64(lower_integer(bits, HALF_RANGE) < crossover_probability * HALF_RANGE)
+        first_mutated = np.int64(lower_integer(first_bits, HALF_RANGE) < mutation_probability * HALF_RANGE)
+        second_mutated = np.int64(lower_integer(second_bits, HALF_RANGE) < mutation_probability * HALF_RANGE)
+        first_changed, second_changed = crossed | first_mutated, crossed | second_mutated
+        first = first_changed * new + (1 - first_changed) * last
+        new, last = new + first_changed, last - (1 - first_changed)
+        second = second_changed * new + (1 - second_changed) * last
+        if k + 1 == count:
+            second = first
         else:
-            new, last = new + other_changed, last - (1 - other_changed)
-        for begun in range(0, size, row):
-            cut = crossed * (1 + upper(drawn, row - 1)) + (1 - crossed) * row
-            drawn = bits(state)
-            for k in range(row):
-                first, second = genes[mother, begun + k], genes[father, begun + k]
-                children[begun + k, other] = first if k >= cut else second
-                children[begun + k, one] = second if k >= cut else first
+            new, last = new + second_changed, last - (1 - second_changed)
+        for row in range(0, size, row_size):
+            cut = crossed * (1 + upper_integer(bits, row_size - 1)) + (1 - crossed) * row_size
+            bits = next_bits(state)
+            for j in range(row_size):
+                of_mother, of_father = genes[mother, row + j], genes[father, row + j]
+                children[row + j, second] = of_mother if j >= cut else of_father
+                children[row + j, first] = of_father if j >= cut else of_mother
         for m in range(F.shape[0]):
-            F[m, parents + other] = F[m, other_place]
-            F[m, parents + one] = F[m, place]
-        if made + 1 < count:
-            gene, value = upper(other_drawn, size), low + (high - low) * share(state)
-            children[gene, other] = value if other_mutated else children[gene, other]
-        gene, value = upper(one_drawn, size), low + (high - low) * share(state)
-        children[gene, one] = value if mutated else children[gene, one]
+            F[m, parents + second] = F[m, father_place]
+            F[m, parents + first] = F[m, mother_place]
+        if k + 1 < count:
+            gene, value = upper_integer(second_bits, size), lower + (upper - lower) * uniform(state)
+            children[gene, second] = value if second_mutated else children[gene, second]
+        gene, value = upper_integer(first_bits, size), lower + (upper - lower) * uniform(state)
+        children[gene, first] = value if first_mutated else children[gene, first]
     return new
 
 
 @compiled
-def anew(state, low, high, children, child):
-    """Replace all genes of a child by chance."""
-    for k in range(children.shape[0]):
-        children[k, child] = low + (high - low) * share(state)
+def draw_chromosome(state, lower, upper, children, child):
+    """Draw all genes of a child from the uniform distribution."""
+    for j in range(children.shape[0]):
+        children[j, child] = lower + (upper - lower) * uniform(state)

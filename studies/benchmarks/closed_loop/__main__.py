@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from paretoik.closed_loop.extended_jacobian import exact_steps
-from problems.marcos_2012 import DISTANCES, Links, paper_obstacles
+from paretoik.closed_loop.exact_loop import exact_steps
+from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import (
     GENERATIONS,
     PYGMO,
@@ -41,9 +41,9 @@ FIRST = """
 import time
 from studies.benchmarks.closed_loop.contestants import loop_of
 loop = loop_of(3)
-search = loop.search()
+search = loop.step_search()
 begun = time.perf_counter()
-search(loop.instant(1))
+search(loop.control_step(1))
 print(time.perf_counter() - begun)
 """
 
@@ -51,14 +51,14 @@ print(time.perf_counter() - begun)
 def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
     """Return microseconds a generation of everybody on the first step of an arm, ours beside each."""
     loop = loop_of(links)
-    instant = loop.instant(1)
+    step = loop.control_step(1)
     contestants: dict[str, tuple[Callable[[int, int], np.ndarray], int]] = {
-        "ours": (engine(loop, instant), GENERATIONS),
-        "pymoo": (pymoo(loop, instant, compiled=False), slow_generations),
-        "pymoo, compiled evaluation": (pymoo(loop, instant, compiled=True), slow_generations),
+        "ours": (engine(loop, step), GENERATIONS),
+        "pymoo": (pymoo(loop, step, compiled=False), slow_generations),
+        "pymoo, compiled evaluation": (pymoo(loop, step, compiled=True), slow_generations),
     }
     if PYGMO:
-        contestants["pygmo's NSGA-II"] = pygmo_nsga2(loop, instant), GENERATIONS
+        contestants["pygmo's NSGA-II"] = pygmo_nsga2(loop, step), GENERATIONS
     for run, _ in contestants.values():
         run(0, 2)
     taken = {name: seconds(run, many, rounds) / many for name, (run, many) in contestants.items()}
@@ -84,17 +84,14 @@ def exact_rows(rounds: int) -> list[Row]:
     """Return what an exact step takes, without obstacles and with the paper's two, over the first steps of a loop."""
     rows = []
     for links in ARMS:
-        loop = loop_of(links)
         for blocked in (False, True):
-            around = paper_obstacles(DISTANCES[0]) if blocked else []
-            asked = partial(
-                exact_steps, loop.task.arm, loop.task.targets[:EXACT], loop.start, weight=0.5, obstacles=around
-            )
-            asked()
+            loop = loop_of(links, blocked=blocked)
+            follow = partial(exact_steps, loop.task.truncate(EXACT), loop.start, weight=0.5)
+            follow()
             taken = []
             for _ in range(rounds):
                 begun = time.thread_time()
-                asked()
+                follow()
                 taken.append((time.thread_time() - begun) / (EXACT - 1))
             goal = GOAL_EXACT if links == 3 and not blocked else None
             lost = "LOSS" if goal is not None and min(taken) > goal else ""

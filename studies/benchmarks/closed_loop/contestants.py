@@ -12,105 +12,106 @@ import numpy as np
 from pymoo.optimize import minimize
 
 from paretoik.autodiff.interpreter import run_first
-from paretoik.closed_loop.configurations import configurations
-from paretoik.closed_loop.step import ControlStep, Instant
+from paretoik.closed_loop.control_step import ControlStep
+from paretoik.closed_loop.extended_jacobian import decode
 from paretoik.formulations.closed_loop import ClosedLoop
 from problems import marcos_2012
 from problems.marcos_2012 import Links
+from studies.benchmarks.closed_loop.step_problem import StepProblem
 
 GENERATIONS = 200
 PYGMO = find_spec("pygmo") is not None
 FRONT = np.ndarray
 
 
-def loop_of(links: Links) -> ClosedLoop:
-    """Return the paper's loop, without obstacles, from a start on the circle."""
-    small = marcos_2012.loop(links, 0.7, start=None, steps=400, as_printed=True)
-    return small.changed(start=near_circle(small))
+def loop_of(links: Links, *, blocked: bool = False) -> ClosedLoop:
+    """Return the paper's loop, without or with obstacles, from a start on the circle."""
+    loop = marcos_2012.loop(links, 0.7, start=None, steps=400, as_printed=True)
+    start = start_on_circle(loop)
+    return marcos_2012.loop(links, 0.7, start=start, steps=400, as_printed=True, blocked=blocked)
 
 
-def near_circle(loop: ClosedLoop) -> np.ndarray:
+def start_on_circle(loop: ClosedLoop) -> np.ndarray:
     """Return joint positions with the tool where the circle begins, from a bent arm by Newton's method."""
     q = np.linspace(0.3, 1.0, loop.task.arm.dof)
     for _ in range(50):
-        instant = loop.changed(start=q).instant(1)
-        wanted, jacobian = instant.asked()
-        missed = wanted - (loop.task.targets[1] - loop.task.targets[0])
-        q = q + np.linalg.pinv(jacobian) @ missed
+        error, jacobian = loop.changed(start=q).control_step(1).linearise()
+        error -= loop.task.targets[1] - loop.task.targets[0]
+        q = q + np.linalg.pinv(jacobian) @ error
     return q
 
 
-class CompiledStep(ControlStep):
+class CompiledStepProblem(StepProblem):
     """The same pymoo problem, its genes and objectives evaluated by the engine's compiled code, all at once."""
 
-    def __init__(self, loop: ClosedLoop, instant: Instant) -> None:
-        super().__init__(instant, loop.objectives)
-        self.search = loop.search()
-        self.search(instant)  # what does not change during a step is now in its room
-        self.place, _ = self.search.situation(instant)
+    def __init__(self, loop: ClosedLoop, step: ControlStep) -> None:
+        super().__init__(step, loop.objectives)
+        self.search = loop.step_search()
+        self.search(step)  # the inputs that are the same for all candidates are now in its workspace
+        self.start, _ = self.search.start_and_constraints(step)
 
-    def scored(self, X: np.ndarray) -> np.ndarray:
+    def score_genes(self, X: np.ndarray) -> np.ndarray:
         """Return the objectives of genes."""
-        room, n = self.search.room, self.row - 1
-        room.children[:, : len(X)] = X.T
-        configurations(room.children, 0, len(X), self.place, room.work, room.given)
+        w, n = self.search.workspace, self.row - 1
+        w.children[:, : len(X)] = X.T
+        decode(w.children, 0, len(X), self.start, w.linear_systems, w.inputs)
         for j in range(n):
-            room.given[n + j, : len(X)] = (room.given[j, : len(X)] - self.place.previous[j]) / self.place.dt
-        run_first(self.search.programs.objectives.arrays, room.given, room.values, len(X))
-        F: np.ndarray = room.values[:, : len(X)].T.copy()
+            w.inputs[n + j, : len(X)] = (w.inputs[j, : len(X)] - self.start.previous[j]) / self.start.dt
+        run_first(self.search.programs.objectives.arrays, w.inputs, w.outputs, len(X))
+        F: np.ndarray = w.outputs[:, : len(X)].T.copy()
         return np.where(np.isfinite(F).all(axis=1)[:, None], F, np.inf)
 
-    def free(self, genes: np.ndarray) -> Any:
+    def is_admissible(self, genes: np.ndarray) -> Any:
         """Return that every chromosome is: there are no obstacles and no bounds."""
         return np.ones(len(genes), dtype=bool)
 
-    def shortened(self, genes: np.ndarray) -> np.ndarray:
+    def shorten(self, genes: np.ndarray) -> np.ndarray:
         """Return genes as they are."""
         return genes
 
     def _evaluate(self, X: np.ndarray, out: dict[str, object], *args: object, **kwargs: object) -> None:
-        out["F"], out["G"] = self.scored(X), -np.ones((len(X), 1))
+        out["F"], out["G"] = self.score_genes(X), -np.ones((len(X), 1))
 
 
-def engine(loop: ClosedLoop, instant: Instant) -> Callable[[int, int], FRONT]:
+def engine(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRONT]:
     """Return ours: from (seed, generations) to the last population's objectives."""
-    search = loop.search()
+    search = loop.step_search()
 
     def run(seed: int, generations: int) -> FRONT:
         search.seed, search.generations = seed, generations
-        return search(instant).F
+        return search(step).F
 
     return run
 
 
-def pymoo(loop: ClosedLoop, instant: Instant, *, compiled: bool) -> Callable[[int, int], FRONT]:
+def pymoo(loop: ClosedLoop, step: ControlStep, *, compiled: bool) -> Callable[[int, int], FRONT]:
     """Return pymoo's loop with the paper's operators, evaluated in NumPy or by compiled code."""
-    step = CompiledStep(loop, instant) if compiled else ControlStep(instant, loop.objectives)
+    problem = CompiledStepProblem(loop, step) if compiled else StepProblem(step, loop.objectives)
 
     def run(seed: int, generations: int) -> FRONT:
-        found = minimize(step, step.algorithm(loop.population), ("n_gen", generations + 1), seed=seed)
-        return np.asarray(found.pop.get("F"))
+        result = minimize(problem, problem.algorithm(loop.population), ("n_gen", generations + 1), seed=seed)
+        return np.asarray(result.pop.get("F"))
 
     return run
 
 
-def pygmo_nsga2(loop: ClosedLoop, instant: Instant) -> Callable[[int, int], FRONT]:
+def pygmo_nsga2(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRONT]:
     """Return pygmo's NSGA-II, its operators, with the compiled evaluation of a whole population."""
     pygmo: Any = import_module("pygmo")  # here, so: optional
-    step = CompiledStep(loop, instant)
+    problem = CompiledStepProblem(loop, step)
 
     class Batched:
         def get_bounds(self) -> tuple[list[float], list[float]]:
-            return step.xl.tolist(), step.xu.tolist()
+            return problem.xl.tolist(), problem.xu.tolist()
 
         def get_nobj(self) -> int:
-            return int(step.n_obj)
+            return int(problem.n_obj)
 
         def fitness(self, x: np.ndarray) -> np.ndarray:
             return self.batch_fitness(x)
 
         def batch_fitness(self, x: np.ndarray) -> np.ndarray:
-            F = step.scored(x.reshape(-1, step.n_var))
+            F = problem.score_genes(x.reshape(-1, problem.n_var))
             return np.where(np.isfinite(F), F, 1e30).ravel()
 
     def run(seed: int, generations: int) -> FRONT:

@@ -14,12 +14,13 @@ import numpy as np
 from moocore import is_nondominated
 from scipy.stats import mannwhitneyu
 
-from paretoik.closed_loop.extended_jacobian import exact_steps
-from paretoik.closed_loop.step import HISTORY, Instant
+from paretoik.closed_loop.control_step import HISTORY, ControlStep
+from paretoik.closed_loop.exact_loop import exact_steps
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import GENERATIONS, engine, loop_of, pymoo
+from studies.benchmarks.closed_loop.step_problem import steps_to
 from studies.reporting import Row
 
 MARGIN, LEVEL = 0.01, 0.05
@@ -35,11 +36,11 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         for links, sample in steps:
             fronts = {
-                name: list(pool.map(searched, [links] * seeds, [sample] * seeds, [name] * seeds, range(seeds)))
+                name: list(pool.map(search_front, [links] * seeds, [sample] * seeds, [name] * seeds, range(seeds)))
                 for name in ("engine", "pymoo")
             }
             loop = loop_of(links)
-            ours, theirs = volumes(fronts["engine"], fronts["pymoo"], exact_front(loop, _instant(loop, sample)))
+            ours, theirs = volumes(fronts["engine"], fronts["pymoo"], exact_front(loop, control_step(loop, sample)))
             p = max(
                 mannwhitneyu(ours + MARGIN, theirs, alternative="greater").pvalue,
                 mannwhitneyu(ours - MARGIN, theirs, alternative="less").pvalue,
@@ -59,18 +60,18 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
     return rows
 
 
-def searched(links: Links, sample: int, name: str, seed: int) -> np.ndarray:
+def search_front(links: Links, sample: int, name: str, seed: int) -> np.ndarray:
     """Return the objectives of one run's last population."""
     loop = loop_of(links)
-    instant = _instant(loop, sample)
-    run = engine(loop, instant) if name == "engine" else pymoo(loop, instant, compiled=False)
+    step = control_step(loop, sample)
+    run = engine(loop, step) if name == "engine" else pymoo(loop, step, compiled=False)
     return run(seed, GENERATIONS)
 
 
 def volumes(
     ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray], exact: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the hypervolumes of all fronts as shares of the exact one's, in the box of all that nobody beats."""
+    """Return the hypervolumes of all fronts as shares of the exact one's, in the box of all non-dominated points."""
     union = np.concatenate([*ours, *theirs])
     union = union[is_nondominated(union)]
     low, width = np.minimum(union.min(axis=0), exact.min(axis=0)), np.ptp(union, axis=0)
@@ -79,33 +80,33 @@ def volumes(
     return found[0], found[1]
 
 
-def exact_front(loop: ClosedLoop, instant: Instant) -> np.ndarray:
+def exact_front(loop: ClosedLoop, step: ControlStep) -> np.ndarray:
     """Return a fine front of a step: of three links over a line of steps up to 8 rad away, of four over a plane.
 
     That plane's grid is so fine that the front's hypervolume lacks less than 1 %: searches can come out above it.
     """
-    wanted, jacobian = instant.asked()
-    null = np.linalg.svd(jacobian)[2][len(wanted) :].T
-    least = np.linalg.pinv(jacobian) @ wanted
-    begun = -0.5 * null.T @ (instant.previous + least - instant.home)
+    error, jacobian = step.linearise()
+    null = np.linalg.svd(jacobian)[2][len(error) :].T
+    shortest = np.linalg.pinv(jacobian) @ error
+    center = -0.5 * null.T @ (step.previous + shortest - step.home)
     if null.shape[1] == 1:
         y = np.sinh(np.linspace(-18, 18, DENSE))[:, None] * FARTHEST / np.sinh(18)
     else:
         radius, angle = np.meshgrid(np.geomspace(1e-7, 1.0, 700), np.linspace(0, 2 * np.pi, 360, endpoint=False))
         y = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
         y = np.concatenate([np.zeros((1, 2)), y])
-    step = instant.step(instant.previous + least + (begun + y) @ null.T)
-    F = np.stack([each.function(step)[..., -1] * each.sign for each in loop.objectives], axis=1)
+    steps = steps_to(step, step.previous + shortest + (center + y) @ null.T)
+    F = np.stack([each.function(steps)[..., -1] * each.sign for each in loop.objectives], axis=1)
     front: np.ndarray = F[is_nondominated(F)]
     return front
 
 
-def _instant(loop: ClosedLoop, sample: int) -> Instant:
-    """Return what is known before a step of the exact loop."""
+def control_step(loop: ClosedLoop, sample: int) -> ControlStep:
+    """Return a step of the exact loop."""
     q = loop.start[None]
     if sample > 1:
-        q = exact_steps(loop.task.arm, loop.task.targets[:sample], loop.start, weight=0.5)
-    return loop.instant(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
+        q = exact_steps(loop.task.truncate(sample), loop.start, weight=0.5)
+    return loop.control_step(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
 
 
 def _volume(F: np.ndarray, low: np.ndarray, width: np.ndarray) -> float:

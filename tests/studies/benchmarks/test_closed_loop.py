@@ -21,16 +21,16 @@ def test_loops_begin_on_the_circle(loop):
 
 
 def test_the_compiled_evaluation_is_the_readable_one(loop):
-    step = contestants.CompiledStep(loop, loop.instant(1))
+    step = contestants.CompiledStepProblem(loop, loop.control_step(1))
     genes = np.random.default_rng(0).uniform(-1, 1, size=(30, step.n_var))
-    readable = contestants.ControlStep(loop.instant(1), loop.objectives)
-    np.testing.assert_allclose(step.scored(genes), readable.scores(readable.decode(genes)), rtol=1e-8)
+    readable = contestants.StepProblem(loop.control_step(1), loop.objectives)
+    np.testing.assert_allclose(step.score_genes(genes), readable.score(readable.decode(genes)), rtol=1e-8)
 
 
 def test_no_search_goes_beyond_the_exact_front(loop):
-    instant = loop.instant(1)
-    exact = equivalence.exact_front(loop, instant)
-    F = contestants.engine(loop, instant)(0, 60)
+    step = loop.control_step(1)
+    exact = equivalence.exact_front(loop, step)
+    F = contestants.engine(loop, step)(0, 60)
     width = np.ptp(exact, axis=0)
     beyond = ((exact[None] - F[:, None]) / width).min(axis=2).max(axis=1) < -1e-3  # no exact point is near or better
     ahead = ((F[:, None] + 1e-4 * width < exact[None]).all(axis=2)).any(axis=1)
@@ -42,9 +42,9 @@ def test_no_search_goes_beyond_the_exact_front(loop):
 @pytest.mark.parametrize(("links", "near"), [(3, 0.97), (4, 0.0)])
 def test_engine_and_pymoo_come_as_near_to_the_exact_front(monkeypatch, links, near):
     monkeypatch.setattr(equivalence, "GENERATIONS", 60)
-    fronts = [equivalence.searched(links, 60, name, 0) for name in ("engine", "pymoo")]
+    fronts = [equivalence.search_front(links, 60, name, 0) for name in ("engine", "pymoo")]
     loop = contestants.loop_of(links)
-    exact = equivalence.exact_front(loop, equivalence._instant(loop, 60))
+    exact = equivalence.exact_front(loop, equivalence.control_step(loop, 60))
     ours, theirs = equivalence.volumes(fronts[:1], fronts[1:], exact)
     for volume in (ours[0], theirs[0]):
         assert near <= volume <= 1.02

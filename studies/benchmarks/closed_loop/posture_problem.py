@@ -1,4 +1,4 @@
-"""OLGA: a posture whose tool is where a path begins, by a genetic algorithm (Marcos et al. 2012, section 4.2)."""
+"""OLGA in pymoo, readable: what ``closed_loop/open_loop`` runs compiled (Marcos et al. 2012, section 4.2)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pymoo.operators.sampling.rnd import FloatRandomSampling
 from pymoo.optimize import minimize
 
 from paretoik.arrays import Genes
-from paretoik.closed_loop.step import turning_rows
+from paretoik.closed_loop.control_step import rotation_rows
+from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import Infeasible
 from paretoik.search.constraints import Floats
 from paretoik.search.maximin import column
@@ -21,11 +22,8 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
-TURN = 2 * np.pi  # of joints without limits, either way
-SLIDE = 1.0  # likewise, of joints that slide [m]
 
-
-class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
+class PostureProblem(Problem):  # type: ignore[misc]  # pymoo is not typed
     """Search joint positions whose task error at the first sample is least (Eqs. 18, 21, 22), clear of obstacles.
 
     F is the distance from the target [m], with the angle [rad] where a task asks for one; G the clearance that is
@@ -34,9 +32,7 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def __init__(self, task: MotionTask) -> None:
         self.task = task
-        arm = task.arm
-        widest = np.where(arm.periodic, TURN, SLIDE)[:, None] * [-1.0, 1.0]
-        bounds = np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)
+        arm, bounds = task.arm, posture_bounds(task)
         super().__init__(n_var=arm.dof, n_obj=1, n_ieq_constr=1, xl=bounds[:, 0], xu=bounds[:, 1])
 
     def algorithm(self, population: int) -> GeneticAlgorithm:
@@ -54,13 +50,13 @@ class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         task = self.task
         error, _ = task_errors(task.arm, task.tasks, X, np.tile(task.targets[0], (len(X), 1)))
-        turns = turning_rows(task)
-        out["F"] = (np.linalg.norm(error[~turns], axis=0) + np.linalg.norm(error[turns], axis=0))[:, None]
+        rotations = rotation_rows(task)
+        out["F"] = (np.linalg.norm(error[~rotations], axis=0) + np.linalg.norm(error[rotations], axis=0))[:, None]
         out["G"] = np.full((len(X), 1), -1.0)
         if task.obstacles:
-            held = np.repeat(X[:, None], 3, axis=1)
+            resting = np.repeat(X[:, None], 3, axis=1)
             motion = Motion(
-                arm=task.arm, time=np.arange(3.0), q=held, obstacles=task.obstacles, link_radius=task.link_radius
+                arm=task.arm, time=np.arange(3.0), q=resting, obstacles=task.obstacles, link_radius=task.link_radius
             )
             out["G"] = (task.min_clearance - motion.clearance[:, 0])[:, None]
 
@@ -75,8 +71,8 @@ class OneElite(Survival):  # type: ignore[misc]  # pymoo is not typed
         if len(pop) <= n_survive:
             return pop
         parents, offspring = pop[: len(pop) - n_survive], pop[len(pop) - n_survive :]
-        kept = np.delete(np.arange(n_survive), _best_first(offspring)[-1])
-        return Population.merge(parents[_best_first(parents)[:1]], offspring[kept])
+        survivors = np.delete(np.arange(n_survive), _best_first(offspring)[-1])
+        return Population.merge(parents[_best_first(parents)[:1]], offspring[survivors])
 
 
 def _best_first(pop: Population) -> np.ndarray:
@@ -84,18 +80,13 @@ def _best_first(pop: Population) -> np.ndarray:
     return np.lexsort((column(pop, "F")[:, 0], violation))
 
 
-def first_posture(
-    task: MotionTask, *, population: int = 1600, generations: int = 200, seed: int = 0
-) -> Float[np.ndarray, " dof"]:
-    """Return joint positions (dof,) whose tool is near the first sample of the path, by OLGA.
+def search_in_pymoo(task: MotionTask, *, population: int, generations: int, seed: int) -> Float[np.ndarray, " dof"]:
+    """Return joint positions (dof,) whose tool is near the first sample of the path.
 
     Raises Infeasible where none is clear of the obstacles.
     """
-    problem = Posture(task)
-    found = minimize(problem, problem.algorithm(population), ("n_gen", generations), seed=seed)
-    if found.X is None:
-        raise Infeasible(
-            f"start: a posture clear of the obstacles wanted, none of {population * generations} had its tool there"
-        )
-    q: np.ndarray = np.asarray(found.X, dtype=float)
-    return q
+    problem = PostureProblem(task)
+    result = minimize(problem, problem.algorithm(population), ("n_gen", generations), seed=seed)
+    if result.X is None:
+        raise Infeasible("start: a posture clear of the obstacles wanted, none found")
+    return np.asarray(result.X, dtype=float)

@@ -1,0 +1,100 @@
+"""The loop: at every sample a search, a choice by weights, a step (Marcos et al. 2012, section 4.1, Fig. 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Objectives
+from paretoik.closed_loop.control_step import HISTORY, ControlStep, describe_nearest_obstacle, excess_clearance
+from paretoik.closed_loop.step_search import Population, StepSearch
+from paretoik.errors import Infeasible
+from paretoik.task.motion_task import MotionTask
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepRecord:
+    """A step of a loop: the sample that it leads to, the front that its search found, the index of the chosen point."""
+
+    sample: int
+    front: Population
+    index: int
+
+    @property
+    def q(self) -> Float[np.ndarray, " dof"]:
+        """The joint positions after the step."""
+        return self.front.q[self.index]
+
+
+def take_steps(
+    search: StepSearch,
+    make_step: Callable[[int, Float[np.ndarray, "history dof"]], ControlStep],
+    *,
+    start: Float[np.ndarray, " dof"],
+    weights: Float[np.ndarray, " n_obj"],
+    samples: int,
+) -> Iterator[StepRecord]:
+    """Take one step after the other from a start; ``make_step`` makes the step to a sample from what is before it.
+
+    Raises Infeasible, naming the step, where no configuration is admissible or none can be reached.
+    """
+    history = np.tile(start, (HISTORY, 1))
+    for sample in range(1, samples):
+        step = make_step(sample, history)
+        population = search(step)
+        if not len(population.F):
+            raise Infeasible(_explain_no_step(step))
+        front = nondominated(population)
+        record = StepRecord(sample=sample, front=front, index=choose(front.F, weights))
+        yield record
+        history = np.concatenate([history[1:], record.q[None]])
+
+
+def step_bounds(
+    task: MotionTask, sample: int, previous: Float[np.ndarray, " dof"], longest: float
+) -> Float[np.ndarray, "dof 2"]:
+    """Return how far each joint may move [rad, m]: by ``longest``, and within its velocity and position limits."""
+    bounds, box = task.bounds, np.tile([-longest, longest], (task.arm.dof, 1))
+    dt = float(task.times[sample] - task.times[sample - 1])
+    for kind, scale, origin in (("velocity", dt, 0.0), ("position", 1.0, previous[:, None])):
+        if kind in bounds:
+            limits = bounds[kind][sample if len(bounds[kind]) > 1 else 0] * scale - origin
+            box = np.stack([np.maximum(box[:, 0], limits[:, 0]), np.minimum(box[:, 1], limits[:, 1])], axis=1)
+    return box
+
+
+def nondominated(population: Population) -> Population:
+    """Return the non-dominated points, in order of the first objective."""
+    from moocore import is_nondominated
+
+    index = np.flatnonzero(is_nondominated(population.F, keep_weakly=False))
+    index = index[np.lexsort(population.F[index].T[::-1])]
+    return Population(genes=population.genes[index], F=population.F[index], q=population.q[index])
+
+
+def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
+    """Return the point with the least weighted sum of objectives, scaled to the range of the front (Eqs. 19, 20)."""
+    ideal, width = F.min(axis=0), np.ptp(F, axis=0)
+    z = np.where(width > 0, (F - ideal) / np.where(width > 0, width, 1.0), 0.0)  # Eq. 20
+    return int(np.argmin(z @ weights))  # Eq. 19
+
+
+def _explain_no_step(step: ControlStep) -> str:
+    task = step.task
+    reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): a free configuration wanted, none found"
+    error, jacobian = step.linearise()
+    shortest = np.linalg.pinv(jacobian) @ error
+    excess = np.maximum(step.lower - shortest, shortest - step.upper)
+    if excess.max() > 0:
+        k = int(np.argmax(excess))
+        return (
+            f"{reason}; {task.arm.joint_names[k]} would have to move {shortest[k]:.3g} rad or m at least, but may move "
+            f"from {step.lower[k]:.3g} to {step.upper[k]:.3g}"
+        )
+    if not task.obstacles:
+        return reason
+    distance = excess_clearance(task, step.previous)
+    return f"{reason}; the arm is {distance:.3g} m from {describe_nearest_obstacle(task, step.previous)}"

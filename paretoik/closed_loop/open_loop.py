@@ -1,0 +1,113 @@
+"""OLGA: a posture whose tool is where a path begins, by a genetic algorithm (Marcos et al. 2012, section 4.2)."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
+from paretoik.autodiff.tape import as_entry
+from paretoik.autodiff.tracing import TracedArray
+from paretoik.closed_loop.control_step import rotation_rows
+from paretoik.closed_loop.programs import traced_errors
+from paretoik.errors import Infeasible
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.traced_motion import trace_sample
+
+
+class OpenLoopOptions(NamedTuple):
+    """Settings of OLGA; those of the paper stand in section 5.1."""
+
+    population: int = 1600
+    generations: int = 200
+    crossover_probability: float = 0.5
+    mutation_probability: float = 0.5
+    largest_angle: float = 2 * np.pi  # rad, either way, of revolute joints without limits
+    largest_extension: float = 1.0  # m, either way, of sliding joints without limits
+
+
+OPTIONS = OpenLoopOptions()
+
+
+class PostureWorkspace(NamedTuple):
+    """Arrays of the engine: joint positions (dof, individuals) and values (2, individuals) of parents and children.
+
+    Values are the violation of the clearance [m] and the task error.
+    """
+
+    parents: np.ndarray
+    children: np.ndarray
+    parent_values: np.ndarray
+    child_values: np.ndarray
+    order: np.ndarray
+    sorted_values: np.ndarray
+    spare: np.ndarray
+    state: np.ndarray
+
+
+def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
+    """Return joint positions (dof,) whose tool is near the first sample of the path, by OLGA.
+
+    Raises Infeasible where none is clear of the obstacles.
+    """
+    bounds, evaluator = posture_bounds(task, options), trace_posture(task)
+    workspace = _allocate(task.arm.dof, options.population)
+    violation = _engine()(
+        seed,
+        options,
+        np.ascontiguousarray(bounds[:, 0]),
+        np.ascontiguousarray(bounds[:, 1]),
+        evaluator.arrays,
+        workspace,
+    )
+    if violation > 0:
+        count = options.population * options.generations
+        raise Infeasible(f"start: a posture clear of the obstacles wanted, none of {count} had its tool there")
+    q: np.ndarray = workspace.parents[:, workspace.order[0]].copy()
+    return q
+
+
+def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, "dof 2"]:
+    """Return the range of each joint: its limits, or without any two turns, as in the paper."""
+    arm = task.arm
+    widest = np.where(arm.periodic, options.largest_angle, options.largest_extension)[:, None] * [-1.0, 1.0]
+    return np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)
+
+
+def trace_posture(task: MotionTask) -> Evaluator:
+    """Return the evaluator, from joint positions, of the violation of the clearance [m] and the task error.
+
+    The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the angle [rad] where a task asks for
+    one.
+    """
+    motion = trace_sample(task)
+    tape, rotations = motion.trace.tape, rotation_rows(task)
+    errors = traced_errors(motion, task, task.targets[0].tolist())
+    distance, angle = (TracedArray(motion.trace, errors[rows], shared=True) for rows in (~rotations, rotations))
+    error = np.sqrt((distance**2).sum(-1)) + np.sqrt((angle**2).sum(-1))  # Eq. 18
+    missing = np.maximum(task.min_clearance - motion.clearance, 0.0) if task.obstacles else 0.0
+    outputs = [each.entries.item() if isinstance(each, TracedArray) else each for each in (missing, error)]
+    return compile_evaluator(tape, [as_entry(tape, output) for output in outputs])
+
+
+def _allocate(dof: int, population: int) -> PostureWorkspace:
+    return PostureWorkspace(
+        parents=np.zeros((dof, population)),
+        children=np.zeros((dof, population)),
+        parent_values=np.zeros((2, population)),
+        child_values=np.zeros((2, population)),
+        order=np.zeros(population, np.int64),
+        sorted_values=np.zeros((4, population)),
+        spare=np.zeros(population, np.int64),
+        state=np.zeros(1, np.uint64),
+    )
+
+
+@cache
+def _engine() -> Any:
+    from paretoik.closed_loop.open_loop_engine import search_posture  # here: numba takes its time
+
+    return search_posture

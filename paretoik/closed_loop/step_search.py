@@ -1,0 +1,134 @@
+"""The search of one control step by the compiled engine: its workspace, and the population that comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Genes, Objectives
+from paretoik.closed_loop.control_step import ControlStep
+from paretoik.closed_loop.programs import StepPrograms
+from paretoik.closed_loop.workspace import (
+    OPTIONS,
+    EngineOptions,
+    ObjectiveProgram,
+    StepConstraints,
+    StepStart,
+    Workspace,
+    allocate,
+)
+from paretoik.errors import Infeasible
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Population:
+    """The last population of a search: genes, their objectives, minimised, and the joint positions they stand for."""
+
+    genes: Genes
+    F: Objectives
+    q: Float[np.ndarray, "points dof"]
+
+
+@dataclass(kw_only=True, eq=False)
+class StepSearch:
+    """The compiled search of control steps of one arm, task and set of objectives.
+
+    With ``warm_start`` it begins with the population of the step before. It holds the workspace of the engine, and
+    belongs to one thread.
+    """
+
+    programs: StepPrograms
+    redundancy: int
+    dof: int
+    objectives: int
+    population: int
+    generations: int
+    seed: int
+    warm_start: bool = False
+    options: EngineOptions = OPTIONS
+    workspace: Workspace = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Allocate the workspace, and the registers of the evaluators."""
+        programs = self.programs
+        inputs = max(programs.inputs, self.dof)
+        self.workspace = allocate(
+            self.dof, self.redundancy, self.population, programs.outputs, inputs, options=self.options
+        )
+        self._has_searched = False
+        self._objectives = ObjectiveProgram(programs.objectives.arrays, programs.orders)
+        self._clearance, self._bounding = programs.clearance.arrays, programs.bounding.arrays
+
+    def __call__(self, step: ControlStep) -> Population:
+        """Search a step; the same seed and step give the same population.
+
+        Raises Infeasible as ``start_and_constraints`` does.
+        """
+        start, constraints = self.start_and_constraints(step)
+        n, w = self.dof, self.workspace
+        rows = self.programs.fixed_inputs(step.home, step.target)
+        w.inputs[4 * n : 4 * n + len(rows)] = rows[:, None]
+        alive = _engine()(
+            self.seed,
+            step.sample,
+            self.generations,
+            self.options,
+            start,
+            self._objectives,
+            constraints,
+            w,
+            self.warm_start and self._has_searched,
+        )
+        self._has_searched = True
+        genes = w.genes[w.order[:alive]]
+        return Population(genes=genes, F=w.F[: self.objectives, :alive].T.copy(), q=_decode(genes, start))
+
+    def start_and_constraints(self, step: ControlStep) -> tuple[StepStart, StepConstraints]:
+        """Return where a step begins and what it must keep, as the engine takes them.
+
+        Raises Infeasible where the arm is singular: no finite step makes every Δx there.
+        """
+        task, dt = step.task, step.dt
+        error, jacobian = step.linearise()
+        left, sizes, right = np.linalg.svd(jacobian)
+        if not sizes[-1] > self.options.singular_ratio * sizes[0]:
+            raise Infeasible(
+                f"step {step.sample} ({task.times[step.sample]:.3g} s): a Jacobian of full rank wanted, the arm "
+                f"is singular there: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
+            )
+        particular = right[: len(error)].T @ ((left.T @ error) / sizes)
+        null_space = np.ascontiguousarray(right[len(error) :].T)
+        rates = [np.diff(step.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
+        start = StepStart(np.array(step.previous), particular, null_space, np.array([*rates, np.zeros(self.dof)]), dt)
+        constraints = StepConstraints(
+            self._clearance,
+            self._bounding,
+            task.min_clearance + task.link_radius,
+            self.programs.reach,
+            np.array(step.lower),
+            np.array(step.upper),
+            bool(np.isfinite([step.lower, step.upper]).any()),
+            step.swept,
+            step.standoff,
+        )
+        return start, constraints
+
+
+def _decode(genes: np.ndarray, start: StepStart) -> np.ndarray:
+    """Return the joint positions that genes stand for (Eqs. 7, 12 and 13)."""
+    n, r = start.null_space.shape
+    rows = genes.reshape(len(genes), r, n + 1)
+    matrix, rhs = rows[..., :-1] @ start.null_space, rows[..., -1] - rows[..., :-1] @ start.particular
+    particular: np.ndarray = start.previous + start.particular
+    return particular + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ start.null_space.T
+
+
+@cache
+def _engine() -> Any:
+    from paretoik.closed_loop.engine import search  # here: numba takes its time
+
+    return search

@@ -1,0 +1,57 @@
+"""Checks of a closed loop's arguments: weights, limits, a start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.closed_loop.control_step import describe_nearest_obstacle, excess_clearance
+from paretoik.closed_loop.workspace import OPTIONS
+from paretoik.errors import InvalidInput
+from paretoik.front.preferences import Weights
+from paretoik.inputs import finite_array
+from paretoik.task.limits import Limits
+from paretoik.task.motion_task import MotionTask
+
+
+def normalise_weights(
+    weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
+) -> Float[np.ndarray, " n_obj"]:
+    """Return weights in the order of the names, their sum 1; equal ones for None. Raises InvalidInput for others."""
+    if isinstance(weights, Weights):
+        unknown = [name for name in weights.weights if name not in names]
+        if unknown:
+            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {unknown[0]!r}")
+        weights = [weights.weights.get(name, 0.0) for name in names]
+    values = np.ones(len(names)) if weights is None else finite_array("weights", weights, shape=(len(names),))
+    if (values < 0).any() or values.sum() <= 0:
+        raise InvalidInput(f"weights: none below 0 and one above it wanted, got {values.tolist()}")
+    return np.asarray(values / values.sum())
+
+
+def check_limits(limits: Limits | None) -> None:
+    """Raise InvalidInput for limits that a closed loop does not keep."""
+    for kind in ("acceleration", "torque", "power") if limits is not None else ():
+        limit = getattr(limits, kind)
+        if limit is not None and not (isinstance(limit, float) and limit == np.inf):
+            raise InvalidInput(f"limits: of position, velocity and clearance wanted in a closed loop, got {kind}")
+
+
+def check_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:
+    """Return joint positions to begin in. Raises InvalidInput where they exceed a limit or meet an obstacle."""
+    q: np.ndarray = finite_array("start", start, shape=(task.arm.dof,))
+    lower, upper = task.arm.position_limits.T
+    tolerance = OPTIONS.bound_tolerance
+    outside = np.flatnonzero((q < lower - tolerance) | (q > upper + tolerance))
+    if outside.size:
+        k = int(outside[0])
+        raise InvalidInput(
+            f"start: {task.arm.joint_names[k]} must lie within {lower[k]:.6g} to {upper[k]:.6g}, got {q[k]:.6g}"
+        )
+    distance = excess_clearance(task, q)
+    if distance <= 0:
+        nearest = describe_nearest_obstacle(task, q)
+        raise InvalidInput(f"start: must be clear of obstacles, got {distance:.3g} m from {nearest}")
+    return q

@@ -1,0 +1,141 @@
+"""Points with two objectives in order of (first, second), compiled: merging, the non-dominated front, all ranks.
+
+Points are numbered: first the parents by place, then the children. ``F`` is (objectives, points), minimised; a point
+with inf has failed and comes last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.compilation import compiled
+
+INSERTION_SIZE = 8  # points that are sorted by insertion
+ZERO, ONE = np.uint64(0), np.uint64(1)
+
+
+@compiled
+def locate(F, parents, x, y):
+    """Return how many of the sorted parents precede a point, and whether the last of them weakly dominates it."""
+    first, length = np.uint64(0), np.uint64(parents)  # unsigned: an index needs no check for negative numbers
+    while length > ONE:
+        half = length >> ONE
+        u, v = F[0, first + half - ONE], F[1, first + half - ONE]
+        first += half * np.uint64((u < x) | ((u == x) & (v <= y)))
+        length -= half
+    u, v = F[0, first], F[1, first]
+    first += np.uint64((u < x) | ((u == x) & (v <= y)))
+    before = first - np.uint64(first > ZERO)
+    u, v = F[0, before], F[1, before]
+    return first, (first > ZERO) & ((v < y) | ((v == y) & (u <= x)))
+
+
+@compiled
+def merge_children(F, parents, children, single_rank, bucket, begins, child, points, values):
+    """Write the sorted parents and so many children in order of (first, second objective); return how many.
+
+    ``points`` are their numbers, the first two rows of ``values`` their objectives. Children are sorted in buckets
+    between the parents. Where the parents are of a ``single_rank``, children that one weakly dominates are left out.
+    Random decisions are arithmetic instead of branches.
+    """
+    for k in range(parents + 2):
+        begins[k] = 0
+    found = 0
+    for k in range(parents, parents + children):
+        first, dominated = locate(F, parents, F[0, k], F[1, k])
+        bucket[found], child[found] = np.int64(first), k
+        found += np.int64((not single_rank) | ((F[0, k] < np.inf) & (not dominated)))
+    for k in range(found):
+        begins[bucket[k] + 1] += 1
+    for k in range(parents + 1):
+        begins[k + 1] += begins[k]
+    for k in range(parents):
+        i = k + begins[k + 1]
+        points[i], values[0, i], values[1, i] = k, F[0, k], F[1, k]
+    for k in range(found):
+        i = bucket[k] + begins[bucket[k]]
+        begins[bucket[k]] += 1
+        points[i], values[0, i], values[1, i] = child[k], F[0, child[k]], F[1, child[k]]
+    for k in range(parents + 1):
+        end = k + begins[k]  # of the bucket before parent k
+        begin = k + begins[k - 1] if k > 0 else 0
+        if end - begin > INSERTION_SIZE:
+            merge_sort(points, values, begin, end, child)
+        else:
+            _insertion_sort(points, values, begin, end)
+    return parents + found
+
+
+@compiled
+def _follows(values, i, j):
+    """Return whether entry i comes after entry j."""
+    return values[0, i] > values[0, j] or (values[0, i] == values[0, j] and values[1, i] > values[1, j])
+
+
+@compiled
+def _insertion_sort(points, values, begin, end):
+    for k in range(begin + 1, end):
+        j = k
+        while j > begin and _follows(values, j - 1, j):
+            for m in range(2):
+                values[m, j - 1], values[m, j] = values[m, j], values[m, j - 1]
+            points[j - 1], points[j] = points[j], points[j - 1]
+            j -= 1
+
+
+@compiled
+def merge_sort(points, values, begin, end, spare):
+    """Sort the entries from ``begin`` to ``end``; ``values`` has two more rows, for copies."""
+    for first in range(begin, end, INSERTION_SIZE):
+        _insertion_sort(points, values, first, min(first + INSERTION_SIZE, end))
+    width = INSERTION_SIZE
+    while width < end - begin:
+        for first in range(begin, end, 2 * width):
+            i, middle, last = first, min(first + width, end), min(first + 2 * width, end)
+            j = middle
+            for k in range(first, last):
+                second = j < last and (i == middle or _follows(values, i, j))
+                source = j if second else i
+                values[2, k], values[3, k], spare[k] = values[0, source], values[1, source], points[source]
+                j += np.int64(second)
+                i += np.int64(not second)
+        for k in range(begin, end):
+            values[0, k], values[1, k], points[k] = values[2, k], values[3, k], spare[k]
+        width *= 2
+
+
+@compiled
+def first_front(points, count, values, front, objectives):
+    """Write the non-dominated of so many sorted points to ``front`` and ``objectives``; return how many."""
+    found, lowest, last = 0, np.inf, np.inf
+    for k in range(count):
+        x, y = values[0, k], values[1, k]
+        nondominated = (y < lowest) | ((y == lowest) & (x == last))
+        front[found], objectives[0, found], objectives[1, found] = points[k], x, y
+        found += np.int64(nondominated)
+        lowest, last = min(lowest, y), (x if nondominated else last)
+    return found
+
+
+@compiled
+def rank_sorted(values, count, rank, tails):
+    """Write the non-domination rank of each of so many sorted points, failed ones beyond all.
+
+    ``tails`` (2, fronts) holds the last point of every front: a point belongs to the first that does not dominate it.
+    """
+    fronts = 0
+    for k in range(count):
+        x, y = values[0, k], values[1, k]
+        if not x < np.inf:
+            rank[k] = count
+            continue
+        low, length = 0, fronts
+        while length > 0:
+            half = length >> 1
+            u, v = tails[0, low + half], tails[1, low + half]
+            dominated = np.int64((v < y) | ((v == y) & (u < x)))
+            low += dominated * (half + 1)
+            length = dominated * (length - half - 1) + (1 - dominated) * half
+        rank[k] = low
+        tails[0, low], tails[1, low] = x, y
+        fronts = max(fronts, low + 1)

@@ -1,0 +1,216 @@
+"""MaxiMin survival of two objectives, compiled: what ``search/maximin`` does, on arrays that are allocated once.
+
+Parents stay sorted by the first objective; while they are mutually non-dominated, only children that none of them
+dominates need to be looked at. Three and more objectives: ``many_objectives``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.compilation import compiled
+
+RANGE_TOLERANCE = 2.2250738585072014e-308  # an objective with a smaller range has no weight in distances
+
+
+@compiled
+def select_by_rank(count, wanted, s):
+    """Select ``wanted`` of so many sorted points: whole ranks, of the last one those farthest from all selected.
+
+    ``s`` is the workspace of the selection: points, objectives in ``values``, ``rank``; the selected go to ``front``
+    and ``objectives``. ``fitness`` falls with the rank; within the last it grows with the insertion distance.
+    """
+    rank, values, points, front, objectives = s.rank, s.values, s.points, s.front, s.objectives
+    fitness, sizes, nearest, members = s.fitness, s.begins, s.nearest, s.spare
+    for k in range(count + 1):
+        sizes[k] = 0
+    for k in range(count):
+        sizes[rank[k]] += 1
+    split, places = 0, wanted
+    while split < count and places >= sizes[split]:
+        places -= sizes[split]
+        split += 1
+    first, last = -1, -1
+    for k in range(count):
+        if rank[k] == 0:
+            first, last = (k if first < 0 else first), k
+    x_scale = _inverse_range(values[0, last] - values[0, first])
+    y_scale = _inverse_range(values[1, first] - values[1, last])
+    found = 0
+    for k in range(count):
+        members[found] = k
+        found += np.int64(rank[k] == split)
+    if split < count and places > 0:
+        _distances_to_better_ranks(values, count, rank, split, members, found, x_scale, y_scale, nearest)
+        for i in range(found):
+            s.x[i], s.y[i] = values[0, members[i]], values[1, members[i]]
+        _insert_members(s.x, s.y, x_scale, y_scale, found, nearest, s.distance, s.stack)
+        _keep_members(members, found, places, s.distance, rank, fitness, split, s.x, s.y)
+    for i in range(places if split == count else 0):  # failed points fill up
+        rank[members[i]], fitness[members[i]] = -1, -split
+    kept = 0
+    for k in range(count):
+        front[kept], objectives[0, kept], objectives[1, kept] = points[k], values[0, k], values[1, k]
+        fitness[kept] = fitness[k] if rank[k] == -1 else -np.float64(rank[k])
+        kept += np.int64(rank[k] < split)
+
+
+@compiled
+def _inverse_range(width):
+    return 1.0 / width if width > RANGE_TOLERANCE else 0.0
+
+
+@compiled
+def _insert_members(x, y, x_scale, y_scale, found, nearest, distance, stack):
+    """Write the squared distance at which each member of a rank, in order, is inserted.
+
+    ``nearest`` are the squared distances to points of better ranks. Of a stretch between inserted members the farthest
+    is the next one, whatever happens elsewhere on the front.
+    """
+    stack[0, 0], stack[0, 1] = 0, found
+    stretches = 1
+    while stretches > 0:
+        stretches -= 1
+        begin, end = stack[stretches, 0], stack[stretches, 1]
+        best, largest = begin, nearest[begin]
+        for i in range(begin + 1, end):
+            if nearest[i] > largest:
+                best, largest = i, nearest[i]
+        distance[best] = largest
+        if not largest > 0.0:  # copies of what is inserted
+            for i in range(begin, end):
+                distance[i] = largest
+            continue
+        x0, y0 = x[best], y[best]
+        for i in range(begin, end):
+            dx, dy = (x[i] - x0) * x_scale, (y[i] - y0) * y_scale
+            squared = dx * dx + dy * dy
+            nearest[i] = squared if squared < nearest[i] else nearest[i]
+        stack[stretches, 0], stack[stretches, 1] = begin, best
+        stretches += np.int64(best > begin)
+        stack[stretches, 0], stack[stretches, 1] = best + 1, end
+        stretches += np.int64(end > best + 1)
+
+
+@compiled
+def _keep_members(members, found, wanted, distance, rank, fitness, split, spare, other):
+    """Mark the members of a rank that were inserted first, and write their fitness."""
+    smallest = quickselect(distance, found, found - wanted, spare, other)
+    ties = wanted
+    for i in range(found):
+        ties -= np.int64(distance[i] > smallest)
+    for i in range(found):
+        if distance[i] > smallest or (distance[i] == smallest and ties > 0):
+            ties -= np.int64(distance[i] == smallest)
+            rank[members[i]] = -1
+            share = distance[i] / (2.0 * (1.0 + distance[i])) if distance[i] < np.inf else 0.5
+            fitness[members[i]] = share - split
+
+
+@compiled
+def _distances_to_better_ranks(values, count, rank, split, members, found, x_scale, y_scale, nearest):
+    """Write the squared distance of each member of a rank to the nearest point of a better rank.
+
+    Points are in order of the first objective: the search to either side ends where that alone is farther.
+    """
+    for i in range(found):
+        member, smallest = members[i], np.inf
+        x, y = values[0, member], values[1, member]
+        if i > 0 and x == values[0, members[i - 1]] and y == values[1, members[i - 1]]:  # a copy
+            nearest[i] = nearest[i - 1]
+            continue
+        for direction in (-1, 1):
+            k = member + direction
+            while 0 <= k < count:
+                squared = ((values[0, k] - x) * x_scale) ** 2
+                if squared >= smallest:
+                    break
+                if rank[k] < split:
+                    smallest = min(smallest, squared + ((values[1, k] - y) * y_scale) ** 2)
+                k += direction
+        nearest[i] = smallest
+
+
+@compiled
+def insertion_distances(objectives, count, x, y, distance, stack):
+    """Write the squared distance at which MaxiMin inserts each point of a sorted front; its ends have inf.
+
+    Between two inserted points the next is the one whose nearer end is farthest; distances to either end grow along
+    the front, so that bisection finds it.
+    """
+    x_scale = _inverse_range(objectives[0, count - 1] - objectives[0, 0])
+    y_scale = _inverse_range(objectives[1, 0] - objectives[1, count - 1])
+    for k in range(count):
+        x[k] = (objectives[0, k] - objectives[0, 0]) * x_scale
+        y[k] = (objectives[1, k] - objectives[1, count - 1]) * y_scale
+    distance[0] = distance[count - 1] = np.inf
+    stack[0, 0], stack[0, 1] = 0, count - 1
+    stretches = np.int64(count > 2)
+    while stretches > 0:
+        stretches -= 1
+        begin, end = stack[stretches, 0], stack[stretches, 1]
+        x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
+        low, length = begin + 1, end - begin - 1  # the first that is no nearer to the beginning than to the end
+        while length > 1:
+            half = length >> 1
+            u, v = x[low + half - 1], y[low + half - 1]
+            low += half * np.int64((u - x0) ** 2 + (v - y0) ** 2 < (x1 - u) ** 2 + (y1 - v) ** 2)
+            length -= half
+        best, other = _distance_to_ends(x, y, low, begin, end), _distance_to_ends(x, y, low - 1, begin, end)
+        chosen = low - np.int64((other >= best) & (low - 1 > begin))
+        distance[chosen] = max(best, other)  # an end is at distance 0
+        stack[stretches, 0], stack[stretches, 1] = begin, chosen
+        stretches += np.int64(chosen - begin > 1)
+        stack[stretches, 0], stack[stretches, 1] = chosen, end
+        stretches += np.int64(end - chosen > 1)
+
+
+@compiled
+def _distance_to_ends(x, y, k, begin, end):
+    """Return the squared distance of a point to the nearer end of a stretch."""
+    to_begin = (x[k] - x[begin]) ** 2 + (y[k] - y[begin]) ** 2
+    to_end = (x[end] - x[k]) ** 2 + (y[end] - y[k]) ** 2
+    return min(to_begin, to_end)
+
+
+@compiled
+def quickselect(values, count, index, spare, other):
+    """Return the value at ``index`` of the sorted ``values`` (Hoare's selection); partitions without branches."""
+    for k in range(count):
+        spare[k] = values[k]
+    while True:
+        pivot = spare[count >> 1]
+        below, above = 0, 0
+        for k in range(count):
+            value = spare[k]
+            spare[below] = value
+            below += np.int64(value < pivot)
+            other[above] = value
+            above += np.int64(value > pivot)
+        if index < below:
+            count = below
+        elif index < count - above:
+            return pivot
+        else:
+            index -= count - above
+            count = above
+            spare, other = other, spare
+
+
+@compiled
+def keep_farthest(front, objectives, distance, count, wanted, spare, other):
+    """Keep the ``wanted`` points of a sorted front that were inserted first, in their order."""
+    if count == wanted:
+        return
+    smallest = quickselect(distance, count, count - wanted, spare, other)
+    ties = wanted  # places for points that are tied with the last
+    for k in range(count):
+        ties -= np.int64(distance[k] > smallest)
+    kept = 0
+    for k in range(count):
+        tied = (distance[k] == smallest) & (ties > 0)
+        keep = (distance[k] > smallest) | tied
+        ties -= np.int64(tied)
+        front[kept], distance[kept] = front[k], distance[k]
+        objectives[0, kept], objectives[1, kept] = objectives[0, k], objectives[1, k]
+        kept += np.int64(keep)

@@ -1,0 +1,122 @@
+"""The first results of a machine, caches of compiled code empty: ``python -m studies.benchmarks.cold_start``.
+
+Every case is a process of its own from import to first result, with an empty folder for caches. ``--before DIR`` runs
+the cases of another checkout in turn with those of this one. Seconds are of the processor, which a busy machine changes
+less; those of the clock are in the notes. A further process, with the caches filled, says what is not compilation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from studies.reporting import Row, report
+
+ROOT = Path(__file__).parents[2]
+GOALS = {"tracking": 0.5, "plan": 0.4, "closed loop": 0.25}  # of the seconds before
+CASES = {
+    "tracking": """
+import numpy as np
+from problems.tringali_2020 import energy_torque
+problem = energy_torque()
+genes = np.random.default_rng(0).uniform(problem.xl, problem.xu, (8, problem.n_var))
+result = problem.evaluate(genes, return_values_of=["F"]).ravel().tolist()
+""",
+    "plan": """
+import paretoik as pk
+from problems.tringali_2020 import simulation_4
+result = [float(pk.plan(simulation_4(), starts=8, seed=0).best.objective)]
+""",
+    "closed loop": """
+import numpy as np
+from problems.marcos_2012 import loop
+start = np.array([-1.3, 1.26579276, 1.67196742])
+run = loop(3, 0.7, blocked=True, steps=3, generations=3, population=20, start=start).run()
+result = [float(run.drift), float(run.position_error)]
+""",
+}
+TIMED = """
+import json, time
+clock = time.perf_counter()
+{case}
+print(json.dumps({{"processor": time.process_time(), "clock": time.perf_counter() - clock, "result": result}}))
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Seconds [s] of the processor and the clock from import to first result, and the result itself."""
+
+    processor: float
+    clock: float
+    result: tuple[float, ...]
+
+
+def parse_timing(output: str) -> Timing:
+    """Return the timing that the last line of a case's output holds."""
+    record = json.loads(output.strip().splitlines()[-1])
+    return Timing(processor=record["processor"], clock=record["clock"], result=tuple(record["result"]))
+
+
+def time_case(case: str, checkout: Path, cache: Path) -> Timing:
+    """Run a case of a checkout in a new process with a folder for caches; raise RuntimeError where it fails."""
+    environment = {**os.environ, "PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(cache)}
+    done = subprocess.run(
+        [sys.executable, "-c", TIMED.format(case=CASES[case])],
+        cwd=checkout,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{case} in {checkout}: {done.stderr.strip().splitlines()[-1]}")
+    return parse_timing(done.stdout)
+
+
+def time_cold_and_warm(case: str, checkout: Path) -> tuple[Timing, Timing]:
+    """Return the timings of a case with an empty folder for caches, then with what that run left there."""
+    with tempfile.TemporaryDirectory() as cache:
+        return time_case(case, checkout, Path(cache)), time_case(case, checkout, Path(cache))
+
+
+def tabulate(case: str, timings: Mapping[str, tuple[Timing, Timing]]) -> list[Row]:
+    """Return the rows of a case: seconds cold and warm of every checkout, the ratio of the first two where two are."""
+    table = "first result with empty caches"
+    rows = []
+    for label, (cold, warm) in timings.items():
+        note = f"{warm.processor:.2g} s once compiled; by the clock {cold.clock:.3g} and {warm.clock:.2g} s"
+        rows.append(Row(table=table, row=case, column=label, unit="s", ours=cold.processor, note=note))
+    if "before" in timings:
+        now, before = timings["now"][0], timings["before"][0]
+        ratio = now.processor / before.processor
+        same = "the same bits" if now.result == before.result else f"results {now.result} and {before.result}"
+        goal = "goal met" if ratio <= GOALS[case] else "goal missed"
+        rows.append(
+            Row(table=table, row=case, column="ratio", unit="", ours=ratio, paper=GOALS[case], note=f"{goal}; {same}")
+        )
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Time all cases, print the table, and write the rows where ``--json`` says."""
+    parser = argparse.ArgumentParser(description="First results with empty caches of compiled code.")
+    parser.add_argument("--before", type=Path, help="another checkout, to be timed in turn with this one")
+    parser.add_argument("--json", type=Path, help="file to write the rows to")
+    settings = parser.parse_args(arguments)
+    checkouts = {"now": ROOT} | ({"before": settings.before.resolve()} if settings.before else {})
+    rows: list[Row] = []
+    for case in CASES:
+        rows += tabulate(case, {label: time_cold_and_warm(case, path) for label, path in checkouts.items()})
+    report(rows, json_file=settings.json)
+
+
+if __name__ == "__main__":
+    main()

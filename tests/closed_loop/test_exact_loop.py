@@ -1,0 +1,82 @@
+"""The exact step against grids and random steps of its own, without and with obstacles."""
+
+import numpy as np
+import pytest
+
+from paretoik.closed_loop.exact_loop import exact_steps, link_lengths
+from paretoik.errors import InvalidInput
+from paretoik.robot.arms import wan_7r
+from problems import marcos_2012
+from tests.closed_loop.planar_geometry import meets
+from tests.closed_loop.postures import posture
+
+
+def first_step(links, *, blocked=False):
+    return marcos_2012.loop(links, 0.7, start=posture(links), steps=25, as_printed=True, blocked=blocked)
+
+
+def brute_force(loop, weight, *, fine=200001):
+    """Return the best first step of three links, of all on a line."""
+    step = loop.control_step(1)
+    error, jacobian = step.linearise()
+    null = np.linalg.svd(jacobian)[2][2]
+    y = np.sinh(np.linspace(-12, 12, fine)) / np.sinh(12) * 3.0
+    q = step.previous + np.linalg.pinv(jacobian) @ error + y[:, None] * null
+    F = np.stack(
+        [
+            ((q - step.previous) ** 2).sum(1) + ((q - step.home) ** 2).sum(1),
+            np.hypot(
+                np.cos(np.cumsum(q, axis=1)).sum(1) - step.target[0],
+                np.sin(np.cumsum(q, axis=1)).sum(1) - step.target[1],
+            ),
+        ],
+        axis=1,
+    )
+    ends = F[F.argmin(axis=0)]
+    z = (F - ends.min(axis=0)) / np.ptp(ends, axis=0)
+    return q[np.argmin(z @ [weight, 1 - weight])]
+
+
+@pytest.mark.parametrize("weight", [0.1, 0.5, 0.9])
+def test_the_exact_step_is_the_best_of_all(weight):
+    loop = first_step(3)
+    q = exact_steps(loop.task.truncate(3), loop.start, weight=weight)
+    np.testing.assert_allclose(q[1], brute_force(loop, weight), atol=2e-7)
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+def test_no_step_of_four_links_is_better_than_the_exact_one(blocked):
+    loop = first_step(4, blocked=blocked)
+    step = loop.control_step(1)
+    error, jacobian = step.linearise()
+    null = np.linalg.svd(jacobian)[2][2:].T
+    rng = np.random.default_rng(0)
+    radius, angle = 10 ** rng.uniform(-6, 0.9, size=300_000), rng.uniform(0, 2 * np.pi, size=300_000)
+    y = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    q = step.previous + np.linalg.pinv(jacobian) @ error + y @ null.T
+    if blocked:
+        q = q[~meets(q, loop.task.obstacles)]
+
+    def objectives(q):
+        ends = np.cumsum(q, axis=-1)
+        missed = np.stack([np.cos(ends).sum(-1), np.sin(ends).sum(-1)], -1) - step.target
+        moved = np.sum((q - step.previous) ** 2 + (q - step.home) ** 2, axis=-1)
+        return np.stack([moved, np.linalg.norm(missed, axis=-1)], axis=-1)
+
+    exact = {
+        weight: objectives(exact_steps(loop.task.truncate(3), loop.start, weight=weight)[1])
+        for weight in (0.0, 0.2, 0.8, 1.0)
+    }
+    drawn = objectives(q)
+    assert exact[1.0][0] <= drawn[:, 0].min() + 1e-9
+    assert exact[0.0][1] <= drawn[:, 1].min() + 1e-9
+    width = np.abs(exact[0.0] - exact[1.0])
+    for weight in (0.2, 0.8):
+        assert exact[weight] / width @ [weight, 1 - weight] <= (drawn / width @ [weight, 1 - weight]).min() + 1e-6
+
+
+def test_exact_loops_keep_clear_of_obstacles_and_other_arms_are_refused():
+    loop = first_step(3, blocked=True)
+    assert not meets(exact_steps(loop.task, loop.start, weight=0.2), loop.task.obstacles).any()
+    with pytest.raises(InvalidInput, match="exact steps: a planar arm of 3 or 4 links"):
+        link_lengths(wan_7r())
