@@ -32,9 +32,9 @@ class EpsilonOptions:
     the others there at first; ``weight`` theirs at any ε: with none a point may be only weakly optimal. ``inner`` are
     the places between nadir and ideal where cold starts are led below an ε. Every ε starts from the ``nearest`` points.
     Of each objective so many optima are followed as branches as ``pool`` says; one that takes more than
-    ``branch_iterations`` to the next level has ended. Where the ends are within ``resolved_distance`` (rad or m, RMS)
-    and ``resolution`` of every objective, of 1 at least, the front is one point. Each point tries the basins of its ``neighbours``, in at most so
-    many ``rounds``. Points nearer than ``distinct`` (rad or m, RMS) are one.
+    ``branch_iterations`` to the next level has ended. Each point tries the basins of its ``neighbours``, in at most so
+    many ``rounds``. Points nearer than ``distinct`` (rad or m, RMS) are one. Where the ends are within
+    ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective, of 1 at least, the front is one point.
 
     The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
     valley one may get lost, or find a better one.

@@ -220,15 +220,12 @@ def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masse
     for one in quickest(peers):
         tries = {settings: [peer(one.fine, settings).solve(rough, masses) for _ in range(3)][-1] for settings in WARMS}
         served[one.label] = min(WARMS, key=lambda s: (_hits([tries[s]], best.objective) == 0, tries[s].seconds))
-    rows = []
+    rows, warm = [], InteriorPointOptions(barrier=1e-4)
     for one in peers:
         settings, taken = served[one.label], []
         ended = peer(one.fine, settings).solve(rough, masses).value / best.objective - 1
-        warm = InteriorPointOptions(barrier=1e-4)
         for _ in range(11):
-            _, ours, _ = timed(
-                lambda: minimise(program, rough[None], factors, options=InteriorPointOptions(barrier=1e-4))
-            )
+            _, ours, _ = timed(lambda: minimise(program, rough[None], factors, options=warm))
             taken.append((ours, peer(one.fine, settings).solve(rough, masses).seconds))
         middle = np.median(taken, axis=0)
         note = f"theirs ends {ended:.1e} above, first barrier {dict(settings)['mu_init']:g}"
