@@ -15,11 +15,13 @@ import paretoik.capability.compiled.planar_maxima
 import paretoik.closed_loop.engine
 import paretoik.closed_loop.exact_step
 import paretoik.closed_loop.open_loop_engine
+import paretoik.nlp.compiled.dense_kernel
 import paretoik.nlp.compiled.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.resolution.horizon_newton
 import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
-import paretoik.task.compiled  # noqa: F401  before the hook, as all that is compiled
+import paretoik.task.compiled
+import paretoik.trajectory.compiled.motion_kernel  # noqa: F401  before the hook, as all that is compiled
 import tests.shape_checks  # noqa: F401  the hook knows it by name
 
 # In production nobody looks at annotations; in tests every call and every field is held against them.

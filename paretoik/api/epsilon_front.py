@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.progress import Observer, count_observer
-from paretoik.api.refine import certified, smooth_certified, task_of
+from paretoik.api.refine import certified_front
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.gradients import require_program
 from paretoik.front.front import Front
-from paretoik.pareto import epsilon as smooth_epsilon
-from paretoik.pareto.refine import SmoothProblem
-from paretoik.trajectory.epsilon import epsilon_points
+from paretoik.nlp.minimise import check_solver
+from paretoik.nlp.program import Solver
+from paretoik.pareto.epsilon import epsilon_points
 
 
 def epsilon_front(
@@ -21,6 +22,7 @@ def epsilon_front(
     points: int = 20,
     starts: int = 48,
     seed: int = 0,
+    solver: Solver = "auto",
     observe: Observer | None = None,
 ) -> Front:
     """Return a front of certified points: one objective minimised, the others kept below ε.
@@ -34,6 +36,9 @@ def epsilon_front(
     starts, seed
         As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
         from so many starts.
+    solver
+        "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
+        the first where it can.
     observe
         Called with a ``RunProgress`` after every point: ``done`` of ``points``.
 
@@ -52,16 +57,18 @@ def epsilon_front(
     check_size("points", points, 2)
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    show = count_observer(observe, "point")
-    provenance = {"settings": {"points": points, "starts": starts, "seed": seed}, "status": "epsilon"}
-    if isinstance(problem, SmoothProblem):
-        if len(problem.names) < 2:
-            raise InvalidInput("epsilon_front: two objectives or more wanted, got one: solve finds its optimum")
-        initial = problem.unknowns(problem.candidates(starts, np.random.default_rng(seed)))
-        z, ranges = smooth_epsilon.epsilon_points(problem.sketch(), initial, points=points, observe=show)
-        return smooth_certified(problem, z, np.arange(len(z)), ranges, provenance)
-    task = task_of("epsilon_front", problem)
-    if len(task.objectives) < 2:
+    formulation = require_program("epsilon_front", problem)
+    if len(formulation.names) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
-    front = epsilon_points(task, points=points, starts=starts, seed=seed, observe=show)
-    return certified(problem, task, front.q, np.arange(len(front.q)), front.ranges, provenance)
+    check_solver(formulation.program(), solver)
+    swept = epsilon_points(
+        formulation.program,
+        formulation.cold_search(starts=starts, seed=seed, solver=solver),
+        len(formulation.names),
+        points=points,
+        solver=solver,
+        observe=count_observer(observe, "point"),
+    )
+    settings = {"points": points, "starts": starts, "seed": seed, "solver": solver}
+    provenance = {"settings": settings, "status": "epsilon"}
+    return certified_front(problem, formulation, swept.x, np.arange(len(swept.x)), swept.ranges, provenance)

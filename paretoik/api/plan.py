@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.progress import Observer, RunProgress
-from paretoik.api.refine import task_of
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.gradients import require_program
+from paretoik.formulations.tracking import Tracking
+from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.plan import Plan, find_optima
@@ -22,6 +24,7 @@ def plan(
     starts: int = 48,
     seed: int = 0,
     initial: Motion | None = None,
+    solver: Solver = "auto",
     observe: Observer | None = None,
 ) -> Plan:
     """Return all distinct locally optimal motions of a ``Tracking`` with one objective that its starts lead to.
@@ -37,6 +40,9 @@ def plan(
         optima stay rare or are many; with more degrees starts near the best, while better ones come of it.
     initial
         Motions of the problem, on its path, to start from as well.
+    solver
+        "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
+        the first where it can.
     observe
         Called with a ``RunProgress`` after every level of samples, coarse to fine: ``done`` of all samples.
 
@@ -61,12 +67,19 @@ def plan(
     """
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    task = task_of("plan", problem)
+    require_program("plan", problem)
+    if not isinstance(problem, Tracking):
+        raise InvalidInput(
+            f"plan: a Tracking wanted, got {type(problem).__name__}; epsilon_front or solve finds its front"
+        )
+    task = problem.task
     if len(task.objectives) != 1:
         names = ", ".join(o.name for o in task.objectives)
         raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
     shown = _level_observer(observe, len(task.times))
-    return find_optima(task, starts=starts, seed=seed, initial=_initial_motions(task, initial), observe=shown)
+    return find_optima(
+        task, starts=starts, seed=seed, initial=_initial_motions(task, initial), solver=solver, observe=shown
+    )
 
 
 def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int, int], object] | None:

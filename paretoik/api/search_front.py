@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.api.initial import initial_genes
 from paretoik.api.progress import RunProgress
-from paretoik.api.refine import Improver, SmoothImprover
+from paretoik.api.refine import SearchImprover
 from paretoik.api.refine import refine as refine_front
 from paretoik.api.run_session import Display, RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
@@ -20,7 +20,6 @@ from paretoik.formulations.protocol import check_formulation, decode, explain_vi
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
-from paretoik.pareto.refine import SmoothProblem
 from paretoik.review.generation import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
@@ -54,10 +53,7 @@ class FrontSearch:
             initial=initial_genes(problem, settings.initial),
             anchors=anchors,
         )
-        self.improver: Improver | SmoothImprover | None = None
-        if settings.refine:
-            smooth = isinstance(problem, SmoothProblem)
-            self.improver = SmoothImprover(self.search, seed) if smooth else Improver(self.search)
+        self.improver = SearchImprover(self.search) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._wanted = settings
         self.settings = {
@@ -165,13 +161,13 @@ class _GenerationObserver:
         )
 
 
-def _refinement_observer(session: RunSession) -> Callable[[int, int], bool]:
+def _refinement_observer(session: RunSession) -> Callable[[RunProgress], bool]:
     """Return an observer of refined points that also says when a signal came."""
     start = session.seconds
 
-    def observe(done: int, total: int) -> bool:
-        session.show(RunProgress(stage="refinement", done=done, total=total, seconds=session.seconds - start))
-        if done == total or session.signal is not None:
+    def observe(progress: RunProgress) -> bool:
+        session.show(replace(progress, seconds=session.seconds - start))
+        if progress.done == progress.total or session.signal is not None:
             session.show_stage("certification")
         return session.signal is not None
 

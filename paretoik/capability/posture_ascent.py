@@ -12,7 +12,7 @@ from paretoik.capability.directional_program import DirectionalProgram, Quantity
 from paretoik.capability.posture_values import values_at
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.dense_sqp import minimised
-from paretoik.nlp.filter_interior_point import approached
+from paretoik.nlp.interior_point import minimise_dense
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import wrap_difference
 
@@ -138,7 +138,7 @@ def ascend(
     cost[program.begins["values"]] = -1.0
     first = program.initial_point(start)
     try:
-        end = None if near else approached(constraints, cost, first)
+        end = None if near else minimise_dense(constraints, cost, first)
         if end is None:
             end = minimised(constraints, cost, first)
         elif not end.converged:

@@ -24,9 +24,13 @@ from paretoik.capability.posture_samples import sample_holdable_postures, statio
 from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
+from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
 from paretoik.formulations.violations import explain_worst
+from paretoik.front.front import Front
 from paretoik.inputs import finite_array
-from paretoik.pareto.refine import Sketch
+from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.program import Solver
+from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
@@ -108,7 +112,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Directions across the self-motion at every base (bases, dof, rows), and along it (bases, dof, redundancy)."""
         return self.configurations.frames(self.bases)
 
-    def candidates(self, count: int, rng: np.random.Generator) -> Genes:
+    def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of bases as fast as they can go, sliders anywhere."""
         rows = np.zeros((count, self.n_var))
         part = self._parts(rows)  # views
@@ -131,15 +135,37 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
         return self.configurations.with_speeds(led.q, front, part["pace"], mixed, led.error > ON_PATH_TOLERANCE)
 
-    def sketch(self) -> Sketch:
-        """Return the smooth program of posture, sliders and speeds."""
+    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
+        """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
         asked = self._asked
         costs = np.zeros((self.n_obj, asked.unknowns))
         count = len(self.directions)
         costs[np.arange(count), np.arange(asked.unknowns)[asked.begins["values"]]] = -self.size
         if self.power:
             costs[count, asked.begins["power"]] = 1.0
-        return Sketch(program=asked.program(self.position, self.directions, self.size), costs=costs)
+        divisors = np.ones(self.n_obj) if scales is None else scales
+        return DenseProgram(
+            rows=asked.program(self.position, self.directions, self.size),
+            costs=costs / divisors[:, None],
+            objective_names=tuple(self.names),
+        )
+
+    def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
+        """Return the points of a front's genes."""
+        return dense_front_points(self, front)
+
+    def individuals(self, x: Float[np.ndarray, "points unknowns"], genes: Genes | None = None) -> Individuals:
+        """Return points as individuals, with genes that stand for them."""
+        return dense_individuals(self, x, genes)
+
+    def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
+        """Return the number of the base that each point is nearest to."""
+        return [str(int(place * len(self.bases))) for place in self.genes(x)[:, 0]]
+
+    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> StartSearch:
+        """Return how optima are found from nothing: from so many starts, each by itself."""
+        genes = self.sample_starts(starts, np.random.default_rng(seed))
+        return StartSearch(program_of=self.program, starts=self.points(genes), n_obj=self.n_obj, solver=solver)
 
     @cached_property
     def size(self) -> float:
@@ -147,7 +173,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         found = values_at(self.arm, self.actuation, self.directions, "velocity", self.bases)
         return float(np.nanmax(found))
 
-    def unknowns(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
+    def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
         at, asked = self.configuration(genes), self._asked
         z = np.zeros((len(genes), asked.unknowns))
@@ -165,9 +191,9 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             z[:, asked.begins["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
         return z / asked.scale(self.size)
 
-    def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Genes:
+    def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
-        parts = [self._asked.parts(one, self.size) for one in z]
+        parts = [self._asked.parts(one, self.size) for one in x]
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
         apart = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(apart, axis=2).argmin(axis=1)
@@ -188,7 +214,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         found: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return found
 
-    def between(self, genes: Genes) -> Float[np.ndarray, " points"]:
+    def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return 0 (points,): a posture has nothing between samples."""
         return np.zeros(len(genes))
 

@@ -24,10 +24,14 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
 from paretoik.formulations.violations import explain_worst
+from paretoik.front.front import Front
 from paretoik.inputs import finite_array
-from paretoik.pareto.refine import Sketch
+from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.program import Solver
+from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -154,19 +158,38 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(np.maximum(steps, SHORTEST_INTERVAL), axis=1)], axis=1)
         return Motion(arm=self.arm, time=time, q=q)
 
-    def sketch(self) -> Sketch:
-        """Return the smooth program of coefficients, intervals and work."""
-        return Sketch(program=self._journey.program, costs=self._journey.costs)
+    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
+        """Return the nonlinear program of coefficients, intervals and work, its objectives divided by ``scales``."""
+        divisors = np.ones(self.n_obj) if scales is None else scales
+        costs = self._journey.costs / divisors[:, None]
+        return DenseProgram(rows=self._journey.program, costs=costs, objective_names=tuple(self.names))
 
-    def unknowns(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
+    def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
+        """Return the points of a front's genes."""
+        return dense_front_points(self, front)
+
+    def individuals(self, x: Float[np.ndarray, "points unknowns"], genes: Genes | None = None) -> Individuals:
+        """Return points as individuals, with genes that stand for them."""
+        return dense_individuals(self, x, genes)
+
+    def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
+        """Return the number of the base that each point is nearest to."""
+        return [str(int(place * len(self.ways.q))) for place in self.genes(x)[:, 0]]
+
+    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> StartSearch:
+        """Return how optima are found from nothing: from so many starts, each by itself."""
+        genes = self.sample_starts(starts, np.random.default_rng(seed))
+        return StartSearch(program_of=self.program, starts=self.points(genes), n_obj=self.n_obj, solver=solver)
+
+    def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
         q, front, _ = self.profiles(genes)
         timing = minimum_timing(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
         return self._journey.unknowns(q, front, timing.intervals, timing.work)
 
-    def genes_of(self, z: Float[np.ndarray, "points unknowns"]) -> Genes:
+    def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
-        q, front = self._journey.coefficients(z)
+        q, front = self._journey.coefficients(x)
         away = q[:, None] - self.ways.q
         which = np.abs(away).max(axis=(2, 3)).argmin(axis=1)
         genes = [((which + 0.5) / len(self.ways.q))[:, None], away[np.arange(len(q)), which].reshape(len(q), -1)]
@@ -177,7 +200,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         found: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return found
 
-    def between(self, genes: Genes) -> Float[np.ndarray, " points"]:
+    def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return how much longer than an interval motors need for it, over the mean one, or how overloaded they are.
 
         The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
@@ -191,7 +214,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         found: np.ndarray = np.maximum(np.maximum(late, again.overload), 0.0)
         return found
 
-    def candidates(self, count: int, rng: np.random.Generator) -> Genes:
+    def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the bases, as they are and a little away."""
         rows = np.zeros((count, self.n_var))
         which = np.arange(count) % len(self.ways.q)

@@ -95,16 +95,6 @@ def has_branches(problem: Any) -> bool:
     return hasattr(problem, "species")
 
 
-def require_program(verb: str, problem: Any) -> None:
-    """Raise InvalidInput, naming the verb, where a problem has no gradients, as ``Tuning`` and ``ClosedLoop``."""
-    # until all that have gradients offer program(), the parts that they offer in its place count too
-    if not any(hasattr(problem, part) for part in ("program", "sketch", "encode")):
-        raise InvalidInput(
-            f"{verb}: a problem with gradients wanted, such as Tracking, got {type(problem).__name__}, which offers no "
-            "program()"
-        )
-
-
 def decode(problem: Any, genes: Genes) -> Any:
     """Return motions of genes, None where a problem has none."""
     return problem.decode(genes) if hasattr(problem, "decode") else None

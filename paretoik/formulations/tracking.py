@@ -16,6 +16,9 @@ from pymoo.core.problem import Problem
 from paretoik.arrays import Genes, Objectives
 from paretoik.errors import InvalidInput
 from paretoik.formulations.encoding import Encoding, encoding
+from paretoik.formulations.gradients import Individuals
+from paretoik.front.front import Front
+from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
@@ -30,6 +33,9 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
+from paretoik.trajectory.between_samples import violation_between
+from paretoik.trajectory.cold_search import MotionColdSearch
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 ROLL_OUTS = 256
 INFEASIBLE_SHARE = 0.3  # optima lie on the limits: approached from both sides they are found far sooner
@@ -192,7 +198,44 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             infeasible_share=INFEASIBLE_SHARE,
         )
 
-    def candidates(self, count: int, rng: np.random.Generator) -> Genes:
+    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> MotionProgram:
+        """Return the nonlinear program of whole motions, its objectives divided by ``scales``."""
+        return motion_program(self.task, scales)
+
+    def front_points(self, front: Front) -> Float[np.ndarray, "points time dof"]:
+        """Return the joint positions of a front's motions."""
+        if front.motions is None:
+            raise InvalidInput("refine: a front with its motions wanted, got one without")
+        return np.array(front.motions.q)
+
+    def points(self, genes: Genes) -> Float[np.ndarray, "points time dof"]:
+        """Return the joint positions that genes stand for."""
+        return np.array(self.decode(genes).q)
+
+    def genes(self, x: Float[np.ndarray, "points time dof"]) -> Genes:
+        """Return genes of motions on the path, as near as the spline comes to them."""
+        return self.encode(self.task.motion(x))[0]
+
+    def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
+        """Return motions as individuals; they are exact, and genes would only be near them."""
+        motions = self.task.motion(x)
+        return Individuals(
+            x=x,
+            objectives=np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1),
+            genes=None,
+            motions=motions,
+            violation_between=violation_between(self.task, motions),
+        )
+
+    def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
+        """Return the label of each motion's branch."""
+        return branch_labels(self.task.motion(x))
+
+    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> MotionColdSearch:
+        """Return how optima are found from nothing: each objective planned, starts refined level by level."""
+        return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver)
+
+    def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""
         return self.encode(self.task.motion(self._seeds[self._ranked[:count]]))[0]
 

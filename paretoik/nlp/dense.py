@@ -30,7 +30,21 @@ class DenseProgram:
     costs: Float[np.ndarray, "objectives unknowns"]
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()
-    kernel: Any = None
+    rounding: float = 0.0
+    kinked: tuple[str, ...] = ()
+
+    def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
+        """Return the points as they are."""
+        return x
+
+    def pin(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
+        """Return the points as they are."""
+        return x
+
+    @property
+    def kernel(self) -> Any:
+        """The rows."""
+        return self.rows
 
     @property
     def upper(self) -> Float[np.ndarray, " objectives"]:

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.compiled.interior_point import CONVERGED
 from paretoik.nlp.conic import Constraints, dense_rows
 from paretoik.nlp.dense import DenseProgram, null_space
 from paretoik.nlp.program import Goal
+from paretoik.nlp.solutions import CONVERGED
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.nlp.traced import Rows
 

@@ -128,6 +128,20 @@ class Program(Protocol):
     def kernel(self) -> Any:
         """What compiled solvers take, None where F or c has kinks."""
 
+    @property
+    def kinked(self) -> tuple[str, ...]:
+        """Names of what has kinks, where there is no kernel."""
+
+    @property
+    def rounding(self) -> float:
+        """Stationarity that cannot be told from none."""
+
+    def project(self, x: Points) -> Points:
+        """Return starts with what no step changes put right: a given start, a last step at rest."""
+
+    def pin(self, x: Points) -> Points:
+        """Return points whose given parts are what they were given as, to the bit."""
+
     def evaluate(
         self, x: Point
     ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:

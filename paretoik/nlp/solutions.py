@@ -10,14 +10,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Points
-from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, SINGULAR, STUCK, VIOLATED
+
+CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE = range(6)
 
 STATUSES = {
     CONVERGED: "converged",
-    CAPPED: "iteration limit reached",
-    STUCK: "no step makes it better",
+    ITERATION_LIMIT: "iteration limit reached",
+    NO_PROGRESS: "no step makes it better",
     SINGULAR: "at a singularity",
     VIOLATED: "limits cannot all hold",
+    NOT_FINITE: "not finite where it starts",
 }
 
 

@@ -16,10 +16,10 @@ from scipy import sparse
 
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
-from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, STUCK, VIOLATED
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.program import Goal, Program, bounded
+from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
 from paretoik.nlp.subproblem import Step, solve_subproblem
 
 
@@ -140,7 +140,7 @@ class _Search:
         """Take one step, or end the search."""
         options = self.options
         if self.iterations >= options.iterations:
-            self.status = CAPPED
+            self.status = ITERATION_LIMIT
             return
         self.iterations += 1
         model = self._model()
@@ -279,7 +279,7 @@ class _Search:
         elif settled or self._is_critical(model):
             self.status = CONVERGED
         else:
-            self.status = STUCK
+            self.status = NO_PROGRESS
 
     def _is_critical(self, model: _Model) -> bool:
         """Return whether no direction gains more than rounding, to first order."""

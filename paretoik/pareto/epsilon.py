@@ -1,146 +1,317 @@
-"""Fronts of small smooth programs by ε-constraints, from several starts: as ``epsilon`` finds those of motions."""
+"""Fronts of any program by ε-constraints: one objective minimised, the others kept below ε, from several starts each.
+
+Source: Tringali & Cocuzza 2020, section 4.3, with inequalities in place of the printed equality, which returns
+dominated points; Haimes et al. 1971.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from paretoik.arrays import Points
 from paretoik.errors import SolverFailed
-from paretoik.nlp.dense_sqp import Caps
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
-from paretoik.pareto.refine import Sketch, least, quadratic
 
-YIELD = 1e-6  # of its range: what an objective gives way for the others at an end of the front
-FIRST_WEIGHT = 1e-3  # of the others there, until it is found
-WEIGHT = 5e-4  # of the other objectives at a given ε: with none, a point may be only weakly optimal
-APART = 0.05  # of the ranges: optima of one objective that are nearer than this to an end are no points of their own
-NEAREST = 2  # points, and optima of one objective, that every ε starts from
-BRIEF = 60  # quadratic programs, where interior points lead nowhere
-BESIDE = 2  # neighbours whose way each point tries at the end
+Observe = Callable[[int, int], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpsilonOptions:
+    """How a front is swept; objectives are divided by their ranges, so that values here are shares of these.
+
+    ``end_tolerance`` is what an objective gives way for the others at an end of the front, ``end_weight`` the weight of
+    the others there at first; ``weight`` theirs at any ε: with none a point may be only weakly optimal. ``inner`` are
+    the places between nadir and ideal where cold starts are led below an ε. Every ε starts from the ``nearest`` points.
+    Of each objective so many optima are followed as branches as ``pool`` says; one that takes more than
+    ``branch_iterations`` to the next level has ended. Where the ends are within ``resolved_distance`` (rad or m, RMS)
+    and ``resolution`` of every objective, of 1 at least, the front is one point. Each point tries the basins of its ``neighbours``, in at most so
+    many ``rounds``. Points nearer than ``distinct`` (rad or m, RMS) are one.
+
+    The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
+    valley one may get lost, or find a better one.
+    """
+
+    end_tolerance: float = 1e-6
+    end_weight: float = 1e-3
+    weight: float = 5e-4
+    inner: tuple[float, ...] = (0.25, 0.5, 0.75)
+    nearest: int = 4
+    pool: int = 4
+    branch_iterations: int = 60
+    neighbours: int = 2
+    rounds: int = 3
+    distinct: float = 0.01
+    resolution: float = 1e-7
+    resolved_distance: float = 1e-3
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
+    cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
+
+
+OPTIONS = EpsilonOptions()
+
+
+@runtime_checkable
+class ColdSearch(Protocol):
+    """How a formulation finds local optima from nothing; with ``multimodal`` basins many neighbours differ."""
+
+    multimodal: bool
+
+    def optima(self, objective: int) -> Points:
+        """Return the local optima of one objective alone, best first.
+
+        Raises Infeasible or SolverFailed where there is none.
+        """
+
+    def optima_below(
+        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
+    ) -> Solutions | None:
+        """Return what cold starts lead to for one objective, the others below ``upper``; None where nowhere.
+
+        Objectives are those of ``program``, divided by their ranges; the others count with ``weight``.
+        """
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpsilonPoints:
+    """Points of a front with their objectives, minimised, and the ranges that these were divided by on the way."""
+
+    x: Points
+    objectives: Float[np.ndarray, "points n_obj"]
+    ranges: Float[np.ndarray, " n_obj"]
 
 
 def epsilon_points(
-    sketch: Sketch,
-    starts: Float[np.ndarray, "starts unknowns"],
+    program_of: Callable[[Float[np.ndarray, " n_obj"]], Program],
+    cold: ColdSearch,
+    n_obj: int,
     *,
     points: int,
-    observe: Callable[[int, int], object] | None = None,
-) -> tuple[Float[np.ndarray, "points unknowns"], Float[np.ndarray, " n_obj"]]:
-    """Return so many points at most, spread over the front, its ends among them, and the ranges of the objectives.
+    solver: Solver = "auto",
+    observe: Observe | None = None,
+    options: EpsilonOptions = OPTIONS,
+) -> EpsilonPoints:
+    """Return at most so many points, but all ends, spread over the front, and the ranges of the objectives.
 
-    Ends are there also where there are more of them than points wanted. First the ends, from every start; then ε
-    halfway between two neighbours of the widest gap, started from those near it; last, whether the way of a neighbour
-    leads to something better. ``observe`` is called with points found and wanted.
+    ``program_of`` returns the program with its objectives divided by what it is given. First the ends, and what cold
+    starts lead to below some ε; of two objectives every branch is then followed through falling and rising ε. The rest
+    goes into the widest gaps: ε halfway between two neighbours, started from those near it. ``observe`` is called with
+    points found and wanted.
 
-    Raises SolverFailed where no start leads to a point that keeps all limits.
+    Raises what ``cold`` does, and SolverFailed where an end does not converge.
     """
-    pool = _alone(sketch, starts)
-    payoff = np.array([group[0] for group in pool]) @ sketch.costs.T
+    natural = program_of(np.ones(n_obj))
+    alone = [cold.optima(k) for k in range(n_obj)]
+    best = np.stack([optima[0] for optima in alone])
+    payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
+    ranges = ranges_of(payoff)
+    if _is_one_point(natural, best, payoff, options):
+        return EpsilonPoints(x=best[:1], objectives=payoff[:1], ranges=ranges)
+    program = program_of(ranges)
+    pool = np.concatenate([optima[: options.pool] for optima in alone])
+    pool = pool[_distinct_rows(program, pool, options)]
+    ends = _ends(program, best, solver, options)
+    sweep = _Sweep(program, pool, ends, points, solver, observe, options)
+    for solutions in _inner(program, cold, ends, options):
+        sweep.pool = np.concatenate([sweep.pool, solutions.x])
+        sweep.add(solutions)
+    if n_obj == 2:  # half of the points along every branch, evenly in the second objective
+        high, low = ends.objectives[0, 1], ends.objectives[1, 1]
+        sweep.follow_branches(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
+    fill_gaps(lambda: sweep.front()[1], sweep.minimise_below, points)
+    if cold.multimodal:
+        sweep.exchange_basins()
+    x, values = sweep.front()
+    rows = spread_rows(values, points)
+    return EpsilonPoints(x=x[rows], objectives=values[rows] * ranges, ranges=ranges)
+
+
+def ranges_of(payoff: Float[np.ndarray, "points n_obj"]) -> Float[np.ndarray, " n_obj"]:
+    """Return nadir less ideal of a payoff table; where that is nothing, the objective's own size."""
     ideal, nadir = payoff.min(axis=0), payoff.max(axis=0)
     wide = nadir - ideal > 1e-9 * np.maximum(np.abs(ideal), np.abs(nadir))
-    ranges = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
-    shares = sketch.costs / ranges[:, None]
-    ends = np.array([_finished(shares, sketch, k, group[0]) for k, group in enumerate(pool)])
-    other = np.concatenate(pool)
-    apart = np.abs((other @ shares.T)[:, None] - ends @ shares.T).max(axis=2).min(axis=1)
-    found = _Found(sketch, shares, np.concatenate([ends, other[apart > APART]]), other, observe, points)
-    fill_gaps(lambda: found.front()[1], found.add, points)
-    found.settle(points)
-    z, values = found.front()
-    return z[spread_rows(values, points)], ranges
+    ranges: np.ndarray = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
+    return ranges
 
 
-class _Found:
-    """The points so far, and how one more is found: from those near it, and from a pool of what starts led to."""
+def _is_one_point(program: Program, best: Points, payoff: np.ndarray, options: EpsilonOptions) -> bool:
+    """Return whether the optima of all objectives differ by no more than what a solver's last barrier leaves open."""
+    width = (payoff.max(axis=0) - payoff.min(axis=0)) / np.maximum(np.abs(payoff).max(axis=0), 1.0)
+    distances = program.distance(best[0], best)
+    return bool((width <= options.resolution).all() and (distances <= options.resolved_distance).all())
+
+
+def _distinct_rows(program: Program, x: Points, options: EpsilonOptions) -> Int[np.ndarray, " rows"]:
+    """Return which points are farther than ``distinct`` from all before them."""
+    rows = list[int]()
+    for i, one in enumerate(x):
+        if not rows or program.distance(one, x[rows]).min() > options.distinct:
+            rows.append(i)
+    return np.array(rows, dtype=int)
+
+
+def _factors(program: Program, n_obj: int, main: int | np.ndarray, weight: float | np.ndarray) -> np.ndarray:
+    """Return weights (rows, objectives): 1 for the main objective of each row, ``weight`` for the others."""
+    mains = np.atleast_1d(main)
+    factors = np.zeros((len(mains), len(program.upper)))
+    factors[:, :n_obj] = np.asarray(weight)[..., None]
+    factors[np.arange(len(mains)), mains] = 1.0
+    return factors
+
+
+def _bounds(program: Program, upper: Float[np.ndarray, "rows n_obj"]) -> np.ndarray:
+    bounds = np.full((len(upper), len(program.upper)), np.inf)
+    bounds[:, : upper.shape[1]] = upper
+    return bounds
+
+
+def _ends(program: Program, best: Points, solver: Solver, options: EpsilonOptions) -> Solutions:
+    """Return the ends of the front: each objective at its best, the others as good as they can be there."""
+    count = len(best)
+    mains = np.arange(count)
+    factors = _factors(program, count, mains, options.end_tolerance)
+    ends = minimise(program, best, factors, options=options.warm, solver=solver)
+    for barrier in (options.near, options.cold):
+        again = minimise(program, best, factors, options=barrier, solver=solver)
+        merits = [np.where(each.converged, np.sum(factors * each.objectives, axis=1), np.inf) for each in (ends, again)]
+        better = merits[1] < merits[0] - SAME
+        ends = ends.replace_rows(better, again[better])
+    if not ends.converged.all():
+        failed = program.objective_names[int(np.argmin(ends.converged))]
+        raise SolverFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
+    weight = np.full(count, options.end_weight)
+    for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
+        finished = minimise(
+            program, ends.x, _factors(program, count, mains, weight), options=options.warm, solver=solver
+        )
+        loss = np.diagonal(finished.objectives) - np.diagonal(ends.objectives)
+        weight = weight * np.sqrt(options.end_tolerance / np.maximum(loss, options.end_tolerance)) / 2
+        accepted = finished.converged & (loss <= options.end_tolerance)
+        if accepted.all():
+            break
+    return ends.replace_rows(accepted, finished[accepted])
+
+
+def _inner(program: Program, cold: ColdSearch, ends: Solutions, options: EpsilonOptions) -> list[Solutions]:
+    """Return the optima that cold starts lead to below some ε: a branch may belong to no objective's own optimum."""
+    count = len(ends)
+    ideal, nadir = ends.objectives[:, :count].min(axis=0), ends.objectives[:, :count].max(axis=0)
+    found = []
+    for share in options.inner if count == 2 else options.inner[1:2]:
+        for main in range(count):
+            upper = np.where(np.arange(count) == main, np.inf, nadir + share * (ideal - nadir))
+            solutions = cold.optima_below(program, main, upper, options.weight)
+            if solutions is not None:
+                found.append(solutions[solutions.converged][: options.pool])
+    return found
+
+
+class _Sweep:
+    """The points so far, and how one more is found."""
 
     def __init__(
         self,
-        sketch: Sketch,
-        shares: np.ndarray,
-        z: np.ndarray,
-        pool: np.ndarray,
-        observe: Callable[[int, int], object] | None,
+        program: Program,
+        pool: Points,
+        ends: Solutions,
         wanted: int,
+        solver: Solver,
+        observe: Observe | None,
+        options: EpsilonOptions,
     ) -> None:
-        self.sketch, self.shares = sketch, shares
-        self.z, self.pool, self.observe, self.wanted = z, pool, observe, wanted
+        self.program, self.pool, self.n_obj, self.wanted = program, pool, len(ends), wanted
+        self.x, self.objectives = ends.x, ends.objectives
+        self.solver, self.observe, self.options = solver, observe, options
 
-    @property
-    def values(self) -> Float[np.ndarray, "points n_obj"]:
-        """The objectives, over their ranges."""
-        found: np.ndarray = self.z @ self.shares.T
-        return found
-
-    def add(self, main: int, caps: np.ndarray) -> bool:
-        """Minimise objective ``main`` below caps from the nearest points; return whether that is a new one."""
-        starts = [self._nearest(part, caps) for part in (self.front()[0], self.pool)]
-        best = self._best(main, caps, np.concatenate(starts))
-        if best is None or known(self.shares @ best, self.values):
-            return False
-        self._keep(best)
-        return True
-
-    def settle(self, points: int) -> None:
-        """Try for every point of the front whether its neighbours' ways lead to one better in everything."""
-        z, values = self.front()
-        kept = spread_rows(values, points)
-        z, values = z[kept], values[kept]
-        for i, value in enumerate(values):
-            near = np.argsort(np.linalg.norm(values - value, axis=1), kind="stable")[1 : 1 + BESIDE]
-            main = i % len(value)
-            best = self._best(main, np.where(np.arange(len(value)) == main, np.inf, value), z[near])
-            if best is not None and (value - self.shares @ best)[main] > 10 * SAME:
-                self._keep(best)
-
-    def _nearest(self, z: np.ndarray, caps: np.ndarray) -> np.ndarray:
-        """Return the few of some points whose objectives are nearest to caps."""
-        values = z @ self.shares.T
-        apart = np.abs(values - np.where(np.isfinite(caps), caps, values)).max(axis=1)
-        return z[np.argsort(apart, kind="stable")[:NEAREST]]
-
-    def _best(self, main: int, caps: np.ndarray, starts: np.ndarray) -> np.ndarray | None:
-        """Return the best point below caps that starts lead to, None where they lead to none."""
-        cost, others = self.shares[main] + WEIGHT * self.shares.sum(axis=0), np.isfinite(caps)
-        below = Caps(rows=self.shares[others], most=caps[others])
-        kept = [end.z for z in starts if (end := least(self.sketch, cost, z, below)) is not None]
-        if len(starts) and not kept:
-            end = quadratic(self.sketch, cost, starts[0], below, iterations=BRIEF)
-            kept = [] if end is None or not end.converged else [end.z]
-        return min(kept, key=lambda z: float(cost @ z)) if kept else None
-
-    def front(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the points that no other dominates, by the first objective."""
-        kept = front_rows(self.values)
-        return self.z[kept], self.values[kept]
-
-    def _keep(self, z: np.ndarray) -> None:
-        self.z = np.concatenate([self.z, z[None]])
+    def add(self, solutions: Solutions) -> None:
+        """Keep points: whether they are part of the front is seen later."""
+        self.x = np.concatenate([self.x, solutions.x])
+        self.objectives = np.concatenate([self.objectives, solutions.objectives])
         if self.observe is not None:
             self.observe(len(self.front()[0]), self.wanted)
 
+    def front(self) -> tuple[Points, Float[np.ndarray, "front n_obj"]]:
+        """Return the points that no other dominates, by the first objective."""
+        values = self.objectives[:, : self.n_obj]
+        rows = front_rows(values)
+        return self.x[rows], values[rows]
 
-def _alone(sketch: Sketch, starts: np.ndarray) -> list[np.ndarray]:
-    """Return what starts lead to for each objective, nearly alone, the best first: the others may have no least."""
-    pool = list[np.ndarray]()
-    starts = starts[np.isfinite(starts).all(axis=1)]
-    sizes = np.median(np.abs(starts @ sketch.costs.T), axis=0) if len(starts) else np.ones(len(sketch.costs))
-    shares = sketch.costs / np.where(sizes > 0, sizes, 1.0)[:, None]
-    for own in shares:
-        cost = own + FIRST_WEIGHT * shares.sum(axis=0)
-        ends = [end.z for start in starts if (end := least(sketch, cost, start)) is not None]
-        kept = [ends[i] for i in np.argsort([cost @ z for z in ends], kind="stable")]
-        if not kept:
-            raise SolverFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
-        pool.append(np.array(kept))
-    return pool
+    def minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
+        """Minimise objective ``main`` below ``upper`` from the nearest points; return whether that is a new one."""
+        best = self._best_below(main, upper)
+        if best is None or known(best.objectives[0], self.objectives):
+            return False
+        self.add(best)
+        return True
 
+    def _best_below(self, main: int, upper: np.ndarray) -> Solutions | None:
+        starts = self.x[self._nearest(upper)]
+        factors = _factors(self.program, self.n_obj, main, self.options.weight)
+        bounds = _bounds(self.program, upper[None])
+        solutions = minimise(self.program, starts, factors, bounds, self.options.warm, solver=self.solver)
+        if not solutions.converged.any():
+            return None
+        best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
+        return solutions[best : best + 1]
 
-def _finished(shares: np.ndarray, sketch: Sketch, main: int, z: np.ndarray) -> np.ndarray:
-    """Return what is as good in one objective as z can be, and in the others as good as they can be there."""
-    best = least(sketch, shares[main] + YIELD * shares.sum(axis=0), z)
-    z = z if best is None else best.z
-    others = shares.sum(axis=0) - shares[main]
-    end = least(sketch, others, z, Caps(rows=shares[[main]], most=shares[[main]] @ z + YIELD))
-    return z if end is None else end.z
+    def _nearest(self, upper: np.ndarray) -> Int[np.ndarray, " nearest"]:
+        values = self.objectives[:, : self.n_obj]
+        off = np.abs(values - np.where(np.isfinite(upper), upper, values)).max(axis=1)
+        return np.argsort(off, kind="stable")[: self.options.nearest]
+
+    def follow_branches(self, levels: Float[np.ndarray, " levels"]) -> None:
+        """Follow every optimum of the pool as its own branch, through falling and through rising ε of objective two.
+
+        Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
+        """
+        own = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
+        falling, rising = levels[:, None], levels[::-1, None]
+        within = own >= falling, own <= rising
+        joins = [np.where(each.any(axis=0), each.argmax(axis=0), len(levels)) for each in within]
+        x = [self.pool[:0], self.pool[:0]]
+        options = self.options.warm._replace(iterations=self.options.branch_iterations)
+        for step, both in enumerate(zip(levels, levels[::-1], strict=True)):
+            x = [np.concatenate([old, self.pool[join == step]]) for old, join in zip(x, joins, strict=True)]
+            counts = [len(each) for each in x]
+            upper = _bounds(self.program, np.stack([np.full(sum(counts), np.inf), np.repeat(both, counts)], axis=1))
+            factors = _factors(self.program, 2, 0, self.options.weight)
+            solutions = minimise(self.program, np.concatenate(x), factors, upper, options, solver=self.solver)
+            for way, part in enumerate((solutions[: counts[0]], solutions[counts[0] :])):
+                branches = part[part.converged]
+                branches = branches[np.argsort(branches.objectives[:, 0], kind="stable")]
+                branches = branches[_distinct_rows(self.program, branches.x, self.options)]
+                self.add(branches)
+                x[way] = branches.x
+
+    def exchange_basins(self) -> None:
+        """Try for every point of the front whether its neighbours' basins hold one that is better in everything.
+
+        Where there are many valleys, a neighbour that came later may lie in a better one.
+        """
+        for _ in range(self.options.rounds):
+            x, values = self.front()
+            rows = spread_rows(values, self.wanted)
+            x, values = x[rows], values[rows]
+            if len(x) < 2:
+                return
+            off = np.linalg.norm(values[:, None] - values[None], axis=2) + np.where(np.eye(len(x)) > 0, np.inf, 0.0)
+            near = np.argsort(off, axis=1)[:, : min(self.options.neighbours, len(x) - 1)]
+            factors = np.zeros((1, len(self.program.upper)))
+            factors[0, : self.n_obj] = 1.0
+            upper = _bounds(self.program, np.repeat(values, near.shape[1], axis=0))
+            solutions = minimise(self.program, x[near.ravel()], factors, upper, self.options.warm, solver=self.solver)
+            before = np.repeat(values.sum(axis=1), near.shape[1])
+            gain = before - solutions.objectives[:, : self.n_obj].sum(axis=1)
+            better = solutions.converged & (gain > 10 * SAME)
+            if not better.any():
+                return
+            self.add(solutions[better])

@@ -62,7 +62,7 @@ def within(problem: Any, X: Floats) -> Floats:
 def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Floats:
     """Make exactly ``size`` rows of genes: ``initial`` first, then the problem's own, then uniform in the bounds.
 
-    ``problem.candidates(n, rng)`` and ``problem.self_motion_samples(n, rng)``, where it has them, each fill up to a
+    ``problem.sample_starts(n, rng)`` and ``problem.self_motion_samples(n, rng)``, where it has them, each fill up to a
     third. Equal rows are dropped and replaced; only a box too small for ``size`` different rows leaves copies.
     """
     first = np.empty((0, problem.n_var)) if initial is None else checked_genes(problem, initial)
@@ -71,7 +71,7 @@ def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None,
     rows: dict[bytes, Floats] = {}
     _add(rows, first, size)
     third = -(-size // 3)
-    for source in ("candidates", "self_motion_samples"):
+    for source in ("sample_starts", "self_motion_samples"):
         if hasattr(problem, source) and len(rows) < size:
             offered = getattr(problem, source)(min(third, size - len(rows)), rng)
             _add(rows, checked_genes(problem, offered, f"problem.{source}"), min(size, len(rows) + third))

@@ -1,9 +1,9 @@
-"""What no motion can be better than, where redundancy is one and accelerations don't count.
+"""A lower bound on all motions, where redundancy is one and accelerations don't count.
 
 A motion runs within cells: between two neighbouring nodes at every sample. Let every sample be rounded, by itself, to
 one of its two nodes, with the chances that make the mean the motion's own place. The mean cost of what comes out is the
 sum of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own cost by no
-more than the interpolation's error. Some rounding is no dearer than the mean. So the best way through the grid, with
+more than the interpolation's error. Some rounding costs no more than the mean. So the best way through the grid, with
 that error taken off every transition and limits relaxed by what they change within a cell, is a bound from below.
 
 The error is taken from second differences D between neighbouring transitions, those of all cells around one: where
@@ -19,12 +19,12 @@ from dataclasses import replace
 import numpy as np
 
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.grid_terms import HOLDS, Terms, priced
-from paretoik.trajectory.layered_graph import best_way
-from paretoik.trajectory.posture_grid import PostureGrid, layered, transitions
+from paretoik.trajectory.grid_terms import LIMIT_TOLERANCE, Terms, evaluate_at
+from paretoik.trajectory.layered_graph import shortest_path
+from paretoik.trajectory.posture_grid import PostureGrid, build_graph, transitions
 
-CORNERS = 2  # nodes: as much further than a motion in its cell, the steps between the cell's corners go
-BEYOND = 4  # nodes: as far beyond windows and ranges of joints, transitions are looked at
+CELL_NODES = 2  # by so many nodes are steps between the corners of a cell longer than those of a motion in it
+MARGIN_NODES = 4  # so far beyond windows and ranges of joints transitions are evaluated
 
 
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
@@ -32,27 +32,28 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
 
     ``grid`` is of all nodes, those that do not keep the limits included, a few beyond the joints' ranges.
     """
-    wide = replace(grid, windows=grid.windows + BEYOND * spacing)
+    wide = replace(grid, windows=grid.windows + MARGIN_NODES * spacing)
     pairs, edge = transitions(task, wide)
     counts = [len(sources) for sources, _ in pairs]
-    costs = priced(task, terms.weighed, counts, edge)
-    rates = priced(task, terms.worst(terms.rates), counts, edge)
-    postures = priced(task, terms.worst(terms.postures), [len(q) for q in grid.nodes], grid.still)
-    nodes = [_may_hold(over, [_beside(ahead)]) for over, ahead in zip(postures, grid.onward, strict=True)]
-    kept = []
+    costs = evaluate_at(task, terms.sample_costs, counts, edge)
+    rates = evaluate_at(task, terms.worst(terms.rates), counts, edge)
+    postures = evaluate_at(task, terms.worst(terms.postures), [len(q) for q in grid.nodes], grid.at_rest)
+    nodes = [_may_satisfy(excess, [_neighbours(ahead)]) for excess, ahead in zip(postures, grid.next_node, strict=True)]
+    masks = []
     for i, (sources, ends) in enumerate(pairs[1:], 1):
-        around = _around(sources, ends, grid.onward[i - 1], grid.onward[i])
-        costs[i] -= sum(_hidden(_bend(costs[i], pair), around) for pair in around)
-        near = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources])) <= grid.windows[i] + CORNERS * spacing
-        kept.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_hold(rates[i], around))
-    layers = layered(grid, pairs, costs).thinned(kept, np.where(nodes[0], 0.0, np.inf))
-    return best_way(layers, task.cyclic)[0]
+        around = _neighbouring_transitions(sources, ends, grid.next_node[i - 1], grid.next_node[i])
+        costs[i] -= sum(_interpolation_error(_second_difference(costs[i], pair), around) for pair in around)
+        steps = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources]))
+        near = steps <= grid.windows[i] + CELL_NODES * spacing
+        masks.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_satisfy(rates[i], around))
+    layers = build_graph(grid, pairs, costs).prune(masks, np.where(nodes[0], 0.0, np.inf))
+    return shortest_path(layers, task.cyclic)[0]
 
 
 Pair = tuple[np.ndarray, np.ndarray]  # where the neighbours on either side are, −1 where there is none
 
 
-def _beside(ahead: np.ndarray) -> Pair:
+def _neighbours(ahead: np.ndarray) -> Pair:
     """Return the nodes after and before each on its curve."""
     behind = np.full(len(ahead), -1)
     known = np.flatnonzero(ahead >= 0)
@@ -60,48 +61,51 @@ def _beside(ahead: np.ndarray) -> Pair:
     return ahead, behind
 
 
-def _around(sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.ndarray) -> list[Pair]:
+def _neighbouring_transitions(
+    sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.ndarray
+) -> list[Pair]:
     """Return the transitions beside each: with the next and the last source, and with the next and the last end."""
     width = len(before)
     keys = ends * width + sources  # ascending
 
     def at(source: np.ndarray, end: np.ndarray) -> np.ndarray:
-        wanted = end * width + source
-        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        return np.where((source >= 0) & (end >= 0) & (keys[place] == wanted), place, -1)
+        key = end * width + source
+        place = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+        return np.where((source >= 0) & (end >= 0) & (keys[place] == key), place, -1)
 
-    (later, earlier), (up, down) = (_beside(ahead) for ahead in (before, here))
+    (later, earlier), (up, down) = (_neighbours(ahead) for ahead in (before, here))
     return [
         (at(later[sources], ends), at(earlier[sources], ends)),
         (at(sources, up[ends]), at(sources, down[ends])),
     ]
 
 
-def _hidden(bends: np.ndarray, around: list[Pair]) -> np.ndarray:
+def _interpolation_error(second_differences: np.ndarray, around: list[Pair]) -> np.ndarray:
     """Return the most that interpolation can exceed what lies within the cells around, by second differences."""
-    known = np.maximum(bends, 0.0)  # of NaN: NaN
-    most, least = _largest(known, around), -_largest(-known, around)
+    known = np.maximum(second_differences, 0.0)  # of NaN: NaN
+    most, least = _neighbourhood_max(known, around), -_neighbourhood_max(-known, around)
     return np.where(most >= least, most / 8 + 3 / 8 * (most - least), 0.0)
 
 
-def _bend(values: np.ndarray, pair: Pair) -> np.ndarray:
+def _second_difference(values: np.ndarray, pair: Pair) -> np.ndarray:
     """Return second differences, NaN where a neighbour is missing."""
     after, before = pair
     return np.where((after >= 0) & (before >= 0), values[after] + values[before] - 2 * values, np.nan)
 
 
-def _change(values: np.ndarray, pair: Pair) -> np.ndarray:
+def _first_difference(values: np.ndarray, pair: Pair) -> np.ndarray:
     """Return how much values differ from their neighbours', at most."""
     return np.max([np.where(side >= 0, np.abs(values[side] - values), 0.0) for side in pair], axis=0)
 
 
-def _largest(values: np.ndarray, around: list[Pair]) -> np.ndarray:
+def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
     """Return the largest of values and of those all around them that are known, NaN where none is."""
     for pair in around:
         values = np.fmax.reduce([values, *(np.where(side >= 0, values[side], np.nan) for side in pair)])
     return values
 
 
-def _may_hold(over: np.ndarray, around: list[Pair]) -> np.ndarray:
+def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
     """Return where limits may hold within a cell beside."""
-    return over <= HOLDS + sum(_largest(_change(over, pair), around) for pair in around)
+    margin = sum(_neighbourhood_max(_first_difference(excess, pair), around) for pair in around)
+    return excess <= LIMIT_TOLERANCE + margin

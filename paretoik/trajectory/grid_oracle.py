@@ -23,15 +23,28 @@ from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.curves import count_nodes, node_spacing, postures_along_path, trace_curves
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.grid_bound import BEYOND, lower_bound
-from paretoik.trajectory.grid_terms import Terms, priced, terms_of
-from paretoik.trajectory.layered_graph import Layers, best_way, ways_through
-from paretoik.trajectory.posture_grid import PostureGrid, layered, posture_grid, transitions, windows_of
+from paretoik.trajectory.grid_bound import MARGIN_NODES, lower_bound
+from paretoik.trajectory.grid_terms import Terms, build_terms, evaluate_at
+from paretoik.trajectory.layered_graph import LayeredGraph, distinct_paths, shortest_path
+from paretoik.trajectory.posture_grid import PostureGrid, build_graph, posture_grid, step_windows, transitions
 
-PACE = 2.5  # times the pace that the path itself asks for: what joints without velocity limit may do
-QUICK = 30_000  # nodes that take no longer than a moment
-COARSEST = 26  # samples, where accelerations count
-APART = 0.15  # rad or m: ways through the grid nearer than this to a better one are not told apart from it
+
+@dataclass(frozen=True, kw_only=True)
+class GridOptions:
+    """How a grid is laid and what it returns.
+
+    Joints without velocity limit may go ``pace`` times as fast as the path itself asks for. A quick grid has at most
+    ``quick_nodes``. Where accelerations count, it has at least ``coarsest`` samples. Paths nearer than ``distinct``
+    [rad or m, RMS] to a better one are not told from it.
+    """
+
+    pace: float = 2.5
+    quick_nodes: int = 30_000
+    coarsest: int = 26
+    distinct: float = 0.15
+
+
+OPTIONS = GridOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +55,7 @@ class GridOracle:
     limits, ``resolution`` [rad, m] the distance of nodes, ``samples`` how many of the motion the grid has.
 
     Where ``exact``, no way through the grid is better than the first, and no motion on the curves traced, its joints
-    within the same pace, is worth less than ``lower_bound``, which comes nearer as the resolution is refined: with its
+    within the same pace, has a value below ``lower_bound``, which comes nearer as the resolution is refined: with its
     square, or in proportion to it where limits are active. Where accelerations count it is NaN, as where
     it was not asked for.
     """
@@ -58,7 +71,7 @@ class GridOracle:
 
     @property
     def best(self) -> float:
-        """What the best way through the grid is worth."""
+        """The objective value of the best path through the grid."""
         return float(self.values[0])
 
 
@@ -102,37 +115,41 @@ def grid_oracle(
     _check(task, resolution)
     rng = np.random.default_rng(seed)
     seeds, pace = postures_along_path(task, rng)
-    terms = terms_of(task, weights, np.stack([q[0] for q in seeds])[None])
+    terms = build_terms(task, weights, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
-    level = task.subsample(_coarse(len(task.times))) if terms.second else task
+    level = task.subsample(_coarse_samples(len(task.times))) if terms.second else task
     kept = np.searchsorted(task.times, level.times)
-    windows = windows_of(level, PACE * pace * (len(task.times) - 1) / (len(level.times) - 1))
+    windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
     curves = trace_curves(level, [seeds[i] for i in kept])
     spacing = resolution or node_spacing(curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
-    if quick and count_nodes(task, curves, spacing) > QUICK:
-        raise InvalidInput(f"grid_oracle: quick=True wants at most {QUICK} nodes, {spacing:g} rad apart there are more")
+    if quick and count_nodes(task, curves, spacing) > OPTIONS.quick_nodes:
+        most = OPTIONS.quick_nodes
+        raise InvalidInput(f"grid_oracle: quick=True wants at most {most} nodes, {spacing:g} rad apart there are more")
     while True:
-        grid = _kept(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
-        layers = (_pairs if terms.second else _singles)(level, grid, terms)
-        best, states = best_way(layers, level.cyclic)
+        grid = _feasible_grid(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
+        layers = (_pair_graph if terms.second else _node_graph)(level, grid, terms)
+        best, states = shortest_path(layers, level.cyclic)
         if not len(states):
-            raise _no_way(level, layers, spacing)
-        q = grid.motion(layers.through(states))
+            raise _no_path_error(level, layers, spacing)
+        q = grid.motion(layers.node_path(states))
         wound = level.cyclic & (np.abs(q[-1] - q[0]) > 1.0)
         if not wound.any():
             break
         unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must be told apart
-    ways = [states, *ways_through(layers, level.cyclic, round(APART / spacing))]
-    told = _told(task, level, grid, terms, np.stack([grid.motion(layers.through(way)) for way in ways]), classes)
-    if not terms.second and not np.isclose(told["values"][0], best, rtol=1e-6, atol=0):
+    paths = [states, *distinct_paths(layers, level.cyclic, round(OPTIONS.distinct / spacing))]
+    motions = np.stack([grid.motion(layers.node_path(path)) for path in paths])
+    selection = _select_paths(task, level, grid, terms, motions, classes)
+    if not terms.second and not np.isclose(selection["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
     least = np.nan
     if not quick and not terms.second:
-        every = posture_grid(level, curves, spacing, windows, unrolled, beyond=BEYOND * spacing)
+        every = posture_grid(level, curves, spacing, windows, unrolled, beyond=MARGIN_NODES * spacing)
         least = lower_bound(level, every, terms, spacing)
-    return GridOracle(**told, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least)
+    return GridOracle(
+        **selection, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least
+    )
 
 
 def _check(task: MotionTask, resolution: float | None) -> None:
@@ -145,80 +162,83 @@ def _check(task: MotionTask, resolution: float | None) -> None:
         raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")
 
 
-def _singles(task: MotionTask, grid: PostureGrid, terms: Terms) -> Layers:
+def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
     """Return the graph whose states are nodes."""
     pairs, at = transitions(task, grid)
-    layers = layered(grid, pairs, priced(task, terms.of, [len(sources) for sources, _ in pairs], at))
-    return layers.thinned([np.isfinite(cost) for cost in layers.costs], layers.start)
+    counts = [len(sources) for sources, _ in pairs]
+    layers = build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))
+    return layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
 
 
-def _pairs(task: MotionTask, grid: PostureGrid, terms: Terms) -> Layers:
+def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
     """Return the graph whose states are pairs of consecutive nodes; speeds change by half their range in a step."""
     nodes, steps, first = grid.nodes, np.diff(task.times, prepend=np.nan), 0 if task.cyclic else 1
     pairs = [grid.edges(i) for i in range(1, len(nodes))]
     dq = [grid.step(nodes[i + 1][b], nodes[i][a]) / steps[i + 1] for i, (a, b) in enumerate(pairs)]
     pairs.insert(0, pairs[-1] if task.cyclic else pairs[0])
     dq.insert(0, dq[-1] if task.cyclic else np.zeros_like(dq[0]))
-    joined = [(np.zeros(0, dtype=int),) * 2]
+    transitions_of = [(np.zeros(0, dtype=int),) * 2]
     for i in range(1, len(nodes)):
-        sources, ends = _joined(pairs[i - 1][1], pairs[i][0]) if i > first else (np.arange(len(dq[1])),) * 2
+        sources, ends = _join_pairs(pairs[i - 1][1], pairs[i][0]) if i > first else (np.arange(len(dq[1])),) * 2
         near = np.abs(dq[i][ends] - dq[i - 1][sources]) * steps[i] <= grid.windows[i] / 2
-        joined.append((sources[near.all(axis=1)], ends[near.all(axis=1)]) if i > first else (sources, ends))
+        transitions_of.append((sources[near.all(axis=1)], ends[near.all(axis=1)]) if i > first else (sources, ends))
 
     def at(i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        sources, ends = joined[i]
+        sources, ends = transitions_of[i]
         if not len(ends):
-            return grid.still(i, np.zeros_like(pick))
+            return grid.at_rest(i, np.zeros_like(pick))
         here = dq[i][ends[pick]]
         return nodes[i][pairs[i][1][ends[pick]]], here, (here - dq[i - 1][sources[pick]]) / steps[i]
 
-    costs = priced(task, terms.of, [len(sources) for sources, _ in joined], at)
-    layers = Layers(
+    costs = evaluate_at(task, terms.feasible_costs, [len(sources) for sources, _ in transitions_of], at)
+    layers = LayeredGraph(
         start=np.zeros(len(dq[0])) if task.cyclic else costs[1],
-        offsets=[np.searchsorted(joined[i][1], np.arange(len(dq[i]) + 1)) for i in range(1 + first, len(nodes))],
-        sources=[sources for sources, _ in joined[1 + first :]],
+        offsets=[
+            np.searchsorted(transitions_of[i][1], np.arange(len(dq[i]) + 1)) for i in range(1 + first, len(nodes))
+        ],
+        sources=[sources for sources, _ in transitions_of[1 + first :]],
         costs=costs[1 + first :],
         nodes=[ends for _, ends in pairs[first:]],
         before=None if task.cyclic else pairs[1][0],
     )
-    return layers.thinned([np.isfinite(cost) for cost in layers.costs], layers.start)
+    return layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
 
 
-def _joined(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _join_pairs(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return all (first, second) pairs of which the second begins where the first, sorted by their ends, ends."""
     low, high = (np.searchsorted(ends_before, begins, side=side) for side in ("left", "right"))
     ends = np.repeat(np.arange(len(begins)), high - low)
     return np.arange(len(ends)) - np.repeat(np.cumsum(high - low) - high, high - low), ends
 
 
-def _coarse(samples: int) -> int:
-    while (samples - 1) // 2 + 1 >= COARSEST:
+def _coarse_samples(samples: int) -> int:
+    while (samples - 1) // 2 + 1 >= OPTIONS.coarsest:
         samples = (samples - 1) // 2 + 1
     return samples
 
 
-def _kept(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:
+def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:
     """Return the grid of the nodes that keep the limits on postures."""
 
-    def held(motion: Motion) -> np.ndarray:
-        found = terms.held(motion, terms.postures)
+    def satisfies(motion: Motion) -> np.ndarray:
+        satisfied = terms.satisfied(motion, terms.postures)
         if not task.cyclic:
-            found[:, 0] &= terms.held(motion, terms.rates)[:, 0]  # a motion begins at rest
-        return found
+            satisfied[:, 0] &= terms.satisfied(motion, terms.rates)[:, 0]  # a motion begins at rest
+        return satisfied
 
-    kept = [there > 0 for there in priced(task, held, [len(there) for there in grid.nodes], grid.still)]
+    kept = [there > 0 for there in evaluate_at(task, satisfies, [len(there) for there in grid.nodes], grid.at_rest)]
     if task.cyclic:
         kept[0] = kept[-1] = kept[0] & kept[-1]
     for i, k in enumerate(kept):
         if not k.any():
             raise Infeasible(f"no posture keeps the limits at sample {i} of {len(kept)} ({task.times[i]:.3g} s)")
-    return grid.only(kept)
+    return grid.select(kept)
 
 
-def _told(
+def _select_paths(
     task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, ways: np.ndarray, classes: int
 ) -> dict[str, Any]:
-    """Return the best motion of every class, by what it is worth on the grid, and what is far from them."""
+    """Return the best motion of every class, by its objective value on the grid, and what is far from them."""
     if task.cyclic:
         ways = ways[np.abs(ways[:, -1] - ways[:, 0]).max(axis=1) < 1e-6]
     motions = level.motion(ways)
@@ -230,8 +250,10 @@ def _told(
         for k in np.argsort(cost, kind="stable").tolist():
             kept = list(found)
             known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
-            apart = np.sqrt(np.mean(np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1), axis=-1)).min(initial=np.inf)
-            q = _resampled(task, motions[k]) if len(kept) < classes and (apart > APART if far else not known) else None
+            square = np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1)
+            distance = np.sqrt(np.mean(square, axis=-1)).min(initial=np.inf)
+            chosen = distance > OPTIONS.distinct if far else not known
+            q = _resample(task, motions[k]) if len(kept) < classes and chosen else None
             if q is not None:
                 found[int(k)] = q
     kept = sorted(found, key=lambda k: cost[k])
@@ -246,7 +268,7 @@ def _told(
     }
 
 
-def _resampled(task: MotionTask, motion: Motion) -> np.ndarray | None:
+def _resample(task: MotionTask, motion: Motion) -> np.ndarray | None:
     """Return a motion on all samples, None where it leaves the path between its own."""
     if len(motion.time) == len(task.times):
         return motion.q
@@ -259,12 +281,12 @@ def _resampled(task: MotionTask, motion: Motion) -> np.ndarray | None:
     return q
 
 
-def _no_way(task: MotionTask, layers: Layers, spacing: float) -> Infeasible:
+def _no_path_error(task: MotionTask, layers: LayeredGraph, spacing: float) -> Infeasible:
     """Return the error that says how far ways through the grid come."""
-    came = [np.isfinite(value).any() for value in layers.forward(layers.start)]
-    if all(came):
+    reached = [np.isfinite(value).any() for value in layers.forward(layers.start)]
+    if all(reached):
         return Infeasible("no way through the grid is closed: every one that keeps the limits ends in another posture")
-    i = len(task.times) - len(came) + came.index(False)
+    i = len(task.times) - len(reached) + reached.index(False)
     return Infeasible(
         f"no way through the grid, its nodes {spacing:.3g} rad apart, comes to sample {i} of {len(task.times)} "
         f"({task.times[i]:.3g} s) within the limits"

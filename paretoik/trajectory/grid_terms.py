@@ -13,9 +13,9 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
 
-LARGEST = 40_000_000  # transitions: more don't fit the memory of a small machine
-BLOCK = 200_000  # samples evaluated at once
-HOLDS = 1e-9  # of limits
+MAX_TRANSITIONS = 40_000_000  # more do not fit the memory of a small machine
+BLOCK_SIZE = 200_000  # samples evaluated at once
+LIMIT_TOLERANCE = 1e-9  # of a limit's range
 
 Series = Callable[[Motion], np.ndarray]
 At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some of a sample's
@@ -30,17 +30,17 @@ class Terms:
     rates: list[Series]
     second: bool
 
-    def weighed(self, motion: Motion) -> np.ndarray:
+    def sample_costs(self, motion: Motion) -> np.ndarray:
         """Return the share of every sample in the integral of the cost."""
         return self.cost(motion) * motion.weights
 
-    def of(self, motion: Motion) -> np.ndarray:
+    def feasible_costs(self, motion: Motion) -> np.ndarray:
         """Return the cost of every sample, infinite where a limit on rates does not hold."""
-        return np.where(self.held(motion, self.rates), self.weighed(motion), np.inf)
+        return np.where(self.satisfied(motion, self.rates), self.sample_costs(motion), np.inf)
 
-    def held(self, motion: Motion, limits: list[Series]) -> np.ndarray:
+    def satisfied(self, motion: Motion, limits: list[Series]) -> np.ndarray:
         """Return at which samples limits hold."""
-        return self.worst(limits)(motion) <= HOLDS
+        return self.worst(limits)(motion) <= LIMIT_TOLERANCE
 
     @staticmethod
     def worst(limits: list[Series]) -> Series:
@@ -49,13 +49,13 @@ class Terms:
         return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
 
 
-def terms_of(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
+def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
     """Return objectives and limits, sorted by what they look at."""
     shares = [1.0] * len(task.objectives) if weights is None else list(weights)
     if len(shares) != len(task.objectives):
         raise InvalidInput(f"weights: one an objective wanted, {len(task.objectives)} in all, got {len(shares)}")
-    for kind, given, form in (("objective", task.objectives, "integral"), ("constraint", task.constraints, "peak")):
-        for one in given:
+    for kind, functions, form in (("objective", task.objectives, "integral"), ("constraint", task.constraints, "peak")):
+        for one in functions:
             if one.form != form:
                 raise InvalidInput(f"grid_oracle: {kind} {one.name}: form {form!r} wanted, got {one.form!r}")
 
@@ -65,45 +65,45 @@ def terms_of(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarra
         ]
         return np.asarray(np.tensordot(shares, values, axes=1))
 
-    def joints(kind: str) -> Series:
+    def joint_excess(kind: str) -> Series:
         return lambda motion: relative_violation(kind, task.bounds[kind], motion).max(axis=-1)
 
-    def own(c: Constraint) -> Series:
-        def over(motion: Motion) -> np.ndarray:
+    def constraint_excess(c: Constraint) -> Series:
+        def excess_of(motion: Motion) -> np.ndarray:
             values = evaluate_function(f"constraint {c.name}", c.function, motion, c.form)
             return np.maximum(values - c.upper, c.lower - values) / c.scale
 
-        return over
+        return excess_of
 
-    limits = [joints(kind) for kind in task.bounds] + [own(c) for c in task.constraints]
+    limits = [joint_excess(kind) for kind in task.bounds] + [constraint_excess(c) for c in task.constraints]
     if task.obstacles:
         limits.append(lambda motion: task.min_clearance - motion.clearance)
-    orders = [order(task, limit, probe) for limit in limits]
+    orders = [derivative_order(task, limit, probe) for limit in limits]
     return Terms(
         cost=cost,
         postures=[limit for limit, order in zip(limits, orders, strict=True) if order == 0],
         rates=[limit for limit, order in zip(limits, orders, strict=True) if order > 0],
-        second=max([order(task, cost, probe), *orders]) == 2,
+        second=max([derivative_order(task, cost, probe), *orders]) == 2,
     )
 
 
-def order(task: MotionTask, term: Series, q: np.ndarray) -> int:
+def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
     """Return the highest derivative that a function of motions looks at, by what becomes of it without them."""
     for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
         with np.errstate(all="ignore"):
             try:
-                values = term(instants(task, q, *rates))
+                values = term(instant_motions(task, q, *rates))
             except InvalidInput:
                 raise
             except Exception as error:
-                said = f"{type(error).__name__}: {error}"
-                raise InvalidInput(f"grid_oracle: functions that bear NaN in rates wanted, got {said}") from error
+                cause = f"{type(error).__name__}: {error}"
+                raise InvalidInput(f"grid_oracle: functions that bear NaN in rates wanted, got {cause}") from error
         if not np.isnan(values).any():
             return order
     raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")
 
 
-def instants(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
+def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
     """Return rows (rows, time, dof) of postures with given rates; what comes before and after each is elsewhere."""
     motion = replace(task, cyclic=False).motion(q)
     rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # these stand in for what Motion would find from the row itself
@@ -111,18 +111,18 @@ def instants(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.nd
     return motion
 
 
-def priced(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
+def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
     """Return ``term`` of so many instants of every sample; ``at`` gives some of a sample's: (q, dq, ddq)."""
-    if sum(counts) > LARGEST:
+    if sum(counts) > MAX_TRANSITIONS:
         raise InvalidInput(
-            f"resolution: at most {LARGEST:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
+            f"resolution: at most {MAX_TRANSITIONS:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
         )
-    found = [np.empty(count) for count in counts]
-    rows, most = max(1, BLOCK // len(counts)), max(counts)
+    values_at = [np.empty(count) for count in counts]
+    rows, most = max(1, BLOCK_SIZE // len(counts)), max(counts)
     for first in range(0, most, rows):
         picks = [np.minimum(np.arange(first, min(first + rows, most)), max(count - 1, 0)) for count in counts]
         parts = [at(i, pick) for i, pick in enumerate(picks)]
-        values = term(instants(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))
+        values = term(instant_motions(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))
         for i, count in enumerate(counts):
-            found[i][first : first + rows] = values[: max(count - first, 0), i]
-    return found
+            values_at[i][first : first + rows] = values[: max(count - first, 0), i]
+    return values_at

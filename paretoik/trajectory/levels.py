@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.polish import polish, within_limits
 from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
 
 Observe = Callable[[int, int, int], object]
@@ -40,10 +40,13 @@ class LevelOptions:
     distinct: float = 0.01
     feasible: float = 1e-8
     kept: int = 8
-    cold: tuple[Rules, ...] = (Rules(barrier=0.1, radius=0.4), Rules(barrier=0.01, radius=0.1))
-    warm: Rules = Rules(barrier=1e-4, radius=0.02)
-    restoration: Rules = Rules(radius=0.1, iterations=40)
-    holding: Rules = Rules(barrier=1e-4, penalty=100.0, radius=0.02)
+    cold: tuple[InteriorPointOptions, ...] = (
+        InteriorPointOptions(barrier=0.1, radius=0.4),
+        InteriorPointOptions(barrier=0.01, radius=0.1),
+    )
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    restoration: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=40)
+    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)
 
 
 OPTIONS = LevelOptions()
@@ -62,12 +65,10 @@ def coarsest_level(task: MotionTask) -> MotionTask:
     return task.subsample(level_samples(len(task.times))[0])
 
 
-def level_programs(
-    task: MotionTask, scales: Float[np.ndarray, " n_obj"], solver: Solver = "auto"
-) -> list[MotionProgram]:
+def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> list[MotionProgram]:
     """Return the programs of all levels, coarse to fine, the task's own last, objectives divided by ``scales``."""
     coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[:-1]]
-    return [motion_program(level, scales, solver) for level in (*coarser, task)]
+    return [motion_program(level, scales) for level in (*coarser, task)]
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
@@ -83,6 +84,7 @@ def refine_levels(
     upper: Float[np.ndarray, " n_obj"],
     observe: Observe | None = None,
     *,
+    solver: Solver = "auto",
     restore: bool = False,
     further: Further | None = None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
@@ -100,13 +102,13 @@ def refine_levels(
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
         barriers = [_coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
-        minimise = partial(_minimise_in_turn, program, barriers, weights, upper)
-        solutions = minimise(q)
+        search = partial(_minimise_in_turn, program, barriers, weights, upper, solver)
+        solutions = search(q)
         while first and further is not None and len(more := further(solutions)):
             q = np.concatenate([q, more])
-            solutions = concatenate((solutions, minimise(more)))
+            solutions = concatenate((solutions, search(more)))
         if restore and (first or not finer) and not solutions.converged.any():
-            solutions = _restore(program, solutions, q[: 2 * OPTIONS.kept * first], weights, upper)
+            solutions = _restore(program, solutions, q[: 2 * OPTIONS.kept * first], weights, upper, solver)
         most = OPTIONS.kept if finer else len(solutions)
         solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, most=most)]
         levels.append((len(task.times), len(solutions)))
@@ -133,30 +135,41 @@ def distinct_rows(
     return np.array(rows)
 
 
-def _coarse(options: Rules) -> Rules:
+def _coarse(options: InteriorPointOptions) -> InteriorPointOptions:
     """Return options for a level that a finer one follows: it ends where that one begins."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 
 
 def _minimise_in_turn(
-    program: MotionProgram, options: Sequence[Rules], weights: np.ndarray, upper: np.ndarray, q: np.ndarray
+    program: MotionProgram,
+    options: Sequence[InteriorPointOptions],
+    weights: np.ndarray,
+    upper: np.ndarray,
+    solver: Solver,
+    q: np.ndarray,
 ) -> Solutions:
     """Return what starts lead to, each with one of the options, in turn."""
-    return polish(program, q, weights[None], upper[None], rules=[options[i % len(options)] for i in range(len(q))])
+    each = [options[i % len(options)] for i in range(len(q))]
+    return minimise(program, q, weights[None], upper[None], each, solver=solver)
 
 
 def _restore(
-    program: MotionProgram, solutions: Solutions, q: np.ndarray, weights: np.ndarray, upper: np.ndarray
+    program: MotionProgram,
+    solutions: Solutions,
+    q: np.ndarray,
+    weights: np.ndarray,
+    upper: np.ndarray,
+    solver: Solver,
 ) -> Solutions:
     """Return what becomes of motions that violate limits when the violation alone is minimised first."""
     if solutions.violation.max() <= OPTIONS.feasible:
         return solutions
     rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, most=OPTIONS.kept)
-    restored = within_limits(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
+    restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
     feasible = restored.violation <= OPTIONS.feasible
     if not feasible.any():
         return restored
-    return polish(program, restored.x[feasible], weights[None], upper[None], rules=OPTIONS.holding)
+    return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
 
 
 def _resample(

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import STATUSES, Solutions
 from paretoik.self_motion.branches import branch_labels
@@ -18,8 +19,8 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import sample_starts
 from paretoik.trajectory.levels import OPTIONS, Observe, coarsest_level, level_programs, objective_scales, refine_levels
-from paretoik.trajectory.polish import check_solver
 from paretoik.trajectory.restarts import RestartPolicy, disturb_best
+from paretoik.trajectory.transcription import motion_program
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +52,8 @@ def find_optima(
     starts: int,
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None = None,
-    observe: Observe | None = None,
     solver: Solver = "auto",
+    observe: Observe | None = None,
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
@@ -68,17 +69,17 @@ def find_optima(
     limits; SolverFailed where limits hold but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
-    check_solver(task, solver)
+    check_solver(motion_program(task), solver)
     level, rng = coarsest_level(task), np.random.default_rng(seed)
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
-    programs = level_programs(task, objective_scales(task, q), solver)
+    programs = level_programs(task, objective_scales(task, q))
     policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
     solutions, levels = refine_levels(
-        programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy
+        programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
-        solutions = disturb_best(programs[-1], solutions)
+        solutions = disturb_best(programs[-1], solutions, solver)
     return Plan(optima=_optima(task, solutions), levels=levels)
 
 

@@ -13,8 +13,8 @@ from paretoik.self_motion.curves import Curve, resample_curve, self_motion_frame
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract
-from paretoik.trajectory.grid_terms import HOLDS, At
-from paretoik.trajectory.layered_graph import Layers
+from paretoik.trajectory.grid_terms import LIMIT_TOLERANCE, At
+from paretoik.trajectory.layered_graph import LayeredGraph
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,7 +25,7 @@ class PostureGrid:
     """
 
     nodes: list[Float[np.ndarray, "_ dof"]]
-    onward: list[Int[np.ndarray, " _"]]
+    next_node: list[Int[np.ndarray, " _"]]
     turning: Bool[np.ndarray, " dof"]
     windows: Float[np.ndarray, "time dof"]
 
@@ -45,7 +45,7 @@ class PostureGrid:
         order = np.lexsort((pairs["j"], pairs["i"]))
         return pairs["j"][order], pairs["i"][order]
 
-    def still(self, i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def at_rest(self, i: int, pick: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return some nodes of a sample at rest: (q, dq, ddq)."""
         q = self.nodes[i][pick] if len(self.nodes[i]) else np.zeros((len(pick), len(self.turning)))
         return q, np.zeros_like(q), np.zeros_like(q)
@@ -55,26 +55,26 @@ class PostureGrid:
         q = np.stack([there[k] for there, k in zip(self.nodes, nodes, strict=True)])
         return np.cumsum(np.concatenate([q[:1], self.step(q[1:], q[:-1])]), axis=0)
 
-    def only(self, kept: Sequence[Bool[np.ndarray, " _"]]) -> PostureGrid:
-        """Return the grid of the nodes kept."""
-        onward = []
-        for ahead, k in zip(self.onward, kept, strict=True):
+    def select(self, mask: Sequence[Bool[np.ndarray, " _"]]) -> PostureGrid:
+        """Return the grid of the nodes of ``mask``."""
+        next_node = []
+        for ahead, k in zip(self.next_node, mask, strict=True):
             place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # the last entry: next of none is none
-            onward.append(place[ahead[k]])
+            next_node.append(place[ahead[k]])
         return PostureGrid(
-            nodes=[q[k] for q, k in zip(self.nodes, kept, strict=True)],
-            onward=onward,
+            nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)],
+            next_node=next_node,
             turning=self.turning,
             windows=self.windows,
         )
 
 
-def windows_of(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
+def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
     """Return how far each joint may go to each sample, at most ``pace`` [rad, m]; next to nothing where it may not."""
     limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
     steps = np.diff(task.times)[:, None]
     steps = np.concatenate([steps[:1], steps])
-    return np.maximum(np.minimum(limits * steps * (1 + HOLDS), pace), HOLDS)
+    return np.maximum(np.minimum(limits * steps * (1 + LIMIT_TOLERANCE), pace), LIMIT_TOLERANCE)
 
 
 def posture_grid(
@@ -92,35 +92,35 @@ def posture_grid(
     cut = [[resample_curve(curve, spacing, task.arm.periodic) for curve in here] for here in curves]
     samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
     q = np.concatenate([q for here in cut for q, _ in here])
-    led = retract(task.arm, task.tasks, q, *self_motion_frames(task, samples, q)[1:])
+    retracted = retract(task.arm, task.tasks, q, *self_motion_frames(task, samples, q)[1:])
     ranges = unwrapped_ranges(task, unrolled) + np.array([-beyond, beyond])
     turning = task.arm.periodic & np.isnan(ranges[:, 0])
-    nodes, onward = [], []
+    nodes, next_node = [], []
     for i, here in enumerate(cut):
-        mine = samples == i
-        there, which = unwrap_nodes(led.q[mine], ranges, task.arm.periodic)
+        rows = samples == i
+        there, which = unwrap_nodes(retracted.q[rows], ranges, task.arm.periodic)
         firsts = np.cumsum([0] + [len(q) for q, _ in here[:-1]])
         ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
-        kept = led.on_path[mine][which]
-        nodes.append(there[kept])
-        onward.append(_onward(nodes[i], which[kept], ahead, turning, spacing))
+        mask = retracted.on_path[rows][which]
+        nodes.append(there[mask])
+        next_node.append(_next_nodes(nodes[i], which[mask], ahead, turning, spacing))
     if task.start is not None:
-        nodes[0], onward[0] = task.start[None], np.array([-1])
+        nodes[0], next_node[0] = task.start[None], np.array([-1])
     if task.cyclic:
-        nodes[-1], onward[-1] = nodes[0], onward[0]
-    return PostureGrid(nodes=nodes, onward=onward, turning=turning, windows=windows)
+        nodes[-1], next_node[-1] = nodes[0], next_node[0]
+    return PostureGrid(nodes=nodes, next_node=next_node, turning=turning, windows=windows)
 
 
-def _onward(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np.ndarray, spacing: float) -> np.ndarray:
+def _next_nodes(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np.ndarray, spacing: float) -> np.ndarray:
     """Return the next of every node, in the same turn: ``ahead`` is the next of each place ``which`` nodes are at."""
     order = np.argsort(which, kind="stable")
     low, high = (np.searchsorted(which[order], ahead[which], side=side) for side in ("left", "right"))
-    found = np.full(len(q), -1)
+    next_index = np.full(len(q), -1)
     for turn in range(int((high - low).max(initial=0))):
         candidate = order[np.minimum(low + turn, len(q) - 1)]
         near = np.linalg.norm(wrap_difference(q[candidate] - q, turning), axis=1) < 2 * spacing
-        found = np.where((low + turn < high) & near, candidate, found)
-    return found
+        next_index = np.where((low + turn < high) & near, candidate, next_index)
+    return next_index
 
 
 def transitions(task: MotionTask, grid: PostureGrid) -> tuple[list[tuple[np.ndarray, np.ndarray]], At]:
@@ -137,9 +137,9 @@ def transitions(task: MotionTask, grid: PostureGrid) -> tuple[list[tuple[np.ndar
     return pairs, at
 
 
-def layered(grid: PostureGrid, pairs: list[tuple[np.ndarray, np.ndarray]], costs: list[np.ndarray]) -> Layers:
+def build_graph(grid: PostureGrid, pairs: list[tuple[np.ndarray, np.ndarray]], costs: list[np.ndarray]) -> LayeredGraph:
     """Return the graph whose states are nodes and whose transitions are edges."""
-    return Layers(
+    return LayeredGraph(
         start=np.zeros(len(grid.nodes[0])),
         offsets=[
             np.searchsorted(ends, np.arange(len(q) + 1)) for (_, ends), q in zip(pairs[1:], grid.nodes[1:], strict=True)

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.self_motion.starts import perturbed_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import grid_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import distinct_rows
-from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import MotionProgram, joint_distance
 
 
@@ -105,7 +106,7 @@ class RestartPolicy:
         return np.concatenate([hops, travelling_starts(self.level, self.count, self.rng)])
 
 
-def disturb_best(program: MotionProgram, solutions: Solutions) -> Solutions:
+def disturb_best(program: MotionProgram, solutions: Solutions, solver: Solver = "auto") -> Solutions:
     """Return optima and those that the best lead to when a high barrier moves them away, while the best gets better.
 
     Where valleys are many, as in two and more directions of self-motion, those beside the ones found are as often
@@ -116,7 +117,9 @@ def disturb_best(program: MotionProgram, solutions: Solutions) -> Solutions:
     for _ in range(OPTIONS.disturbed):
         before = solutions.objectives[0, 0]
         best = solutions.x[: OPTIONS.disturbed]
-        both = concatenate((solutions, *(polish(program, best, weights, rules=each) for each in LEVELS.cold)))
+        both = concatenate(
+            (solutions, *(minimise(program, best, weights, options=each, solver=solver) for each in LEVELS.cold))
+        )
         solutions = both[distinct_rows(program.task, both, both.objectives[:, 0], most=len(both))]
         if not _is_better(solutions.objectives[0, 0], before):
             break

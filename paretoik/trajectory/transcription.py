@@ -21,12 +21,12 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.nlp.compiled.interior_point import Compiled
-from paretoik.nlp.program import Linearisation, Solver
+from paretoik.nlp.program import Linearisation
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import limit_ranges as widths
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.trajectory.compiled.motion_kernel import MotionKernel
 from paretoik.trajectory.functions import Functions, Total, functions
 from paretoik.trajectory.stencil import Stencil, stencil
 from paretoik.trajectory.whole_functions import Whole
@@ -49,7 +49,7 @@ class Slopes:
 class MotionProgram:
     """Everything that a solver needs of a MotionTask.
 
-    ``totals`` are the numbers of a whole motion: the objectives, divided by their divisors, then bounded ones.
+    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones.
     ``inputs`` (rows, time) has a row for each input of the programs: u first, then what is known, and at
     ``multipliers`` those of path equations, sums and rows. ``variables`` says which rows u, v and σ are: there are
     ``slacks`` v and ``peaks`` σ. ``slack`` gives v where it is what it stands for. ``value`` gives sums and rows;
@@ -57,10 +57,10 @@ class MotionProgram:
     ``track`` path equations and their Jacobian. ``limited`` (limits, 2) are the variable, or the row beyond those, and
     the sample that each limit bounds at ``bounds``, from below where its side is 1, and whose violations are shares of
     ``ranges``; the last ``kinks`` of them tie v and σ. Row ``under[i]``, a kink, is that of peak ``over[i]``.
-    ``solver`` is the one that refines it.
     """
 
     task: MotionTask
+    scales: Float[np.ndarray, " n_obj"]
     stencil: Stencil
     totals: tuple[Total, ...]
     inputs: Float[np.ndarray, "inputs time"]
@@ -85,7 +85,6 @@ class MotionProgram:
     ranges: Float[np.ndarray, " limits"]
     kinks: int
     wholes: tuple[Whole, ...]
-    solver: Solver = "auto"
 
     @property
     def is_smooth(self) -> bool:
@@ -116,16 +115,26 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
+    def kinked(self) -> tuple[str, ...]:
+        """Names of totals that are peaks or functions of the whole motion, or what else has kinks in general."""
+        names = tuple(total.name for total in self.totals if total.kind != "sum")
+        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+
+    @property
     def rounding(self) -> float:
         """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
         return 1e-6 if self.task.ends_at_rest else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-        """Return motions that begin at the start to the bit, and end at rest where they have to."""
-        q = end_at_rest(self.task, x) if self.task.ends_at_rest else x
-        if self.task.start is not None:
-            q = q.copy()
-            q[:, 0] = self.task.start
+        """Return motions that begin at the start and end at rest, where they have to."""
+        return self.pin(end_at_rest(self.task, x) if self.task.ends_at_rest else x)
+
+    def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+        """Return motions that begin at the start, where one is given, to the bit."""
+        if self.task.start is None:
+            return x
+        q = x.copy()
+        q[:, 0] = self.task.start  # leading back to the path may have rounded it
         return q
 
     def evaluate(
@@ -150,11 +159,11 @@ class MotionProgram:
         return joint_distance(self.task, x, others)
 
     @property
-    def kernel(self) -> Compiled | None:
+    def kernel(self) -> MotionKernel | None:
         """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
-        if not self.is_smooth or self.solver == "sqp":
+        if not self.is_smooth:
             return None
-        return Compiled(
+        return MotionKernel(
             value=self.value.arrays,
             slope=self.slope.arrays,
             slope_of=self.slopes.function,
@@ -163,11 +172,11 @@ class MotionProgram:
             second_i=self.second.function,
             second_j=self.second.variable,
             track=self.track.arrays,
-            window=self.stencil.window,
-            weights=self.stencil.weights,
-            place=self.stencil.place,
+            neighbours=self.stencil.window,
+            coefficients=self.stencil.weights,
+            first_unknown=self.stencil.place,
             unknowns=self.stencil.unknowns,
-            seam=self.stencil.seam,
+            border=self.stencil.seam,
             stops=self.task.ends_at_rest,
             ones=np.ones(len(self.task.times)),
             quadrature=np.array(self.task.weights),
@@ -195,16 +204,15 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
     return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
-def motion_program(
-    task: MotionTask, divisors: Sequence[float] | np.ndarray | None = None, solver: Solver = "auto"
-) -> MotionProgram:
-    """Return the nonlinear program of a task, its objectives divided by ``divisors``, which ``solver`` refines.
+def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
+    """Return the nonlinear program of a task, its objectives divided by ``scales``.
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
     if task.ends_at_rest and task.differences == "central":
         raise InvalidInput("end_velocity=0: differences='backward' is wanted where motions are polished, got 'central'")
-    shares = np.ones(len(task.objectives)) if divisors is None else 1.0 / np.asarray(divisors, dtype=float)
+    divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
+    shares = 1.0 / divisors
     asked = functions(task, shares)
     path = _path(asked)
     known = _derived(asked, path)
@@ -219,6 +227,7 @@ def motion_program(
     limited, sides, limits, ranges = _limits(task, orders, extra, bounds)
     return MotionProgram(
         task=task,
+        scales=divisors,
         stencil=stencil(task, orders),
         totals=tuple(asked.totals),
         inputs=inputs,
@@ -243,7 +252,6 @@ def motion_program(
         ranges=ranges,
         kinks=ties * samples,
         wholes=tuple(asked.wholes),
-        solver=solver,
     )
 
 

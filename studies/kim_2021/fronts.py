@@ -16,8 +16,8 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.capability.timing import minimum_timing
-from paretoik.nlp.dense_sqp import Caps
-from paretoik.pareto.refine import least
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
@@ -85,15 +85,14 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
     q, sliders, _ = problem.profiles(genes)
     fine = problem.ways.finer(AGAIN)
     again = minimum_timing(problem.arm, problem.actuation, fine @ q, fine @ sliders)
-    sketch, near = problem.sketch(), problem.unknowns(genes)
+    program, near = problem.program(), problem.points(genes)
     arrival = printed()["Figure 8", name[:3], "arrival"]
-    caps = Caps(rows=sketch.costs[:1], most=np.array([arrival]))
-    ends = [least(sketch, sketch.costs[1] + LITTLE * sketch.costs[0], z, caps) for z in near]
+    ends = minimise(program, near, np.array([[LITTLE, 1.0]]), np.array([[arrival, np.inf]]), COLD.barrier)
     return TimeEnergy(
         name=name,
         front=front,
         bound=_instant(problem, genes[:1]),
-        within=min((float(sketch.costs[1] @ end.z) for end in ends if end is not None), default=np.nan),
+        within=float(ends.objectives[ends.converged, 1].min()) if ends.converged.any() else np.nan,
         again=again.duration / front.objectives[:, 0] - 1.0,
         overload=again.overload,
     )
@@ -102,19 +101,19 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
 def raced(one: TimeEnergy, *, starts: int, samples: int) -> Race:
     """Return what the same starts lead to by interior points, ours and IPOPT's, and IPOPT's gains from our front."""
     problem = problem_of(one.name, samples)
-    sketch, program = problem.sketch(), motion_program(problem)
-    genes = problem.candidates(4 * starts, np.random.default_rng(1))
-    genes = genes[np.isfinite(problem.unknowns(genes)).all(axis=1)][:starts]
+    own, program = problem.program(), motion_program(problem)
+    genes = problem.sample_starts(4 * starts, np.random.default_rng(1))
+    genes = genes[np.isfinite(problem.points(genes)).all(axis=1)][:starts]
     starts = len(genes)
     found, seconds = np.full((2, 2, starts), np.nan), np.zeros((2, 2, starts))
     for e, weights in enumerate(ENDS):
-        for k, z in enumerate(problem.unknowns(genes)):
+        for k, z in enumerate(problem.points(genes)):
             begun = perf_counter()
-            end = least(sketch, np.array(weights) @ sketch.costs, z)
+            end = minimise(own, z[None], np.array([weights]), options=COLD.barrier)
             middle = perf_counter()
             _, values, success = program.solved(program.start(problem, genes[k]), weights)
             seconds[:, e, k] = middle - begun, perf_counter() - middle
-            found[0, e, k] = np.nan if end is None else np.array(weights) @ sketch.costs @ end.z
+            found[0, e, k] = end.objectives[0] @ weights if end.converged[0] else np.nan
             found[1, e, k] = np.dot(weights, values) if success else np.nan
     gained = []
     for row, value in zip(np.array(one.front.genes), one.front.objectives, strict=True):

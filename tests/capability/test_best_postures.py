@@ -121,7 +121,7 @@ def test_a_rods_zero_a_turn_away_changes_nothing(dof, turns):
         )
         assert other == pytest.approx(one, rel=1e-7)
     problems = [pk.DirectionalMaxima(arm, each, place, UNIT[:2], samples=60) for each in drives]
-    genes = problems[0].candidates(20, np.random.default_rng(0))
+    genes = problems[0].sample_starts(20, np.random.default_rng(0))
     values = [each.evaluate(genes, return_values_of=["F", "G"]) for each in problems]
     assert values[1][0] == pytest.approx(values[0][0], rel=1e-6, abs=1e-9)
     assert np.array_equal(values[1][1] <= 1e-6, values[0][1] <= 1e-6)

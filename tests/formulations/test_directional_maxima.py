@@ -9,7 +9,7 @@ from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.nlp.dense_sqp import Caps, minimised
+from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
 
 PLACE = [0.2, -0.15]
@@ -57,13 +57,13 @@ def test_no_individual_is_faster_than_the_directional_maximum(problem, refined):
 
 
 def test_genes_and_the_smooth_program_say_the_same(problem, front):
-    sketch, z = problem.sketch(), problem.unknowns(front.genes)
-    assert z @ sketch.costs.T == pytest.approx(front.minimised, abs=1e-12)
+    program, z = problem.program(), problem.points(front.genes)
+    assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
     for one in z:
-        equal, room = sketch.program.rows(one)
+        equal, room = program.rows.rows(one)
         assert np.abs(equal).max() <= 1e-9
         assert room.min() >= -1e-9
-    F, G = evaluated(problem, problem.genes_of(z))
+    F, G = evaluated(problem, problem.genes(z))
     assert pytest.approx(front.minimised, abs=1e-9) == F
     assert G.max() <= 1e-9
 
@@ -83,19 +83,19 @@ def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refine
 
 def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
     """Ask a little more of one speed, and a little less, the other held: the power that it costs tells both ends."""
-    sketch, known, step = problem.sketch(), refined.certificates, 1e-5
-    ranges, z = np.ptp(refined.minimised, axis=0), problem.unknowns(refined.genes)
+    program, known, step = problem.program(), refined.certificates, 1e-5
+    ranges, z = np.ptp(refined.minimised, axis=0), problem.points(refined.genes)
     finite = np.isfinite(known.exchange_intervals[:, 0, 2]).all(axis=1)
     good = np.flatnonzero((known.weights.min(axis=1) > 0.05) & (known.status == "minimum") & finite)
     assert len(good) >= 3
     for i in good[:5]:
         power = []
         for change in (-step, 0.0, step):
-            most = (sketch.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
-            caps = Caps(rows=sketch.costs[:2] / ranges[:2, None], most=most)
-            end = minimised(sketch.program, sketch.costs[2] / ranges[2], z[i], caps=caps)
-            assert end.converged
-            power.append(end.z @ sketch.costs[2])
+            most = (program.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
+            upper = np.append(most, np.inf)[None]
+            end = minimise(problem.program(ranges), z[i : i + 1], np.array([[0.0, 0.0, 1.0]]), upper, solver="sqp")
+            assert end.converged.all()
+            power.append(end.objectives[0, 2] * ranges[2])
         more, less = -np.diff(power) / (step * ranges[0])
         low, high = known.exchange_intervals[i, 0, 2]
         assert (more + less) / 2 == pytest.approx((low + high) / 2, rel=2e-2)
@@ -143,5 +143,5 @@ def test_what_cannot_be_is_refused_by_name(problem, front):
     with pytest.raises(InvalidInput, match="at least one, wanted"):
         pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
-    with pytest.raises(InvalidInput, match="refine: a front of speed_1, speed_2 with its genes wanted"):
+    with pytest.raises(InvalidInput, match="refine: a problem with objectives speed_1, speed_2, joint_power wanted"):
         pk.refine(front, other)

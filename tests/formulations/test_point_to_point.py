@@ -59,7 +59,7 @@ def test_energy_is_the_work_of_all_motors(problem, front):
 
 def test_work_of_sliders_is_the_work_of_the_joints():
     problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), START, TARGET, samples=49)
-    genes = problem.candidates(2, np.random.default_rng(0))
+    genes = problem.sample_starts(2, np.random.default_rng(0))
     timing = problem.timing(genes)
     sliders = problem.sliders(genes)
     q = problem.decode(genes).q
@@ -71,16 +71,16 @@ def test_work_of_sliders_is_the_work_of_the_joints():
 
 
 def test_genes_and_the_smooth_program_say_the_same(problem, front):
-    sketch, z = problem.sketch(), problem.unknowns(front.genes)
-    assert z @ sketch.costs.T == pytest.approx(front.minimised, abs=1e-12)
+    program, z = problem.program(), problem.points(front.genes)
+    assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
     for one in z:
-        equal, room = sketch.program.rows(one)
+        equal, room = program.rows.rows(one)
         assert np.abs(equal).max() <= 1e-9
         assert room.min() >= -1e-9
 
 
 def test_derivatives_of_the_assembled_program_are_those_of_its_rows(problem, front):
-    program, z = problem.sketch().program, problem.unknowns(front.genes)[0]
+    program, z = problem.program().rows, problem.points(front.genes)[0]
     rng = np.random.default_rng(0)
     way = rng.normal(size=len(z))
     step = 1e-6
@@ -138,7 +138,7 @@ def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
 
 
 def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, refined):
-    assert problem.between(np.array(refined.genes)).max() < 0.5  # 13 samples are few
+    assert problem.violation_between(np.array(refined.genes)).max() < 0.5  # 13 samples are few
     q = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes))[0]
     fine = minimum_timing(problem.arm, problem.actuation, q, np.zeros_like(q))
     assert fine.duration == pytest.approx(refined.objectives[:, 0], rel=0.05)

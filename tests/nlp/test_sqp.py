@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import minimize
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.compiled.interior_point import CAPPED, CONVERGED, VIOLATED
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Goal, bounded
+from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, VIOLATED
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.nlp.traced import smooth
 
@@ -158,7 +158,7 @@ def test_equalities_that_cannot_hold_are_given_up_soon_while_the_objective_falls
 def test_no_iterations_leave_the_start():
     program, x = bowl(0)
     end = minimise(program, x, first_of_two(), SqpOptions(iterations=0))
-    assert end.status == CAPPED
+    assert end.status == ITERATION_LIMIT
     assert (end.x == x).all()
 
 

@@ -1,11 +1,15 @@
-"""Small smooth programs for tests."""
+"""Small dense programs for tests."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.traced import smooth
-from paretoik.pareto.refine import Sketch
+from paretoik.pareto.cold_search import StartSearch
+from paretoik.pareto.epsilon import epsilon_points
 
 
 def sketched(unknowns, values, within=lambda x: ([], [])):
@@ -14,9 +18,22 @@ def sketched(unknowns, values, within=lambda x: ([], [])):
     def rows(z, known):
         x = z[:unknowns]
         found = values(x)
-        equal, room = within(x)
-        return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *room]
+        equal, slack = within(x)
+        return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *slack]
 
     count = len(values(np.zeros(unknowns)))
     program = smooth(unknowns + count, 0, rows)
-    return Sketch(program=program, costs=np.eye(unknowns + count)[unknowns:])
+    names = tuple(f"f{k + 1}" for k in range(count))
+    return DenseProgram(rows=program, costs=np.eye(unknowns + count)[unknowns:], objective_names=names)
+
+
+def scaled(program, scales):
+    """The program with its objectives divided by scales."""
+    return replace(program, costs=program.costs / np.asarray(scales, dtype=float)[:, None])
+
+
+def swept(program, starts, **settings):
+    """The points of an ε-sweep from these starts, and the ranges."""
+    cold = StartSearch(program_of=lambda scales: scaled(program, scales), starts=starts, n_obj=len(program.costs))
+    found = epsilon_points(lambda scales: scaled(program, scales), cold, len(program.costs), **settings)
+    return found.x, found.ranges

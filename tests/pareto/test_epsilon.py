@@ -7,8 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.pareto.epsilon import epsilon_points
-from tests.pareto.sketches import sketched
+from tests.pareto.sketches import sketched, swept
 
 
 def apart(x, place):
@@ -20,15 +19,15 @@ def two_places(limit):
     return sketched(2, lambda x: [apart(x, (0.0, 0.0)), apart(x, (1.0, 0.0))], lambda x: ([], [x[1] - limit]))
 
 
-def starts(sketch, count, seed=0, size=2.0):
-    return size * np.random.default_rng(seed).normal(size=(count, sketch.costs.shape[1]))
+def starts(program, count, seed=0, size=2.0):
+    return size * np.random.default_rng(seed).normal(size=(count, program.costs.shape[1]))
 
 
 @pytest.mark.parametrize("limit", [-1.0, 0.3])
 def test_between_two_places_the_front_is_the_line_that_joins_them(limit):
-    sketch, seen = two_places(limit), []
-    z, ranges = epsilon_points(sketch, starts(sketch, 3), points=9, observe=lambda *counts: seen.append(counts))
-    values, height = z @ sketch.costs.T, max(limit, 0.0)
+    program, seen = two_places(limit), []
+    z, ranges = swept(program, starts(program, 3), points=9, observe=lambda *counts: seen.append(counts))
+    values, height = z @ program.costs.T, max(limit, 0.0)
     along = np.sqrt(values[:, 0] - height**2)
     assert values[:, 1] == pytest.approx((1 - along) ** 2 + height**2, abs=1e-6)
     assert ranges == pytest.approx([1.0, 1.0], abs=2e-2)
@@ -54,10 +53,10 @@ def fonseca(size=1.0):
 @pytest.mark.parametrize("size", [1.0, 1e3])
 def test_a_front_that_is_bent_in_is_found_whole(size):
     """Fonseca & Fleming 1995: both coordinates are equal, between −1/√2 and 1/√2; sums of weights find the ends."""
-    sketch = fonseca(size)
+    program = fonseca(size)
     begun = np.random.default_rng(1).uniform(-0.9, 0.9, (4, 4))
-    z, _ = epsilon_points(sketch, begun, points=11)
-    values = z @ sketch.costs.T / [size, 1.0]
+    z, _ = swept(program, begun, points=11)
+    values = z @ program.costs.T / [size, 1.0]
     root = np.sqrt(-np.log1p(-values[:, 0]))
     assert values[:, 1] == pytest.approx(1 - np.exp(-((2 - root) ** 2)), abs=1e-6)
     assert len(z) == 11
@@ -68,9 +67,9 @@ def test_a_front_that_is_bent_in_is_found_whole(size):
 
 def test_of_three_objectives_the_front_is_the_triangle_between_their_places():
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.3, 0.8]])
-    sketch = sketched(2, lambda x: [apart(x, one) for one in corners])
-    z, ranges = epsilon_points(sketch, starts(sketch, 1), points=14)
-    x, values = z[:, :2], z @ sketch.costs.T
+    program = sketched(2, lambda x: [apart(x, one) for one in corners])
+    z, ranges = swept(program, starts(program, 1), points=14)
+    x, values = z[:, :2], z @ program.costs.T
     assert len(z) == 14
     assert values == pytest.approx(np.sum((x[:, None] - corners) ** 2, axis=2), abs=1e-7)
     share = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), np.vstack([x.T, np.ones(len(x))]))
@@ -87,9 +86,9 @@ def test_a_front_in_pieces_has_points_on_all_of_them_and_on_nothing_else():
     def wave(x):
         return 1.2 - x - 0.35 * np.sin(3 * np.pi * x)
 
-    sketch = sketched(1, lambda x: [x[0], wave(x[0])], lambda x: ([], [x[0], 1.0 - x[0]]))
-    z, _ = epsilon_points(sketch, np.random.default_rng(0).uniform(0.0, 1.0, (8, 3)), points=12)
-    values = z @ sketch.costs.T
+    program = sketched(1, lambda x: [x[0], wave(x[0])], lambda x: ([], [x[0], 1.0 - x[0]]))
+    z, _ = swept(program, np.random.default_rng(0).uniform(0.0, 1.0, (8, 3)), points=12)
+    values = z @ program.costs.T
     place = np.linspace(0.0, 1.0, 20001)
     best = np.minimum.accumulate(wave(place))
     assert values[:, 1] == pytest.approx(wave(values[:, 0]), abs=1e-6)
@@ -100,24 +99,24 @@ def test_a_front_in_pieces_has_points_on_all_of_them_and_on_nothing_else():
 
 
 def test_no_more_points_than_wanted_and_the_ends_among_them():
-    sketch = two_places(-1.0)
+    program = two_places(-1.0)
     for points in (2, 3, 5):
-        values = epsilon_points(sketch, starts(sketch, 2), points=points)[0] @ sketch.costs.T
+        values = swept(program, starts(program, 2), points=points)[0] @ program.costs.T
         assert len(values) == points
         assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
 
 
 def test_one_point_that_is_the_best_of_all_is_a_front():
-    sketch = sketched(2, lambda x: [apart(x, (0.2, 0.1)), 3.0 + 2.0 * apart(x, (0.2, 0.1))])
-    z, _ = epsilon_points(sketch, starts(sketch, 2), points=5)
+    program = sketched(2, lambda x: [apart(x, (0.2, 0.1)), 3.0 + 2.0 * apart(x, (0.2, 0.1))])
+    z, _ = swept(program, starts(program, 2), points=5)
     assert z[:, :2] == pytest.approx(np.tile([0.2, 0.1], (len(z), 1)), abs=1e-3)
     assert len(z) == 1
 
 
 def test_where_no_start_leads_within_limits_that_is_said():
-    sketch = sketched(1, lambda x: [x[0], 1.0 - x[0]], lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
+    program = sketched(1, lambda x: [x[0], 1.0 - x[0]], lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
     with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
-        epsilon_points(sketch, np.zeros((2, 3)), points=3)
+        swept(program, np.zeros((2, 3)), points=3)
 
 
 DRIVES = {"motors": (pk.capability.kim_joint_motors, 9, 4), "sliders": (pk.capability.kim_sliders, 7, 3)}

@@ -21,7 +21,7 @@ from paretoik.task.obstacles import Circle
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory import grid_terms
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.layered_graph import Layers, best_way
+from paretoik.trajectory.layered_graph import LayeredGraph, shortest_path
 from tests.formulations.problems import panda
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -80,7 +80,7 @@ def within(grid, q):
 
 @pytest.mark.parametrize("resolution", [0.15, 0.3])
 def test_no_way_through_the_grid_is_better(monkeypatch, resolution):
-    grids = captured(monkeypatch, "_singles")
+    grids = captured(monkeypatch, "_node_graph")
     task = task_of(short(3))
     found = grid_oracle(task, resolution=resolution)
     q = every_motion(grids[0])
@@ -90,7 +90,7 @@ def test_no_way_through_the_grid_is_better(monkeypatch, resolution):
 
 
 def test_no_way_is_better_where_accelerations_count(monkeypatch):
-    grids = captured(monkeypatch, "_pairs")
+    grids = captured(monkeypatch, "_pair_graph")
     task = task_of(short(3), objectives=[torque_norm])
     found = grid_oracle(task, resolution=0.15)
     q = every_motion(grids[0])
@@ -108,7 +108,7 @@ def test_the_best_way_of_a_graph_is_that_of_all_its_ways(cyclic, seed, states, s
     costs = np.where(rng.random((steps, states, states)) < share, rng.random((steps, states, states)), np.inf)
     start = rng.random(states)
     kept = [np.nonzero(np.isfinite(cost)) for cost in costs]  # (end, source), sorted by the end
-    graph = Layers(
+    graph = LayeredGraph(
         start=start,
         offsets=[np.searchsorted(ends, np.arange(states + 1)) for ends, _ in kept],
         sources=[sources for _, sources in kept],
@@ -117,7 +117,7 @@ def test_the_best_way_of_a_graph_is_that_of_all_its_ways(cyclic, seed, states, s
     )
     ways = [w for w in itertools.product(range(states), repeat=steps + 1) if not cyclic or w[0] == w[-1]]
     values = [start[w[0]] + sum(costs[s, w[s + 1], w[s]] for s in range(steps)) for w in ways]
-    best, way = best_way(graph, cyclic)
+    best, way = shortest_path(graph, cyclic)
     assert best == pytest.approx(min(values))
     if np.isfinite(best):
         assert values[ways.index(tuple(way))] == pytest.approx(best)
@@ -327,7 +327,7 @@ def test_a_resolution_that_is_no_distance_is_refused(resolution):
 
 
 def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(grid_terms, "LARGEST", 1000)
+    monkeypatch.setattr(grid_terms, "MAX_TRANSITIONS", 1000)
     with pytest.raises(InvalidInput, match="make it coarser"):
         grid_oracle(task_of(short()), resolution=0.01)
 

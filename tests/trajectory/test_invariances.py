@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.trajectory.certificates import certify
-from paretoik.trajectory.polish import polish
+from paretoik.nlp.minimise import minimise
 from paretoik.trajectory.transcription import joint_distance, motion_program
 from problems import tringali_2020
+from tests.pareto.motions import certify_motions
 
 LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
 CHOICE = pk.Weights({"kinetic_energy": 0.4, "theirs": 0.6})
@@ -90,7 +90,7 @@ def test_the_criticality_of_a_motion_that_is_not_optimal_is_the_same_whatever_th
     for unit, natural in ((1.0, 1.0), (factor, scale)):
         problem = tracking(make(unit))
         q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
-        found.append(certify(problem.task, q, np.array([0.05, 0.05 * natural])).kkt_residual[0])
+        found.append(certify_motions(problem.task, q, np.array([0.05, 0.05 * natural])).kkt_residual[0])
     assert found[0] > 1e-3
     assert found[1] == pytest.approx(found[0], rel=1e-6)
 
@@ -145,7 +145,7 @@ def test_exchange_rates_are_the_slopes_between_neighbouring_epsilon_solves(point
     program = motion_program(front.problem.task, ranges)
     caps = np.full((2, 2), np.inf)
     caps[:, 0] = front.minimised[point, 0] / ranges[0] + 1e-4 * np.array([-1.0, 1.0])
-    near = polish(program, np.repeat(front.motions.q[[point]], 2, axis=0), np.array([[0.0, 1.0]]), caps)
+    near = minimise(program, np.repeat(front.motions.q[[point]], 2, axis=0), np.array([[0.0, 1.0]]), caps)
     assert near.converged.all()
     low, high = near.objectives * ranges
     slope = (high[1] - low[1]) / (high[0] - low[0])

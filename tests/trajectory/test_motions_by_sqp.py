@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp import minimise as batches
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import check_solver, minimise_violation
 from paretoik.nlp.program import Goal
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.trajectory.certificates import certify
 from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.linearisation import linearise
 from paretoik.trajectory.plan import find_optima
-from paretoik.trajectory.polish import check_solver, polish, within_limits
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from problems.panda import across_the_table
+from tests.pareto.motions import certify_motions
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -76,7 +77,7 @@ def test_both_solvers_agree_on_a_spatial_arm():
     task = replace(whole, objectives=whole.objectives[:1]).subsample(26)
     best = find_optima(task, starts=4, seed=0).best
     program = motion_program(task, [best.objective])
-    found = polish(program, best.motion.q[None], np.ones((1, 1)), solver="sqp")
+    found = batches.minimise(program, best.motion.q[None], np.ones((1, 1)), solver="sqp")
     assert found.converged.all()
     assert found.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
 
@@ -84,11 +85,11 @@ def test_both_solvers_agree_on_a_spatial_arm():
 def test_interior_points_refuse_kinks_by_name_before_any_work():
     task = problem_of(pk.kinetic_energy, pk.peak_torque).task
     with pytest.raises(pk.InvalidInput, match="solver: 'interior-point' wants smooth functions, peak_torque has kinks"):
-        check_solver(task, "interior-point")
+        check_solver(motion_program(task), "interior-point")
     with pytest.raises(pk.InvalidInput, match="solver: 'interior-point'"):
         find_optima(problem_of(pk.peak_velocity).task, starts=10**6, seed=0, solver="interior-point")
     with pytest.raises(pk.InvalidInput, match="solver must be one of auto, interior-point, sqp, got 'newton'"):
-        check_solver(task, "newton")
+        check_solver(motion_program(task), "newton")
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
     problem = problem_of(objective)
     best = pk.plan(problem, starts=6).best
     task, q = problem.task, best.motion.q
-    known = certify(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
+    known = certify_motions(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
     assert known.kkt_residual[0] <= 1e-6
     assert known.violation[0] <= 1e-8
     for motion in nearby(task, q, 200):
@@ -208,7 +209,7 @@ def test_the_least_violation_is_found_where_limits_cannot_hold():
     task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
     q = initial_motions(task, starts=3, seed=0)
     program = motion_program(task)
-    eased = within_limits(program, q, np.full(1, np.inf), Rules())
+    eased = minimise_violation(program, q, np.full(1, np.inf), InteriorPointOptions())
     assert np.all(eased.violation < np.maximum(task.violations(task.motion(q)).max(axis=1), 1e-12))
 
 
@@ -248,7 +249,7 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     with pytest.raises(pk.InvalidInput, match=r"jumping: jumps where the condition"):
         motion_program(problem_of(jumping).task)
     best = pk.plan(problem_of(bent), starts=6).best
-    known = certify(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
+    known = certify_motions(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
     assert known.kkt_residual[0] <= 1e-6
 
 

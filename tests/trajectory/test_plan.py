@@ -5,7 +5,7 @@ import pytest
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.posture_grid import windows_of
+from paretoik.trajectory.posture_grid import step_windows
 from paretoik.trajectory.transcription import joint_distance
 from problems import tringali_2020, tringali_2021
 
@@ -80,9 +80,9 @@ def test_a_grid_lets_a_joint_rest_that_may_not_move():
     limits = pk.Limits(velocity=[0.0, 9.0, 9.0])
     given = tringali_2021.problem(1, samples=26).task
     task = pk.Tracking(given.arm, given.tasks, objectives=[pk.kinetic_energy], limits=limits, start=given.start).task
-    assert np.isfinite(windows_of(task, 0.1)).all()
-    assert (windows_of(task, 0.1) > 0).all()
-    assert windows_of(task, 0.1)[:, 0].max() < 1e-6
+    assert np.isfinite(step_windows(task, 0.1)).all()
+    assert (step_windows(task, 0.1) > 0).all()
+    assert step_windows(task, 0.1)[:, 0].max() < 1e-6
 
 
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])

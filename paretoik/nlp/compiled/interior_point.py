@@ -1,10 +1,14 @@
-"""A primal–dual interior-point method over motions on the path, compiled.
+"""A primal–dual interior-point method for nonlinear programs of every kind, compiled.
 
-The unknowns are steps in the self-motion of every sample: q moves along the null space of the tasks' Jacobian and is
-then led back onto the path, so that every iterate follows it. What is left is a problem in (dof − task rows) numbers a
-sample whose exact second derivatives, the path's curvature included, are banded in time. Steps are Newton's, made
-positive definite where they are not; a merit function guards them; limits give way at a price that grows until they
-hold. Source: Nocedal & Wright, Numerical Optimization, chapters 3, 17 and 19; Wächter & Biegler 2006 for how the
+    minimise    weights · F(x)
+    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+
+Every iterate meets h(x) = 0: steps are taken in the null space of ∂h/∂x and retracted. Inequalities are elastic: an
+exact penalty, which grows until they hold, takes the place of a restoration phase (``elastic``). Steps are Newton's,
+with exact second derivatives, made positive definite where they are not, and guarded by a merit function. What a
+program is, and whether its Newton matrix is banded or dense, is up to its kernel (``kernel_steps``).
+
+Source: Nocedal & Wright, Numerical Optimization, chapters 3, 15.3, 17 and 19; Wächter & Biegler 2006 for how the
 barrier falls.
 """
 
@@ -14,343 +18,416 @@ from typing import NamedTuple
 
 import numpy as np
 
-from paretoik.autodiff.interpreter import run
-from paretoik.compilation import compiled
-from paretoik.nlp.compiled.arrowhead import factorised, solved
-from paretoik.nlp.compiled.elastic import central, descent, off_centre, prices, pushed, step_multipliers
-from paretoik.nlp.compiled.samples import (
-    add_curvature,
-    follow,
-    frames,
-    gather,
-    moved,
-    path_multipliers,
-    reduce,
-    retracted,
-    spread,
+from paretoik.compilation import compiled, inlined
+from paretoik.nlp.compiled.array_loops import clear, dot, finite_indices
+from paretoik.nlp.compiled.bordered_cholesky import factorise, solve
+from paretoik.nlp.compiled.elastic import (
+    barrier_terms,
+    begin_slacks,
+    central_multipliers,
+    complementarity_and_violation,
+    limit_implied_step,
+    limit_step,
+    merit_terms,
+    newton_slacks,
+    reset_slacks,
+    step_multipliers,
+    step_slacks,
 )
-from paretoik.nlp.compiled.tables import add, clear, finite, length, product, put, weighed
-
-CONVERGED, CAPPED, STUCK, SINGULAR, VIOLATED = 0, 1, 2, 3, 4
-LONGEST = 0.4  # rad or m that a joint may move in one step: enough, and too little to reach another branch unseen
-ARMIJO = 1e-4
-FLAT = 1e-15  # share of the merit function below which what Newton's step promises is rounding
-ROUNDING = 1e-14  # of the merit function
-STILL = 5  # steps at the last barrier that changed no more than rounding: there is no more to be had
-HALVINGS = 40
-SOFT = 100.0  # times barrier over price: by less is a limit violated because the barrier is not yet low
-FIRM = 3e-3  # barrier from which on a limit that is still violated costs more, or proves that all of them cannot hold
-HOPELESS = 100.0  # by so much has the price risen without halving the violation, when it is given up
-
-
-class Compiled(NamedTuple):
-    """A MotionProgram as compiled code takes it; see there, and ``samples`` for window, weights and place."""
-
-    value: tuple[np.ndarray, ...]
-    slope: tuple[np.ndarray, ...]
-    slope_of: np.ndarray
-    slope_by: np.ndarray
-    curvature: tuple[np.ndarray, ...]
-    second_i: np.ndarray
-    second_j: np.ndarray
-    track: tuple[np.ndarray, ...]
-    window: np.ndarray
-    weights: np.ndarray
-    place: np.ndarray
-    unknowns: int
-    seam: int  # so many unknowns, the last, belong to the border
-    stops: bool  # the last sample is the nearest to the one before
-    ones: np.ndarray
-    quadrature: np.ndarray
-    inputs: np.ndarray
-    multipliers: np.ndarray
-    limited: np.ndarray  # (limits, 2): variable or row, and sample
-    sides: np.ndarray  # (limits,): 1 a lower limit, −1 an upper
-    bounds: np.ndarray  # (limits,)
+from paretoik.nlp.compiled.kernel_steps import (
+    allocate_workspace,
+    assemble,
+    dimensions,
+    directional_derivatives,
+    evaluate,
+    expand_step,
+    linearise,
+    prepare_multipliers,
+    reduced_gradient,
+    residual_norm,
+    restore,
+    retract,
+)
+from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
 
 
-class Rules(NamedTuple):
-    """How a search goes: first and last barrier, price of a violation, tolerance of stationarity, iterations.
+class Iteration(NamedTuple):
+    """What one iteration works with; bounds on objectives stand below the inequalities c of the kernel."""
 
-    Where the search is by quadratic programming, ``radius`` is that of its first step [rad or m].
+    bounds: np.ndarray  # (bounds,) which rows have a finite bound
+    objectives: np.ndarray  # (objectives,)
+    trial_objectives: np.ndarray
+    objective_changes: np.ndarray  # along the step
+    c: np.ndarray  # (constraints,)
+    trial_c: np.ndarray
+    dc: np.ndarray
+    s: np.ndarray  # slacks
+    trial_s: np.ndarray
+    ds: np.ndarray
+    t: np.ndarray  # elastic slacks
+    trial_t: np.ndarray
+    dt: np.ndarray
+    r: np.ndarray  # residuals c − s + t
+    trial_r: np.ndarray
+    z: np.ndarray  # multipliers of c
+    dz: np.ndarray
+    stiffness: np.ndarray  # of the constraints in Newton's system
+    force: np.ndarray  # multipliers that its right side has in place of z
+    objective_weights: np.ndarray
+    residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
+    step: np.ndarray  # (unknowns + bounds,)
+    A: np.ndarray  # Newton's matrix, its factors below
+    B: np.ndarray
+    C: np.ndarray
+    L: np.ndarray
+    X: np.ndarray
+    S: np.ndarray
+    filter: np.ndarray  # (iterations + 1, 2) residuals and merits that no step may be worse than in both
+
+
+class Barrier(NamedTuple):
+    """The subproblem: barrier μ and penalty, and the violation at the penalty that last halved it."""
+
+    mu: float
+    penalty: float
+    violation: float
+    helpful_penalty: float
+
+
+@compiled(what="the interior-point method", seconds=15)
+def minimise(kernel, x, weights, rows, upper, options):
+    """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none.
+
+    Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
-
-    barrier: float = 0.1
-    last_barrier: float = 1e-13
-    penalty: float = 1.0
-    tolerance: float = 1e-8
-    iterations: int = 150
-    radius: float = 0.3
-
-
-@compiled(what="the planner", seconds=15)
-def minimise(p, q, factors, caps, rules):
-    """Minimise Σ factors · sums over motions from q (time, dof), which is on the path, sums kept below caps.
-
-    ``p`` is Compiled. Returns (q, status, iterations, sums, multipliers of the limits, then of the finite caps,
-    stationarity, worst violation).
-    """
-    q, given = q.copy(), p.inputs.copy()
-    samples, n = q.shape
-    U, K, width = p.weights.shape[0] * n, len(factors), p.weights.shape[2]
-    rows = p.multipliers[1] - p.multipliers[0]
-    G, r = len(p.inputs) - p.multipliers[2], n - rows
-    capped = finite(caps)
-    size, borders, limits = p.unknowns - p.seam, p.seam + len(capped), len(p.sides)
-
-    tracked = np.empty((rows + rows * n, samples))
-    normal, steep = np.zeros((samples, n, r)), np.zeros((samples, n, rows))
-    triangle = np.zeros((samples, rows, rows))
-    values, slopes = np.empty((K + G, samples)), np.empty((K + G + len(p.slope_of), samples))
-    seconds = np.empty((len(p.second_i), samples))
-    f, trial_f, df = np.zeros(K), np.zeros(K), np.zeros(K)
-    gaps, trial_gaps, changes = (
-        np.zeros(limits + len(capped)),
-        np.zeros(limits + len(capped)),
-        np.zeros(limits + len(capped)),
-    )
-    z, forces = np.zeros(limits + len(capped)), np.zeros(limits + len(capped))
-    by_row = np.zeros((U + G, samples))
-    A, L = np.zeros((size, width * r)), np.zeros((size, width * r))
-    B, X = np.zeros((borders, size)), np.zeros((borders, size))
-    C, S = np.zeros((borders, borders)), np.zeros((borders, borders))
-    grads, total = np.zeros((K + G, U, samples)), np.zeros((K, samples, n))
-    of_u, of_q, du = np.zeros((U, samples)), np.zeros((samples, n)), np.zeros((U, samples))
-    residual, step = np.zeros(p.unknowns), np.zeros(size + borders)
-    dq, trial = np.zeros((samples, n)), q.copy()
-    mu, penalty, last_delta = rules.barrier, rules.penalty, 0.0
-    violated, helpful, flat, still = np.inf, rules.penalty, False, 0
-    status, done, stationarity, worst = CAPPED, 0, np.inf, np.inf
-
-    _evaluate(p, given, q, values, f, caps, capped, gaps)
-    central(gaps, mu, penalty, z)
-    for done in range(rules.iterations + 1):
-        put(given, q)
-        run(p.track, given, tracked)
-        if not frames(tracked, normal, steep, triangle):
+    x = x.copy()
+    size, band, border, inequalities = dimensions(kernel, x)
+    work = allocate_workspace(kernel, x)
+    it = _allocate(size, band, border, inequalities, len(weights), finite_indices(upper), options.iterations)
+    barrier = Barrier(options.barrier, options.penalty, np.inf, options.penalty)
+    trial, dx = x.copy(), np.zeros(x.shape)
+    delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
+    status, iteration, stationarity, violation = ITERATION_LIMIT, 0, np.inf, np.inf
+    if not restore(kernel, work, x):
+        status = VIOLATED
+    _evaluate(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
+    if not _all_finite(it.objectives, it.c):
+        status = NOT_FINITE
+    infeasible = options.filter_infeasible * max(1.0, _begin_slacks(barrier, it, options))
+    for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
+        if not linearise(kernel, work, x):
             status = SINGULAR
             break
-        if p.stops:
-            follow(normal, steep)
-        run(p.slope, given, slopes)
-        _gradients(p, slopes, K + G, grads, total)
-
-        # The gradient of the Lagrangian, the multipliers of the path, and how far all is from being optimal.
-        for i in range(limits):
-            forces[i] = -z[i]
-        _push(p, forces, grads[K:], by_row, of_u)
-        for g in range(G):
-            for s in range(samples):
-                given[p.multipliers[2] + g, s] = by_row[U + g, s]
-        clear(of_q)
-        gather(of_u, p.ones, p.window, p.weights, of_q)
-        for k in range(K):
-            df[k] = factors[k]
-        for e in range(len(capped)):
-            df[capped[e]] += z[limits + e]
-        for k in range(K):
-            add(of_q, df[k], total[k])
-            for s in range(samples):
-                given[p.multipliers[1] + k, s] = df[k] * p.quadrature[s]
-        reduce(of_q, normal, p.place, residual)
-        path_multipliers(of_q, steep, triangle, given[p.multipliers[0] : p.multipliers[1]])
-        stationarity = np.sqrt(samples) * length(residual)
-        apart, worst = off_centre(gaps, z, mu, penalty)
-        settled = (flat or stationarity <= max(10 * mu, rules.tolerance)) and apart <= 10 * mu
-        if mu <= rules.last_barrier and settled and (flat or stationarity <= rules.tolerance):
-            status = CONVERGED if worst <= max(rules.tolerance, SOFT * mu / penalty) else VIOLATED
+        scale = _multiplier_scale(it.z, options)
+        stationarity = _stationarity(kernel, work, weights, rows, it) / scale
+        complementarity, violation = complementarity_and_violation(it.c, it.s, it.z, barrier.mu)
+        complementarity /= scale
+        solved = _subproblem_solved(barrier, stationarity, complementarity, flat, it, options)
+        if solved and barrier.mu <= options.last_barrier and (flat or stationarity <= options.tolerance):
+            status = _final_status(barrier, violation, options)
             break
-        if done == rules.iterations:
+        if iteration == options.iterations:
             break
-        if settled and mu <= FIRM and worst > SOFT * mu / penalty:
-            if worst <= 0.5 * violated:
-                violated, helpful = worst, penalty
-            elif penalty >= HOPELESS * helpful:
+        if solved:
+            hopeless, barrier = _next_subproblem(barrier, stationarity, complementarity, violation, it, options)
+            entries = 0
+            if hopeless:
                 status = VIOLATED
                 break
-            penalty = 10 * penalty
-            central(gaps, mu, penalty, z)
-        elif settled:
-            mu = max(rules.last_barrier, min(0.2 * mu, mu**1.5))
-            while mu > rules.last_barrier and max(stationarity, apart) <= 10 * mu:
-                mu = max(rules.last_barrier, min(0.2 * mu, mu**1.5))
-
-        # Newton's system.
-        run(p.curvature, given, seconds)
-        clear(A)
-        clear(B)
-        clear(C)
-        _curvature(p, seconds, gaps, z, mu, penalty, grads[K:], normal, by_row, A, B, C)
-        for i in range(limits):
-            forces[i] = -pushed(gaps[i], z[i], mu, penalty)[1]
-        _push(p, forces, grads[K:], by_row, of_u)
-        clear(of_q)
-        gather(of_u, p.ones, p.window, p.weights, of_q)
-        for k in range(K):
-            add(of_q, factors[k], total[k])
-        for e in range(len(capped)):
-            stiffness, push = pushed(gaps[limits + e], z[limits + e], mu, penalty)
-            add(of_q, push, total[capped[e]])
-            reduce(total[capped[e]], normal, p.place, residual)
-            for i in range(size):
-                B[p.seam + e, i] = residual[i]
-            for i in range(p.seam):
-                C[p.seam + e, i] = C[i, p.seam + e] = residual[size + i]
-            C[p.seam + e, p.seam + e] = -1.0 / stiffness
-        reduce(of_q, normal, p.place, residual)
-        last_delta = _made_definite(A, B, C, L, X, S, p.seam, last_delta)
-        if not np.isfinite(last_delta):
-            status = STUCK
+        delta = _newton_step(kernel, work, weights, rows, barrier, border, delta, it)
+        if not np.isfinite(delta):
+            status = NO_PROGRESS
             break
-        for i in range(size + borders):
-            step[i] = -residual[i] if i < p.unknowns else 0.0
-        solved(L, B, X, S, step)
+        length, slope = _direction(kernel, work, weights, rows, barrier, options, dx, it)
+        before = dot(weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
+        theta = _residual_sum(it.r, options)
+        flat = theta == 0.0 and (
+            -slope <= options.flat_decrease * (1 + abs(before)) or stalled >= options.stalled_steps
+        )
+        accepted, after, entries = _search(
+            kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries,
+            options, trial, it
+        )  # fmt: skip
+        if accepted:
+            gained = after < before - options.merit_rounding * abs(before)
+            stalled = 0 if gained or barrier.mu > options.last_barrier else stalled + 1
+            step_multipliers(it.dz, it.trial_s, it.trial_t, barrier.mu, barrier.penalty, options, it.z)
+            x, trial = trial, x
+            _accept(it)
+        elif options.implied_slacks or restorations >= options.restorations or (theta == 0.0 and entries == 0):
+            if not flat:
+                status = NO_PROGRESS
+                break
+        else:
+            restorations, delta = restorations + 1, 0.0
+            if entries == 0:
+                reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
+                central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
+            entries = 0
+    return x, status, iteration, it.objectives, it.z, stationarity, violation
 
-        # How far the step may go, and how steeply it descends.
-        alpha = min(1.0, LONGEST / max(moved(step, normal, p.place, dq), 1e-300))
-        spread(dq, p.window, p.weights, du)
-        slope = 0.0
-        for k in range(K):
-            df[k] = product(total[k], dq)
-            slope += factors[k] * df[k]
-        _changed(p, du, grads[K:], by_row, changes)
-        for e in range(len(capped)):
-            changes[limits + e] = -df[capped[e]]
-        push, alpha = descent(gaps, changes, mu, penalty, alpha)
-        slope = min(slope + push, 0.0)
-        before, accepted = weighed(factors, f) + prices(gaps, mu, penalty), False
-        flat = -slope <= FLAT * (1 + abs(before)) or still >= STILL
-        for _ in range(HALVINGS):
-            for s in range(samples):
-                for j in range(n):
-                    trial[s, j] = q[s, j] + alpha * dq[s, j]
-            if p.stops:
-                for j in range(n):  # a loop: assigning a slice compiles 30 functions more
-                    trial[-1, j] = trial[-2, j]
-            if retracted(p.track, given, trial, steep, triangle, tracked):
-                _evaluate(p, given, trial, values, trial_f, caps, capped, trial_gaps)
-                after = weighed(factors, trial_f) + prices(trial_gaps, mu, penalty)
-                if after <= before + ARMIJO * alpha * slope + ROUNDING * abs(before):
-                    accepted = True
-                    still = still + 1 if mu <= rules.last_barrier and after >= before - ROUNDING * abs(before) else 0
-                    break
-            alpha *= 0.5
-        if not accepted:
-            if flat:
-                continue
-            status = STUCK
-            break
-        step_multipliers(gaps, changes, trial_gaps, mu, penalty, z)
-        q, trial = trial, q
-        f, trial_f = trial_f, f
-        gaps, trial_gaps = trial_gaps, gaps
-    return q, status, done, f, z, stationarity, worst
+
+@inlined
+def _allocate(size, band, border, inequalities, objectives, bounds, iterations):
+    constraints, borders = inequalities + len(bounds), border + len(bounds)
+    by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
+    F, trial_F, dF, objective_weights = by_objective[0], by_objective[1], by_objective[2], by_objective[3]
+    c = by_constraint
+    return Iteration(
+        bounds, F, trial_F, dF, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12],
+        c[13], c[14], objective_weights,
+        np.zeros(size + border),
+        np.zeros(size + borders),
+        np.zeros((size, band)),
+        np.zeros((borders, size)),
+        np.zeros((borders, borders)),
+        np.zeros((size, band)),
+        np.zeros((borders, size)),
+        np.zeros((borders, borders)),
+        np.zeros((iterations + 1, 2)),
+    )  # fmt: skip
+
+
+@inlined
+def _all_finite(F, c):
+    total = 0.0
+    for k in range(len(F)):
+        total += F[k]
+    for i in range(len(c)):
+        total += c[i]
+    return np.isfinite(total)
+
+
+@inlined
+def _begin_slacks(barrier, it, options):
+    """Write the first slacks and multipliers; return the sum of the residuals."""
+    if options.implied_slacks:
+        reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
+    else:
+        least = min(options.least_slack, np.sqrt(barrier.mu))
+        begin_slacks(it.c, barrier.mu, barrier.penalty, least, it.s, it.t, it.r)
+    central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
+    return _residual_sum(it.r, options)
 
 
 @compiled
-def _evaluate(p, given, q, values, f, caps, capped, gaps):
-    """Write sums f and the gaps of all limits, then of caps, at q."""
-    U, K, limits = p.weights.shape[0] * q.shape[1], len(f), len(p.sides)
-    spread(q, p.window, p.weights, given[:U])
-    run(p.value, given, values)
-    for k in range(K):
-        f[k] = 0.0
-        for s in range(q.shape[0]):
-            f[k] += values[k, s] * p.quadrature[s]
-    for i in range(limits):
-        row, s = p.limited[i, 0], p.limited[i, 1]
-        gaps[i] = p.sides[i] * ((given[row, s] if row < U else values[K + row - U, s]) - p.bounds[i])
-    for e in range(len(capped)):
-        gaps[limits + e] = caps[capped[e]] - f[capped[e]]
+def _residual_sum(r, options):
+    """Return Σ |r|, 0 where it is below what counts."""
+    total = 0.0
+    for i in range(len(r)):
+        total += abs(r[i])
+    return 0.0 if total <= options.residual_tolerance else total - options.residual_tolerance
 
 
-@compiled
-def _gradients(p, slopes, functions, grads, total):
-    """Write gradients by u (functions, variables, time), and those of the sums by q (sums, time, dof)."""
-    for e in range(len(p.slope_of)):
-        for s in range(slopes.shape[1]):
-            grads[p.slope_of[e], p.slope_by[e], s] = slopes[functions + e, s]
-    for k in range(len(total)):
-        clear(total[k])
-        gather(grads[k], p.quadrature, p.window, p.weights, total[k])
+@inlined
+def _multiplier_scale(z, options):
+    """Return what errors are relative to: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
+    total = 0.0
+    for i in range(len(z)):
+        total += z[i]
+    return max(1.0, total / (options.large_multiplier * max(1, len(z))))
 
 
-@compiled
-def _push(p, forces, limited, by_row, of_u):
-    """Write the gradient by u of Σ forces · gaps, and the forces on every variable and limited row (rows, time).
+@inlined
+def _evaluate(kernel, work, x, rows, upper, bounds, F, c):
+    """Write objectives and constraint values at x."""
+    evaluate(kernel, work, x, F, c)
+    inequalities = len(c) - len(bounds)
+    for e in range(len(bounds)):
+        value = 0.0
+        for k in range(len(F)):
+            value += rows[bounds[e], k] * F[k]
+        c[inequalities + e] = upper[bounds[e]] - value
 
-    ``limited`` are the gradients of the limited rows (rows, variables, time).
+
+@inlined
+def _accept(it):
+    """Take the trial values."""
+    for k in range(len(it.objectives)):
+        it.objectives[k] = it.trial_objectives[k]
+    for i in range(len(it.c)):
+        it.c[i], it.s[i], it.t[i], it.r[i] = it.trial_c[i], it.trial_s[i], it.trial_t[i], it.trial_r[i]
+
+
+@inlined
+def _weigh_objectives(weights, rows, bounds, multipliers, out):
+    """Write weights + rowsᵀ · multipliers of the bounds, the last of all multipliers."""
+    inequalities = len(multipliers) - len(bounds)
+    for k in range(len(weights)):
+        out[k] = weights[k]
+        for e in range(len(bounds)):
+            out[k] += rows[bounds[e], k] * multipliers[inequalities + e]
+
+
+@inlined
+def _stationarity(kernel, work, weights, rows, it):
+    """Return the length of the reduced gradient of the Lagrangian."""
+    _weigh_objectives(weights, rows, it.bounds, it.z, it.objective_weights)
+    reduced_gradient(kernel, work, it.objective_weights, it.z, it.residual)
+    prepare_multipliers(kernel, work, it.objective_weights)
+    return residual_norm(kernel, it.residual)
+
+
+@inlined
+def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
+    """Wächter & Biegler 2006, Eq. 5; where nothing more can be gained, rounding is all that is left."""
+    tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
+    for i in range(len(it.r)):
+        largest = max(largest, abs(it.r[i]))
+    feasible = largest <= max(tolerance, options.residual_tolerance)
+    return (flat or stationarity <= max(tolerance, options.tolerance)) and complementarity <= tolerance and feasible
+
+
+@inlined
+def _soft_violation(barrier, options):
+    """Return up to which a violation only says that the barrier is not yet low."""
+    return options.soft_violation * barrier.mu / barrier.penalty
+
+
+@inlined
+def _final_status(barrier, violation, options):
+    return CONVERGED if violation <= max(options.tolerance, _soft_violation(barrier, options)) else VIOLATED
+
+
+@inlined
+def _next_subproblem(barrier, stationarity, complementarity, violation, it, options):
+    """Return whether the constraints cannot all hold, and the next subproblem: a higher penalty or a lower barrier."""
+    mu, penalty, before, helpful = barrier
+    if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):
+        if violation <= 0.5 * before:
+            before, helpful = violation, penalty
+        elif penalty >= options.helpless_growth * helpful:
+            return True, barrier
+        penalty = options.penalty_factor * penalty
+        reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
+        central_multipliers(it.s, mu, penalty, it.z)
+    else:
+        mu = _next_barrier(mu, options)
+        while mu > options.last_barrier and max(stationarity, complementarity) <= options.barrier_tolerance * mu:
+            mu = _next_barrier(mu, options)
+        if options.implied_slacks:
+            reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
+    return False, Barrier(mu, penalty, before, helpful)
+
+
+@inlined
+def _next_barrier(mu, options):
+    """Wächter & Biegler 2006, Eq. 7."""
+    return max(options.last_barrier, min(options.barrier_factor * mu, mu**options.barrier_power))
+
+
+@inlined
+def _newton_step(kernel, work, weights, rows, barrier, border, delta, it):
+    """Write Newton's step; return what was added to the diagonal last, inf where no matrix serves."""
+    unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
+    barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
+    clear(it.A)
+    clear(it.B)
+    clear(it.C)
+    largest = assemble(kernel, work, it.stiffness, it.A, it.B, it.C)
+    size = it.A.shape[0]
+    for e in range(len(it.bounds)):  # a bound stays an equation: its row of [rows ∂F, −1 / stiffness] is the border's
+        reduced_gradient(kernel, work, rows[it.bounds[e]], it.force[:0], it.residual)
+        for i in range(size):
+            it.B[border + e, i] = it.residual[i]
+        for i in range(border):
+            it.C[border + e, i] = it.C[i, border + e] = it.residual[size + i]
+        it.C[border + e, border + e] = -1.0 / it.stiffness[inequalities + e]
+    _weigh_objectives(weights, rows, it.bounds, it.force, it.objective_weights)
+    reduced_gradient(kernel, work, it.objective_weights, it.force, it.residual)
+    delta = _factorise_definite(it.A, it.B, it.C, it.L, it.X, it.S, border, largest, delta)
+    if np.isfinite(delta):
+        for i in range(len(it.step)):
+            it.step[i] = -it.residual[i] if i < unknowns else 0.0
+        solve(it.L, it.B, it.X, it.S, it.step)
+    return delta
+
+
+@inlined
+def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
+    """Factorise with the least of growing multiples of the identity that gives the right inertia; return that.
+
+    Nocedal & Wright, algorithm 3.3. Infinity says that none does: the matrix is not finite.
     """
-    U, samples = of_u.shape
-    clear(by_row)
-    for i in range(len(p.sides)):
-        by_row[p.limited[i, 0], p.limited[i, 1]] += p.sides[i] * forces[i]
-    for a in range(U):
-        for s in range(samples):
-            of_u[a, s] = by_row[a, s]
-        for g in range(len(limited)):
-            for s in range(samples):
-                of_u[a, s] += by_row[U + g, s] * limited[g, a, s]
-
-
-@compiled
-def _changed(p, du, limited, by_row, changes):
-    """Write the first-order changes of all gaps where the variables change by du."""
-    U, samples = du.shape
-    for a in range(U):
-        for s in range(samples):
-            by_row[a, s] = du[a, s]
-    for g in range(len(limited)):
-        for s in range(samples):
-            by_row[U + g, s] = 0.0
-        for a in range(U):
-            for s in range(samples):
-                by_row[U + g, s] += limited[g, a, s] * du[a, s]
-    for i in range(len(p.sides)):
-        changes[i] = p.sides[i] * by_row[p.limited[i, 0], p.limited[i, 1]]
-
-
-@compiled
-def _curvature(p, seconds, gaps, z, mu, penalty, limited, normal, by_row, A, B, C):
-    """Add up the second derivatives of the Lagrangian and the stiffness of the limits."""
-    U, samples, r = p.weights.shape[0] * normal.shape[1], seconds.shape[1], normal.shape[2]
-    phi, row = np.empty((U, U)), np.empty(U)
-    local, half = np.zeros((U, p.weights.shape[2] * r)), np.zeros((U, p.weights.shape[2] * r))
-    clear(by_row)
-    for i in range(len(p.sides)):
-        by_row[p.limited[i, 0], p.limited[i, 1]] += pushed(gaps[i], z[i], mu, penalty)[0]
-    for s in range(samples):
-        clear(phi)
-        for e in range(len(p.second_i)):
-            phi[p.second_i[e], p.second_j[e]] = phi[p.second_j[e], p.second_i[e]] = seconds[e, s]
-        for a in range(U):
-            phi[a, a] += by_row[a, s]
-        for g in range(len(limited)):
-            for a in range(U):
-                row[a] = limited[g, a, s]
-            for a in range(U):
-                scaled = by_row[U + g, s] * row[a]
-                for b in range(U):
-                    phi[a, b] += scaled * row[b]
-        add_curvature(s, phi, p.window, p.weights, normal, p.place, local, half, A, B, C)
-
-
-@compiled
-def _made_definite(A, B, C, L, X, S, seam, last_delta):
-    """Factorise, with so much added to the diagonal that the inertia is right; return where to begin next time.
-
-    Infinity says that no number of use makes it right: the matrix is not made of numbers.
-    """
-    delta, largest = 0.0, 0.0
+    added, most = 0.0, largest
     for i in range(A.shape[0]):
-        largest = max(largest, abs(A[i, 0]))
-    while not factorised(A, B, C, L, X, S, C.shape[0] - seam):
-        grown = max(1e-9 * largest, last_delta / 4, 8 * delta, 1e-300)
-        if not grown < 1e15 * largest:
+        most = max(most, abs(A[i, 0]))
+    while not factorise(A, B, C, L, X, S, C.shape[0] - border):
+        more = max(1e-9 * largest, delta / 4, 8 * added, 1e-300)
+        if not more < 1e15 * most:
             return np.inf
         for i in range(A.shape[0]):
-            A[i, 0] += grown - delta
-        for i in range(seam):
-            C[i, i] += grown - delta
-        delta = grown
-    return delta if delta > 0 else last_delta / 16
+            A[i, 0] += more - added
+        for i in range(border):
+            C[i, i] += more - added
+        added = more
+    return added if added > 0 else delta / 16
+
+
+@inlined
+def _direction(kernel, work, weights, rows, barrier, options, dx, it):
+    """Write the step in x and what changes along it; return how far it may go and the merit function's slope."""
+    largest = expand_step(kernel, work, it.step, dx)
+    length = min(1.0, options.longest_step / max(largest, 1e-300))
+    directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
+    inequalities = len(it.c) - len(it.bounds)
+    for e in range(len(it.bounds)):
+        change = 0.0
+        for k in range(len(it.objective_changes)):
+            change += rows[it.bounds[e], k] * it.objective_changes[k]
+        it.dc[inequalities + e] = -change
+    for i in range(len(it.dz)):
+        it.dz[i] = it.force[i] - it.z[i] - it.stiffness[i] * it.dc[i]
+    mu, penalty, fraction = barrier.mu, barrier.penalty, options.boundary_fraction
+    if options.implied_slacks:
+        slope, length = limit_implied_step(it.c, it.s, it.dc, mu, length, fraction)
+    else:
+        newton_slacks(it.s, it.t, it.r, it.z, it.dz, it.dc, mu, penalty, it.ds, it.dt)
+        slope, length = limit_step(it.s, it.t, it.ds, it.dt, mu, penalty, length, fraction)
+    slope += dot(weights, it.objective_changes)
+    return length, min(slope, 0.0) if options.implied_slacks else slope
+
+
+@inlined
+def _search(
+    kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries, options,
+    trial, it
+):  # fmt: skip
+    """Write the trial point of the longest step that the filter accepts; return (whether, merit, filter entries)."""
+    after, mu, penalty = before, barrier.mu, barrier.penalty
+    for _ in range(options.halvings):
+        if retract(kernel, work, x, dx, length, trial):
+            _evaluate(kernel, work, trial, rows, upper, it.bounds, it.trial_objectives, it.trial_c)
+            if options.implied_slacks:
+                reset_slacks(it.trial_c, mu, penalty, it.trial_s, it.trial_t, it.trial_r)
+            else:
+                step_slacks(it.trial_c, it.s, it.t, it.ds, it.dt, length, it.trial_s, it.trial_t, it.trial_r)
+            after = dot(weights, it.trial_objectives) + merit_terms(it.trial_s, it.trial_t, mu, penalty)
+            accepted, entries = _filter_accepts(
+                theta, before, _residual_sum(it.trial_r, options), after, slope, length, infeasible, it.filter,
+                entries, options
+            )  # fmt: skip
+            if accepted:
+                return True, after, entries
+        length *= 0.5
+    return False, after, entries
+
+
+@compiled
+def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible, filter_, entries, options):
+    """Return whether a step may be taken, and the number of filter entries (Wächter & Biegler 2006, section 2.3).
+
+    Without residuals this is Armijo's condition.
+    """
+    margin, rounding = options.filter_margin, options.merit_rounding * abs(before)
+    if not np.isfinite(after + trial_theta):
+        return False, entries
+    for i in range(entries):
+        if trial_theta >= (1 - margin) * filter_[i, 0] and after >= filter_[i, 1] - margin * filter_[i, 0]:
+            return False, entries
+    if theta <= infeasible and length * (-slope) ** 2.3 >= theta**1.1 and slope <= 0.0:
+        return after <= before + options.armijo * length * slope + rounding, entries
+    if trial_theta <= (1 - margin) * theta or after <= before - margin * theta + rounding:
+        filter_[entries, 0], filter_[entries, 1] = theta, before
+        return True, entries + 1
+    return False, entries

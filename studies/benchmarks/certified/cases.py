@@ -14,7 +14,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.front.certificates import Certificates
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.certificates import BETWEEN
+from paretoik.trajectory.between_samples import FINER as BETWEEN
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 from problems import panda, tringali_2020
 from studies.benchmarks.certified.staged import StagedProgram, staged_program

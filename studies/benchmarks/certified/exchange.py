@@ -8,9 +8,9 @@ from itertools import permutations
 
 import numpy as np
 
+from paretoik.nlp.minimise import minimise
 from paretoik.nlp.solutions import Solutions
-from paretoik.trajectory.epsilon import NEAR
-from paretoik.trajectory.polish import polish
+from paretoik.pareto.epsilon import OPTIONS as EPSILON
 from paretoik.trajectory.transcription import joint_distance
 from studies.benchmarks.certified.cases import Subject, judged
 from studies.reporting import Row
@@ -134,7 +134,7 @@ def _nearby(subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.
     for step in STEPS:
         moved = caps.copy()
         moved[:, i] += step * np.array([-1.0, 0.0, 1.0])
-        got = polish(subject.program, np.repeat(own[None], 3, axis=0), factors, moved, NEAR)
+        got = minimise(subject.program, np.repeat(own[None], 3, axis=0), factors, moved, EPSILON.near)
         if got.converged.all() and joint_distance(subject.task, own, got.x).max() <= STAY:
             return got
     return None

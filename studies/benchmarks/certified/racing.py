@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from paretoik.trajectory.epsilon import COLD, WARM
-from paretoik.trajectory.polish import polish
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.epsilon import OPTIONS as EPSILON
 from studies.benchmarks.certified.cases import HOLDS, Subject
 from studies.benchmarks.certified.dominating import DOMINATED, led_back, objectives, violation
 from studies.benchmarks.certified.staged import StagedProgram
@@ -110,8 +110,8 @@ def solved_by_us(subject: Subject, point: int) -> Solved:
     caps[:] = np.inf
     caps[0, :count] = ceilings / subject.ranges
     begun, made = time.perf_counter(), None
-    for rules in (WARM, COLD):
-        got = polish(program, start[None], factors, caps, rules)
+    for rules in (EPSILON.warm, EPSILON.cold):
+        got = minimise(program, start[None], factors, caps, rules)
         if got.converged[0]:
             made = got.x[0]
             break

@@ -21,14 +21,14 @@ from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 from pymoo.util.ref_dirs import get_reference_directions
 
 import paretoik as pk
-from paretoik.api.refine import Improver
+from paretoik.api.refine import SearchImprover
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.tracking import INFEASIBLE_SHARE
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.refine import OPTIONS as REFINE
 from paretoik.search import Archive, BranchwiseMating, MaxiMinNSGA2, Progress, Search, evolve
 from paretoik.search.constraints import violations
 from paretoik.search.variation import Differential, SmoothMutation
-from paretoik.trajectory.epsilon import WARM, YIELD
-from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verified
 
@@ -122,7 +122,7 @@ class Refining:
     """Our improver, and what it has taken."""
 
     def __init__(self, search: Search, account: Account) -> None:
-        self.improver, self.account, self.seconds = Improver(search), account, 0.0
+        self.improver, self.account, self.seconds = SearchImprover(search), account, 0.0
 
     def __call__(self, progress: Progress) -> Genes | None:
         """Return genes to be evaluated next, or None."""
@@ -170,13 +170,13 @@ def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Accoun
     ranges = np.where(wide > 0, wide, np.maximum(np.abs(F).max(axis=0), 1.0))
     program = motion_program(task, ranges)
     factors = np.zeros((1, len(program.totals)))
-    factors[0, :count] = [1.0, *[YIELD] * (count - 1)]
+    factors[0, :count] = [1.0, *[REFINE.weight] * (count - 1)]
     caps = np.full((len(q), len(program.totals)), np.inf)
     caps[:, 1:count] = F[:, 1:] / ranges[1:]
     made, counted = q.copy(), account.budget.kind == "evaluations"
     for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
         before, left = account.spent, account.left
-        found = polish(program, q[rows], factors, caps[rows], WARM)
+        found = minimise(program, q[rows], factors, caps[rows], REFINE.warm)
         total = np.cumsum(found.iterations)
         paid = total <= left if counted else np.full(len(rows), account.left >= 0)
         account.iterations += int(found.iterations[paid].sum()) if counted else int(total[-1])

@@ -16,10 +16,8 @@ from typing import TypeAlias
 import numpy as np
 
 import paretoik as pk
-from paretoik.trajectory.epsilon import COLD as OUR_COLD
-from paretoik.trajectory.epsilon import WARM as OUR_WARM
-from paretoik.trajectory.epsilon import YIELD
-from paretoik.trajectory.polish import polish
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.epsilon import OPTIONS as EPSILON
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verified
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
@@ -112,10 +110,10 @@ def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
 
         def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
             factors, below = np.zeros((1, len(program.totals))), np.full((1, len(program.totals)), np.inf)
-            factors[0, :count] = YIELD
+            factors[0, :count] = EPSILON.end_tolerance
             factors[0, main] = 1.0
             below[0, :count] = ceilings / ranges
-            got = polish(program, q[None], factors, below, OUR_WARM if warm else OUR_COLD)
+            got = minimise(program, q[None], factors, below, EPSILON.warm if warm else EPSILON.cold)
             return (got.x[0] if got.converged[0] else None), int(got.iterations[0])
 
         return solve

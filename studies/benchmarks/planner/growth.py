@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.trajectory.initial_motions import initial_motions
-from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
 from studies.benchmarks.planner.verdicts import tell, timed, versus
@@ -17,7 +17,7 @@ from studies.reporting import Row
 
 COUNTS = (51, 101, 201, 401)
 TABLE = "growth"
-RULES = Rules(tolerance=TOLERANCE)
+RULES = InteriorPointOptions(tolerance=TOLERANCE)
 NEAR_LINEAR = 1.15  # exponent of the seconds that an iteration takes
 
 
@@ -40,13 +40,15 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
         program = motion_program(task, np.array([float(task.objectives[0](task.motion(q[0])))]))
         theirs = peer(Question(solver="fatrop", problem=name, samples=count))
         if not seconds:
-            both = [polish(program, one[None], np.ones((1, 1))).converged[0] and theirs.solve(one).solved for one in q]
+            both = [
+                minimise(program, one[None], np.ones((1, 1))).converged[0] and theirs.solve(one).solved for one in q
+            ]
             assert any(both), f"growth wants a start of {name} that leads both to an optimum"
             chosen = both.index(True)
         start = q[chosen]
         taken = []
         for _ in range(repeats):
-            found, ours, _ = timed(partial(polish, program, start[None], np.ones((1, 1)), rules=RULES))
+            found, ours, _ = timed(partial(minimise, program, start[None], np.ones((1, 1)), options=RULES))
             other = theirs.solve(start)
             taken.append((ours, other.seconds))
         seconds.append(np.median(taken, axis=0))

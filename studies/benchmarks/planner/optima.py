@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.self_motion.starts import LONGEST_JUMP
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.plan import Plan
-from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import joint_distance, motion_program
 from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings, Solved, peer
 from studies.benchmarks.planner.verdicts import LOSS, timed
@@ -53,7 +53,7 @@ def optima(
         gaps = []
         for start in basins:
             end = tight.solve(start, masses)
-            again = polish(program, end.q[None], factors, rules=Rules(barrier=1e-6, radius=0.02))
+            again = minimise(program, end.q[None], factors, options=InteriorPointOptions(barrier=1e-6, radius=0.02))
             if end.solved and again.converged[0] and joint_distance(task, end.q, again.x[0]) < OPTIONS.distinct:
                 gaps.append(float(again.objectives[0, 0]) * plan.best.objective / end.value - 1)
         worst = max(np.abs(gaps), default=np.inf)
@@ -91,7 +91,7 @@ def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
     """Return our best beside the best that the grid oracle's ways lead to."""
     found, seconds, _ = timed(lambda: grid_oracle(task))
     program = motion_program(task, np.array([plan.best.objective]))
-    led = polish(program, found.q, np.ones((1, 1)), rules=OPTIONS.cold[1])
+    led = minimise(program, found.q, np.ones((1, 1)), options=OPTIONS.cold[1])
     theirs = float(led.objectives[led.converged, 0].min(initial=np.inf)) * plan.best.objective
     below = plan.best.objective / theirs - 1
     proven = f"proven within {1 - found.lower_bound / plan.best.objective:.1%} of the best of all motions"

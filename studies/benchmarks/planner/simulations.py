@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.levels import OPTIONS, objective_scales
 from paretoik.trajectory.plan import Plan
-from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
@@ -197,7 +197,7 @@ def _coarse(
     rules = [OPTIONS.cold[i % len(OPTIONS.cold)] for i in range(len(q))]
     taken, found = list[float](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(repeats):
-        ours, seconds, _ = timed(lambda: polish(program, q, factors, rules=rules))
+        ours, seconds, _ = timed(lambda: minimise(program, q, factors, options=rules))
         taken.append(seconds)
         for one in peers:
             found[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
@@ -224,8 +224,11 @@ def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masse
     for one in peers:
         settings, taken = served[one.label], []
         ended = peer(one.fine, settings).solve(rough, masses).value / best.objective - 1
+        warm = InteriorPointOptions(barrier=1e-4)
         for _ in range(11):
-            _, ours, _ = timed(lambda: polish(program, rough[None], factors, rules=Rules(barrier=1e-4)))
+            _, ours, _ = timed(
+                lambda: minimise(program, rough[None], factors, options=InteriorPointOptions(barrier=1e-4))
+            )
             taken.append((ours, peer(one.fine, settings).solve(rough, masses).seconds))
         middle = np.median(taken, axis=0)
         note = f"theirs ends {ended:.1e} above, first barrier {dict(settings)['mu_init']:g}"

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.trajectory.certificates import certify
 from paretoik.trajectory.linearisation import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
@@ -31,6 +30,7 @@ from studies.benchmarks.certified.dominating import (
 from studies.benchmarks.certified.exchange import STEPS, compared, exchange_rows, pairs
 from studies.benchmarks.certified.racing import race_rows, solved_by, solved_by_us
 from studies.benchmarks.planner.verdicts import LOSS
+from tests.pareto.motions import certify_motions
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
 
@@ -55,7 +55,7 @@ def subject(tmp_path_factory):
 def point_of(subject, q):
     """Return a subject with this motion alone on its front, certified; ranges are those of the whole front."""
     F = np.array([[float(one(subject.task.motion(q))) for one in subject.task.objectives]])
-    said = certify(subject.task, q[None], subject.ranges)
+    said = certify_motions(subject.task, q[None], subject.ranges)
     front = pk.Front(
         ids=np.zeros(1, dtype=int),
         objectives=F,

@@ -3,10 +3,10 @@ import pytest
 
 import paretoik as pk
 from paretoik.front.indicators import hypervolume
-from paretoik.nlp.compiled.interior_point import Rules
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.epsilon import OPTIONS, _Sweep
 from paretoik.task.retraction import retract, row_space_basis, task_errors
-from paretoik.trajectory.epsilon import _Found, _settle
-from paretoik.trajectory.polish import polish
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from studies.benchmarks.energy_torque import REFERENCE_POINT, reference_front
@@ -49,7 +49,7 @@ def test_exchange_rates_are_the_slopes_of_neighbouring_solves(front):
     step = 1e-4 * np.ptp(front.objectives[:, 1])
     caps = np.array([[np.inf, values[1] + step], [np.inf, values[1] - step]])
     factors = np.array([[1.0 / np.ptp(front.objectives[:, 0]), 0.0]])
-    near = polish(program, np.stack([q, q]), factors, caps, Rules(barrier=1e-4))
+    near = minimise(program, np.stack([q, q]), factors, caps, InteriorPointOptions(barrier=1e-4))
     assert near.converged.all()
     slope = np.diff(near.objectives[:, 1]) / np.diff(near.objectives[:, 0])
     assert front.certificates.exchange_rates[4, 0, 1] == pytest.approx(slope[0], rel=1e-3)
@@ -119,14 +119,14 @@ def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     directions = row_space_basis(task_errors(task.arm, task.tasks, motion, task.targets)[1])
     spoiled = retract(task.arm, task.tasks, motion, task.targets, directions)
     assert spoiled.on_path.all()
-    ends = polish(program, front.motions.q[:1], np.ones((1, len(program.totals))))
-    found = _Found(program, front.motions.q, ends, ranges, None, 5)
-    found.q = np.array(front.motions.q)
-    found.q[2] = spoiled.q
-    found.values = np.stack([o(task.motion(found.q)) * o.sign for o in task.objectives], axis=1) / ranges
-    worse = found.values[2].copy()
-    others = np.delete(found.values, 2, axis=0)
+    ends = minimise(program, front.motions.q[:1], np.ones((1, len(program.totals))))
+    sweep = _Sweep(program, front.motions.q, ends, 5, "auto", None, OPTIONS)
+    sweep.n_obj, sweep.x = 2, np.array(front.motions.q)
+    sweep.x[2] = spoiled.q
+    sweep.objectives = np.stack([o(task.motion(sweep.x)) * o.sign for o in task.objectives], axis=1) / ranges
+    worse = sweep.objectives[2].copy()
+    others = np.delete(sweep.objectives, 2, axis=0)
     assert not np.any(np.all(others <= worse, axis=1))
-    _settle(found, 5)
-    gained = np.all(found.values <= worse + 1e-9, axis=1) & np.any(found.values < worse - 1e-4, axis=1)
+    sweep.exchange_basins()
+    gained = np.all(sweep.objectives <= worse + 1e-9, axis=1) & np.any(sweep.objectives < worse - 1e-4, axis=1)
     assert gained.any()

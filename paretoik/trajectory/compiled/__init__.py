@@ -1,0 +1,1 @@
+"""Motions as compiled code takes them."""

@@ -1,0 +1,103 @@
+"""Certificates of points of small programs whose minima, saddles and exchange rates are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paretoik.pareto.certificates import certify
+from tests.pareto.sketches import sketched
+
+ONES = np.ones(2)
+
+
+def placed(values, x):
+    x = np.atleast_2d(np.asarray(x, dtype=float))
+    return np.array([[*one, *values(one)] for one in x])
+
+
+def certificates(program, z, ranges=ONES, signs=ONES):
+    ranges, signs = np.asarray(ranges, dtype=float), np.asarray(signs, dtype=float)
+    return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))
+
+
+def ellipses(x):
+    """Two bowls about (0, 0) and (1, 0.5), of other shapes and sizes."""
+    return [x[0] ** 2 + 3 * x[1] ** 2, 10 * (2 * (x[0] - 1) ** 2 + (x[1] - 0.5) ** 2)]
+
+
+def ellipses_best(share):
+    """Where share · the first + (1 − share) · the second is least."""
+    one, other = 2 * share * np.diag([1.0, 3.0]), 20 * (1 - share) * np.diag([2.0, 1.0])
+    return np.linalg.solve(one + other, other @ [1.0, 0.5])
+
+
+def saddle(x):
+    """Along the last coordinate there is something better on either side, in both objectives."""
+    bent = x[1] ** 4 - x[1] ** 2
+    return [x[0] ** 2 + bent, (x[0] - 1) ** 2 + bent]
+
+
+SHARES = np.array([0.2, 0.5, 0.8, 0.9])
+
+
+def test_minima_are_called_minima_with_the_weights_that_made_them():
+    program, ranges = sketched(2, ellipses), np.array([2.0, 25.0])
+    known = certificates(program, placed(ellipses, [ellipses_best(share) for share in SHARES]), ranges)
+    assert known.status.tolist() == ["minimum"] * 4
+    assert known.kkt_residual.max() <= 1e-9
+    assert known.violation.max() <= 1e-12
+    weights = np.stack([SHARES, 1 - SHARES], axis=1) * ranges
+    assert known.weights == pytest.approx(weights / weights.sum(axis=1, keepdims=True), rel=1e-6)
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+def test_exchange_rates_are_the_slopes_of_the_front_and_what_is_maximised_has_its_own_sign(signs):
+    program, step = sketched(2, ellipses), 1e-4
+    known = certificates(program, placed(ellipses, [ellipses_best(s) for s in SHARES]), (2.0, 25.0), signs)
+    beside = np.array([[ellipses(ellipses_best(s + sign * step)) for sign in (-1, 1)] for s in SHARES])
+    change = np.diff(beside * signs, axis=1)[:, 0]
+    assert known.exchange_rates[:, 0, 1] == pytest.approx(change[:, 1] / change[:, 0], rel=1e-5)
+    assert known.exchange_rates[:, 1, 0] == pytest.approx(change[:, 0] / change[:, 1], rel=1e-5)
+    assert known.exchange_intervals[:, 0, 1] == pytest.approx(
+        np.repeat(known.exchange_rates[:, 0, 1, None], 2, axis=1), rel=1e-4
+    )
+
+
+def test_at_a_corner_of_the_front_the_exchange_lies_between_the_slopes_of_both_sides():
+    """On x + y ≥ 1 and 3 x + y ≥ 1.5 from (0.25, 0.75): y falls by 1 for x to one side, by 3 to the other."""
+    program = sketched(2, lambda x: [x[0], x[1]], lambda x: ([], [x[0] + x[1] - 1.0, 3 * x[0] + x[1] - 1.5]))
+    known = certificates(program, np.array([[0.25, 0.75, 0.25, 0.75]]))
+    assert known.status[0] == "minimum"
+    assert np.sort(known.exchange_intervals[0, 0, 1]) == pytest.approx([-3.0, -1.0], abs=1e-5)
+    assert np.sort(known.exchange_intervals[0, 1, 0]) == pytest.approx([-1.0, -1 / 3], abs=1e-5)
+
+
+@pytest.mark.parametrize("place", [0.2, 0.5, 0.7])
+def test_a_saddle_is_called_one_and_the_valleys_beside_it_minima(place):
+    program = sketched(2, saddle)
+    root = np.sqrt(0.5)
+    known = certificates(program, placed(saddle, [[place, 0.0], [place, root], [place, -root]]))
+    assert known.kkt_residual.max() <= 1e-6
+    assert known.status.tolist() == ["saddle", "minimum", "minimum"]
+    assert known.weights == pytest.approx(np.tile([1 - place, place], (3, 1)), abs=1e-6)
+
+
+@pytest.mark.parametrize("low", [0.0, -1e-3])
+def test_what_limits_keep_from_going_down_is_a_minimum_unless_there_is_another_side(low):
+    """At the saddle the last coordinate may only rise, or not even that."""
+    within = sketched(2, saddle, lambda x: ([], [x[1] - low, -x[1] - low]))
+    z = placed(saddle, [[0.5, 0.0]])
+    known = certificates(within, z)
+    assert known.status[0] == ("minimum" if low == 0.0 else "saddle")
+    one_sided = sketched(2, saddle, lambda x: ([], [x[1]]))
+    assert certificates(one_sided, z).status[0] == "saddle"
+
+
+def test_what_could_gain_in_both_is_not_critical_and_past_limits_says_by_how_much():
+    program = sketched(2, ellipses, lambda x: ([], [0.8 - x[0]]))
+    known = certificates(program, placed(ellipses, [[0.3, 0.9], [1.0, 0.5]]), (2.0, 25.0))
+    assert known.status[0] == "undetermined"
+    assert known.kkt_residual[0] > 1e-2
+    assert known.violation == pytest.approx([0.0, 0.2])
+    assert np.array_equal(known.violation_between, known.violation)
