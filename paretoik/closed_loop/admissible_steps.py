@@ -34,29 +34,30 @@ def _evaluate_distances(program, required, count, w):
 def shorten(count, start, constraints, w):
     """Scale down the self-motion of pending steps so that joints stay within their bounds; genes follow."""
     q, genes, n = w.inputs, w.children, start.previous.shape[0]
+    previous, shortest = start.previous, start.particular
     for i in range(count if constraints.bounded else 0):
-        k = w.pending[i]
-        scale = _admissible_scale(q, k, start.previous, start.particular, constraints.lower, constraints.upper)
+        k, scale = w.pending[i], 1.0
+        for j in range(n):
+            base, lower, upper = shortest[j], constraints.lower[j], constraints.upper[j]
+            self_motion = q[j, k] - previous[j] - base
+            if base + self_motion < lower or base + self_motion > upper:
+                bound = upper if self_motion > 0.0 else lower
+                scale = min(scale, max((bound - base) / self_motion, 0.0))
         if scale < 1.0:
-            for j in range(n):
-                base = start.previous[j] + start.particular[j]
-                q[j, k] = base + scale * (q[j, k] - base)
-            for row in range(0, genes.shape[0], n + 1):
-                genes[row + n, k] = 0.0
-                for j in range(n):
-                    genes[row + n, k] += genes[row + j, k] * (q[j, k] - start.previous[j])
+            _scale_self_motion(scale, k, previous, shortest, q, genes)
 
 
 @compiled
-def _admissible_scale(q, k, previous, particular, lower, upper):
-    """Return the largest scale, at most 1, of a step's self-motion that keeps joints within their bounds."""
-    scale = 1.0
-    for j in range(previous.shape[0]):
-        self_motion = q[j, k] - previous[j] - particular[j]
-        if particular[j] + self_motion < lower[j] or particular[j] + self_motion > upper[j]:
-            bound = upper[j] if self_motion > 0.0 else lower[j]
-            scale = min(scale, max((bound - particular[j]) / self_motion, 0.0))
-    return scale
+def _scale_self_motion(scale, k, previous, shortest, q, genes):
+    """Scale the self-motion of a step, and let its genes stand for it."""
+    n = previous.shape[0]
+    for j in range(n):
+        base = previous[j] + shortest[j]
+        q[j, k] = base + scale * (q[j, k] - base)
+    for row in range(0, genes.shape[0], n + 1):
+        genes[row + n, k] = 0.0
+        for j in range(n):
+            genes[row + n, k] += genes[row + j, k] * (q[j, k] - previous[j])
 
 
 @compiled
