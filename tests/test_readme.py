@@ -5,18 +5,43 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+import paretoik as pk
+from paretoik.loading import load_problem
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_example_runs_as_printed(capsys):
-    (example,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
-    exec(compile(example, "README.md", "exec"), {"__name__": "readme"})
+def blocks(text):
+    return re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+
+
+def test_the_examples_run_as_printed(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    first, second = blocks(README)
+    names = {"__name__": "readme"}
+    exec(compile(first, "README.md", "exec"), names)
     assert "has the least weighted sum" in capsys.readouterr().out
+    exec(compile(second, "README.md", "exec"), names)
+    assert "kinetic_energy" in capsys.readouterr().out
+
+
+def test_the_problem_of_the_problems_readme_can_be_solved(tmp_path):
+    (example,) = blocks((ROOT / "problems" / "README.md").read_text(encoding="utf-8"))
+    (tmp_path / "mine.py").write_text(example)
+    problem = load_problem(f"{tmp_path / 'mine.py'}:reach")
+    front = pk.solve(problem, population=12, generations=2, seed=1)
+    assert front.names == ("kinetic_energy", "shoulder_effort")
+
+
+def test_it_is_no_longer_than_150_lines_of_120_characters():
+    lines = README.splitlines()
+    assert len(lines) <= 150
+    assert max(map(len, lines)) <= 125
 
 
 def test_its_picture_and_its_problem_exist():
-    root = Path(__file__).parents[1]
     (picture,) = re.findall(r"!\[.*?\]\((.*?)\)", README)
-    assert (root / picture).is_file()
-    assert (root / "problems" / "tringali_2020.py").is_file()
+    assert (ROOT / picture).is_file()
+    assert (ROOT / "problems" / "tringali_2020.py").is_file()
     assert "paretoik solve problems/tringali_2020.py:energy_torque" in README

@@ -25,12 +25,13 @@ def minimise(
     program: Program,
     x: Points,
     weights: Float[np.ndarray, "#points objectives"],
-    upper: Float[np.ndarray, "#points objectives"] | None = None,
+    upper: Float[np.ndarray, "#points bounds"] | None = None,
     options: InteriorPointOptions | Sequence[InteriorPointOptions] = InteriorPointOptions(),
     *,
+    rows: Float[np.ndarray, "bounds objectives"] | None = None,
     solver: Solver = "auto",
 ) -> Solutions:
-    """Return the local minima of weights · F, F below ``upper``, that points lead to.
+    """Return the local minima of weights · F, rows · F (F itself without rows) below ``upper``, that points lead to.
 
     Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
     own bounds hold as well. "auto" is the interior-point method where the program is smooth, SQP where it has kinks.
@@ -41,11 +42,18 @@ def minimise(
     count, x = len(x), program.project(x)
     each = [options] * count if isinstance(options, InteriorPointOptions) else list(options)
     factors = np.broadcast_to(weights, (count, len(program.upper)))
-    bounds = np.broadcast_to(np.inf if upper is None else upper, (count, len(program.upper)))
-    bounds = np.minimum(bounds, program.upper)
+    identity = np.eye(len(program.upper))
+    if rows is None:
+        table = identity
+        bounds = np.broadcast_to(np.inf if upper is None else upper, (count, len(table)))
+        bounds = np.minimum(bounds, program.upper)
+    else:
+        finite = np.isfinite(program.upper)
+        table = np.concatenate([rows, identity[finite]])
+        bounds = np.concatenate([upper, np.tile(program.upper[finite], (count, 1))], axis=1)
     by_interior_point = program.kernel is not None and solver != "sqp"
     solve = _interior_point if by_interior_point else _sqp
-    solutions = solve(program, x, factors, bounds, each)
+    solutions = solve(program, x, factors, table, bounds, each)
     # Below the program's own rounding no step makes a point better.
     near = (
         (solutions.status == NO_PROGRESS) & (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
@@ -64,13 +72,18 @@ def check_solver(program: Program, solver: str) -> None:
 
 
 def _interior_point(
-    program: Program, x: np.ndarray, weights: np.ndarray, upper: np.ndarray, options: Sequence[InteriorPointOptions]
+    program: Program,
+    x: np.ndarray,
+    weights: np.ndarray,
+    rows: np.ndarray,
+    upper: np.ndarray,
+    options: Sequence[InteriorPointOptions],
 ) -> Solutions:
     from paretoik.nlp.compiled.interior_point import minimise as search
 
-    count, rows = len(x), np.eye(len(program.upper))
+    count = len(x)
     if isinstance(program, DenseProgram):
-        return _dense_interior_point(program, x, weights, upper)
+        return _dense_interior_point(program, x, weights, rows, upper)
 
     def one(i: int) -> tuple[Any, ...]:
         return search(program.kernel, np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i])
@@ -86,14 +99,16 @@ def _interior_point(
     )
 
 
-def _dense_interior_point(program: DenseProgram, x: np.ndarray, weights: np.ndarray, upper: np.ndarray) -> Solutions:
+def _dense_interior_point(
+    program: DenseProgram, x: np.ndarray, weights: np.ndarray, rows: np.ndarray, upper: np.ndarray
+) -> Solutions:
     from paretoik.nlp.dense_sqp import Caps
     from paretoik.nlp.interior_point import minimise_dense
 
     ends = list[tuple[Any, ...]]()
     for one, factors, bounds in zip(x, weights, upper, strict=True):
         finite = np.isfinite(bounds)
-        caps = Caps(rows=program.costs[finite], most=bounds[finite]) if finite.any() else None
+        caps = Caps(rows=rows[finite] @ program.costs, most=bounds[finite]) if finite.any() else None
         try:
             end = minimise_dense(program.rows, factors @ program.costs, one, caps=caps)
             good = end.converged and end.violation <= 1e-8
@@ -121,9 +136,13 @@ os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come alo
 
 
 def _sqp(
-    program: Program, x: np.ndarray, weights: np.ndarray, upper: np.ndarray, options: Sequence[InteriorPointOptions]
+    program: Program,
+    x: np.ndarray,
+    weights: np.ndarray,
+    rows: np.ndarray,
+    upper: np.ndarray,
+    options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    rows = np.eye(len(program.upper))
     ends = [
         sqp.minimise(
             program,
@@ -151,4 +170,4 @@ def minimise_violation(
     Where their status says that they converged, they hold.
     """
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
-    return _sqp(program, x, np.zeros_like(bounds), bounds, [options] * len(x))
+    return _sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from paretoik.arrays import Points
 from paretoik.errors import EvaluationFailed, SolverFailed
@@ -22,12 +22,13 @@ Observe = Callable[[int, int], object]
 class RefineOptions:
     """How points are refined; objectives are divided by their ranges.
 
-    ``weight`` is that of the objectives that are not minimised. A point is left as it is where its criticality is at
-    most ``critical`` and its violation at most ``violation``. So many points are refined at a time as ``batch`` says:
-    in between somebody may look, or end it. ``warm`` is tried first, ``cold`` where that does not converge.
+    ``weight`` is that of the sum of all objectives beside the first: no gain is left that costs next to nothing. A
+    point is left as it is where its criticality is at most ``critical`` and its violation at most ``violation``. So
+    many points are refined at a time as ``batch`` says: in between somebody may look, or end it. ``warm`` is tried
+    first, ``cold`` where that does not converge.
     """
 
-    weight: float = 1e-6
+    weight: float = 0.1
     critical: float = 1e-8
     violation: float = 1e-8
     batch: int = 4
@@ -57,13 +58,17 @@ def refine(
 ) -> Refined:
     """Return points of a program whose first objectives, divided by their ranges, are those of the front.
 
-    The first objective is minimised and no other may rise (Haimes et al. 1971). Points that are critical stay, and so
-    do those from which no solver finds better. ``observe`` is called with points done and wanted; where it returns
+    The first objective is minimised, every other to gain as much, so that each point goes straight ahead and none to
+    where its neighbours go (Pascoletti & Serafini 1984). Points that are critical stay, and so do those from which no
+    solver finds better. ``observe`` is called with points done and wanted; where it returns
     true, the others stay as they are.
     """
     refined, converged = x.copy(), np.zeros(len(x), dtype=bool)
     factors = np.zeros((1, len(program.upper)))
-    factors[0, :n_obj] = [1.0, *[options.weight] * (n_obj - 1)]
+    factors[0, :n_obj] = options.weight
+    factors[0, 0] += 1.0
+    ahead = np.eye(n_obj, len(program.upper))
+    ahead[1:, 0] = -1.0  # F_j − F_0
     for first in range(0, len(x), options.batch):
         rows = np.arange(first, min(first + options.batch, len(x)))
         converged[rows] = [_is_critical(program, x[i], n_obj, options) for i in rows]
@@ -71,19 +76,13 @@ def refine(
             left = rows[~converged[rows]]
             if not len(left):
                 break
-            upper = _no_worse(program, x[left], n_obj)
-            solutions = minimise(program, x[left], factors, upper, barrier, solver=solver)
+            upper = np.array([ahead @ program.evaluate(one)[0] for one in x[left]])
+            solutions = minimise(program, x[left], factors, upper, barrier, rows=ahead, solver=solver)
             good = left[solutions.converged]
             refined[good], converged[good] = solutions.x[solutions.converged], True
         if observe is not None and observe(int(rows[-1]) + 1, len(x)):
             break
     return Refined(x=refined, converged=converged)
-
-
-def _no_worse(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points objectives"]:
-    upper = np.full((len(x), len(program.upper)), np.inf)
-    upper[:, 1:n_obj] = [program.evaluate(one)[0][1:n_obj] for one in x]
-    return upper
 
 
 def _is_critical(program: Program, x: np.ndarray, n_obj: int, options: RefineOptions) -> bool:

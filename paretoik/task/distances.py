@@ -38,6 +38,7 @@ def clearance(
     InvalidInput
         For no obstacles, fewer than 2 nodes, or radii that are negative or match neither one nor every link.
 
+    >>> from paretoik.task.obstacles import Circle
     >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
     >>> float(clearance([Circle([0.2, 0.3], 0.1)], elbow, radius=0.05).round(12))
     0.15
@@ -68,6 +69,7 @@ def signed_distance(
     InvalidInput
         For points that are not real or not 3-D.
 
+    >>> from paretoik.task.obstacles import Box
     >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
     >>> signed_distance(box, np.array([[1.0, 0, 0], [0.1, 0, 0.0]]), np.array([[0.5, 0, 0], [0.02, 0, 0]])).round(12)
     array([ 0.4 , -0.08])

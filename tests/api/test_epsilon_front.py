@@ -12,7 +12,7 @@ def test_points_are_shown_as_they_come_and_all_are_certified(problem):
     assert {(progress.stage, progress.total) for progress in seen} == {("point", 5)}
     assert seen[-1].done >= len(front) >= 4
     assert front.certificates.kkt_residual.max() <= 1e-6
-    assert front.provenance["settings"] == {"points": 5, "starts": 6, "seed": 0}
+    assert front.provenance["settings"] == {"points": 5, "starts": 6, "seed": 0, "solver": "auto"}
 
 
 def test_one_objective_is_left_to_plan():

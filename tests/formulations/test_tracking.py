@@ -171,7 +171,7 @@ def test_obstacles_become_a_constraint_that_motions_really_keep():
 
 def test_candidates_offer_the_best_roll_outs_within_bounds():
     problem = built("planar 3R")
-    genes = problem.candidates(50, np.random.default_rng(0))
+    genes = problem.sample_starts(50, np.random.default_rng(0))
     assert genes.shape == (50, problem.n_var)
     assert ((genes >= problem.xl) & (genes <= problem.xu)).all()
     assert (evaluate(problem, genes)["G"][:, 0] <= 0).mean() > 0.8

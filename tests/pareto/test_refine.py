@@ -66,6 +66,21 @@ def test_refining_leads_to_the_front_and_gains_in_everything():
     assert found[:, :2] == pytest.approx(np.array([ellipses_best(share) for share in shares]), abs=1e-4)
 
 
+def test_points_go_straight_ahead_as_far_as_that_goes():
+    """Between bowls of one shape, gains over ranges are equal."""
+
+    def bowls(x):
+        return [x[0] ** 2 + x[1] ** 2, (x[0] - 1) ** 2 + x[1] ** 2]
+
+    program, ranges = sketched(2, bowls), np.array([1.0, 2.0])
+    z = placed(bowls, [[0.4, 0.5], [0.6, -0.3], [0.5, 0.2]])
+    found, good = refined(program, z, ranges)
+    gains = (z[:, 2:] - found[:, 2:]) / ranges
+    assert good.all()
+    assert gains[:, 0] == pytest.approx(gains[:, 1], abs=1e-6)
+    assert gains.min() > 0.01
+
+
 def test_points_that_are_critical_stay_bit_for_bit():
     program = sketched(2, ellipses)
     z = placed(ellipses, [ellipses_best(share) for share in SHARES])

@@ -14,7 +14,7 @@ class Structured(Problem):
     def __init__(self):
         super().__init__(n_var=2, n_obj=2, xl=0.0, xu=1.0)
 
-    def candidates(self, n, rng):
+    def sample_starts(self, n, rng):
         return np.column_stack((np.full(n, 0.25), rng.random(n)))
 
     def self_motion_samples(self, n, rng):

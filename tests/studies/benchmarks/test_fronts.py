@@ -229,7 +229,7 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
         pk.arms.tringali_3r(), path, objectives=both, limits=limits, cyclic=cyclic, coefficients=8, bases=3
     )
     task, ranges, free = problem.task, np.array([0.04, 0.1]), np.full(2, np.inf)
-    start = problem.decode(problem.candidates(1, np.random.default_rng(0))).q[0]
+    start = problem.decode(problem.sample_starts(1, np.random.default_rng(0))).q[0]
     ours = sweeps.our_solver(problem)(ranges)
     theirs = sweeps.their_solver(problem, sweeps.Form())(ranges)
     for main in range(2):
