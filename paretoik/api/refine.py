@@ -143,9 +143,7 @@ class SearchImprover:
     def __init__(self, search: Search, solver: Solver = "auto") -> None:
         self._search = search
         self._formulation = require_program("refine", search.problem)
-        program = self._formulation.program()
-        check_solver(program, solver)
-        self._improver = Improver(program, self._formulation.branches, solver=solver)
+        self._improver = Improver(self._formulation.program(), self._formulation.branches, solver=solver)
 
     @property
     def spent(self) -> int:

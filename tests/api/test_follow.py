@@ -111,10 +111,10 @@ def test_a_time_limit_keeps_the_steps_that_were_taken(tmp_path):
     np.testing.assert_array_equal(loaded.motions.q, front.motions.q)
 
 
-@pytest.mark.parametrize("name", ["evaluations", "target", "anchors", "refine"])
+@pytest.mark.parametrize("name", ["evaluations", "target", "anchors", "refine", "solver"])
 def test_what_means_nothing_for_a_loop_is_refused(name):
     with pytest.raises(pk.InvalidInput, match=f"{name}: wants a search for a front, got a closed loop"):
-        pk.solve(short(), **{name: {"target": [1.0, 1.0], "refine": True}.get(name, 1)})
+        pk.solve(short(), **{name: {"target": [1.0, 1.0], "refine": True, "solver": "sqp"}.get(name, 1)})
 
 
 def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
