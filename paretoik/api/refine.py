@@ -10,7 +10,7 @@ from jaxtyping import Float
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.gradients import Differentiable, Individuals, require_program
+from paretoik.formulations.protocol import Differentiable, Individuals, require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
