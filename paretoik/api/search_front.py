@@ -21,6 +21,7 @@ from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.nlp.minimise import check_solver
+from paretoik.pareto.ranges import ranges_of
 from paretoik.review.generation import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
@@ -143,7 +144,7 @@ class _GenerationObserver:
         signs = np.where(self.search.maximised, -1.0, 1.0)
         if self.corner is None and len(progress.front):
             worst = progress.front.max(axis=0)
-            self.corner = worst + np.maximum(np.ptp(progress.front, axis=0), 0.1 * np.abs(worst)) + 1e-12
+            self.corner = worst + np.maximum(ranges_of(progress.front), 0.1 * np.abs(worst))
         volume = 0.0 if self.corner is None else hypervolume(progress.front, self.corner)
         failed = progress.failed.count
         generation = Generation(

@@ -119,7 +119,7 @@ def _exchange_rates(front: Front, certificate: Certificates) -> list[str]:
     for i, j in permutations(range(len(front.names)), 2):
         low, high = np.sort(np.abs(certificate.exchange_intervals[0, i, j]))
         if np.isfinite(high):
-            rate = f"{low:.4g}" if np.isclose(low, high, rtol=RATE_TOLERANCE) else f"{low:.4g} to {high:.4g}"
+            rate = f"{low:.4g}" if np.isclose(low, high, rtol=RATE_TOLERANCE, atol=0.0) else f"{low:.4g} to {high:.4g}"
             gain, cost = ("more" if front.maximised[i] else "less"), ("less" if front.maximised[j] else "more")
             lines.append(
                 f"  1 {front.units[i]} {gain} of {front.names[i]} costs {rate} {front.units[j]} {cost} of "

@@ -22,7 +22,7 @@ def dense_individuals(problem: Any, x: Points, genes: Genes | None) -> Individua
     own = problem.genes(x) if genes is None else genes
     F, G = problem.evaluate(own, return_values_of=["F", "G"])
     objectives = np.array([problem.program().evaluate(one)[0] for one in x])
-    missed = (np.abs(F - objectives) > OBJECTIVE_TOLERANCE * np.maximum(1.0, np.abs(objectives))).any(axis=1)
+    missed = (np.abs(F - objectives) > OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)).any(axis=1)
     x = np.where(missed[:, None], problem.points(own), x)
     return Individuals(
         x=x,

@@ -20,7 +20,7 @@ from paretoik.front.front import Choice, Front, Preference
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
-    from paretoik.pareto.epsilon import ColdSearch
+    from paretoik.pareto.cold_search import ColdSearch
     from paretoik.task.motion import Motion
     from paretoik.trajectory.plan import Plan
 

@@ -76,7 +76,7 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> lis
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at the better ones of coarse starts: tolerances are shares of it."""
     motions = task.subsample(q.shape[1]).motion(q)
-    return np.array([max(float(np.quantile(np.abs(o(motions)), 0.25)), 1e-12) for o in task.objectives])
+    return np.array([float(np.quantile(np.abs(o(motions)), 0.25)) or 1.0 for o in task.objectives])
 
 
 def refine_levels(
