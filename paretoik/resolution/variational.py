@@ -28,7 +28,6 @@ from paretoik.task.motion_task_validation import START_TOLERANCE
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 
 STEP_TOLERANCE = 1e-8  # of positions and velocities (relative past 1), each step
-TOLERANCE_RANGE = 1e-13, 1e-3  # finer ones are below rounding, coarser ones leave the path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,7 +120,7 @@ def retract_nearest(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.
 
 def check_tolerance(tolerance: float | np.ndarray) -> None:
     """Raise InvalidInput for a tolerance out of range."""
-    lowest, highest = TOLERANCE_RANGE
+    lowest, highest = 1e-13, 1e-3  # finer ones are below rounding, coarser ones leave the path
     for value in np.ravel(tolerance):
         if not lowest <= value <= highest:
             raise InvalidInput(f"variational: tolerance must be {lowest:g} to {highest:g}, got {value:g}")
