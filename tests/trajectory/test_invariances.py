@@ -48,7 +48,11 @@ def front_of(other, samples=26, limits=LIMITS):
 
 
 # How an objective is made, the factor within, and what that makes of its value.
-FORMS = {"a million times as large": (effort, 1e6, 1e6), "in mm": (tool_detour, 1e3, 1e6)}
+FORMS = {
+    "a billion times as large": (effort, 1e9, 1e9),
+    "a billionth as large": (effort, 1e-9, 1e-9),
+    "in mm": (tool_detour, 1e3, 1e6),
+}
 
 
 @pytest.fixture(scope="module")
