@@ -9,8 +9,9 @@ The method walks along h(x) = 0: ``linearise`` finds a basis Z of the null space
 step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
 A (size, band) holds entry (i, i − d) at [i, d]; a dense matrix is one whose band is as wide as its size. numba chooses
 the implementation by the kernel's class when it compiles the method (``implement``), so that no call is indirect.
-Every kernel also says ``longest_step``, in units of x, what ``penalty`` is usual, whether slacks are implied
-(``elastic``), and ``large_multiplier``, the mean of the multipliers beyond which errors count relative to it (Wächter & Biegler, Eq. 5).
+Every kernel also says its ``longest_step``, in units of x, what ``penalty`` is usual, whether slacks are implied
+(``elastic``), and ``large_multiplier``, the mean of the multipliers beyond which errors count relative to it (Wächter &
+Biegler 2006, Eq. 5).
 """
 
 from __future__ import annotations
