@@ -36,7 +36,8 @@ from paretoik.task.task import Task
 from paretoik.trajectory.between_samples import violation_between
 from paretoik.trajectory.cold_search import MotionColdSearch
 from paretoik.trajectory.plan import Plan, find_optima
-from paretoik.trajectory.transcription import MotionProgram, motion_program
+from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.transcription import motion_program
 
 INFEASIBLE_SHARE = 0.3  # of parents: optima lie on the limits, and are found far sooner from both sides
 ON_PATH_TOLERANCE = 1e-6  # rad or m: motions that are farther from the path are none to start from

@@ -19,7 +19,8 @@ from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
+from paretoik.trajectory.program import MotionProgram, joint_distance
+from paretoik.trajectory.transcription import motion_program
 
 Observe = Callable[[int, int, int], object]
 Further = Callable[[Solutions], Float[np.ndarray, "starts samples dof"]]
