@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.gradients import Differentiable, Individuals, require_program
+from paretoik.formulations.protocol import Differentiable, Individuals, require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
@@ -18,6 +18,7 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.improver import Improver
+from paretoik.pareto.ranges import ranges_of
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
@@ -39,8 +40,8 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
     observe
-        Called with a ``RunProgress`` after some points: ``done`` of ``total``. Where it returns true, the others stay
-        as they are.
+        Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
+        true for refined ones, the others stay as they are.
 
     A point from which no solver finds better stays as it was, and its certificate says so.
 
@@ -54,13 +55,16 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
         raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
-    ranges = objective_ranges(front)
-    x, program = formulation.front_points(front), formulation.program(ranges)
-    check_solver(program, solver)
-    shown = count_observer(observe, "refinement")
-    refined = refine_points(program, x, len(ranges), solver=solver, observe=shown)
-    settings = {**front.provenance, "refined": {"points": len(front), "converged": int(refined.converged.sum())}}
-    return certified_front(problem, formulation, refined.x, front.ids, ranges, settings, before=front)
+    ranges = ranges_of(front.minimised)
+    with show_compilation(observe):
+        x, program = formulation.front_points(front), formulation.program(ranges)
+        check_solver(program, solver)
+        shown = count_observer(observe, "refinement")
+        refined = refine_points(program, x, len(ranges), solver=solver, observe=shown)
+        provenance = {**front.provenance, "refined": {"points": len(front), "converged": int(refined.converged.sum())}}
+        return certified_front(
+            problem, formulation, refined.x, front.ids, ranges, provenance, before=front, observe=observe
+        )
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:
@@ -69,13 +73,6 @@ def _check_front(front: Front, formulation: Differentiable, problem: Any) -> Non
     stored = front.provenance.get("fingerprint")
     if stored is not None and stored != fingerprint(problem):
         raise InvalidInput("refine: the problem that the front solves wanted, but its fingerprint is another")
-
-
-def objective_ranges(front: Front) -> Float[np.ndarray, " n_obj"]:
-    """Return the ranges that objectives are divided by: those of the front, or their size where they have none."""
-    ranges = np.ptp(front.minimised, axis=0)
-    sizes = np.maximum(np.abs(front.minimised).max(axis=0), 1.0)
-    return np.where(ranges > 0, ranges, sizes)
 
 
 def certified_front(
@@ -87,6 +84,7 @@ def certified_front(
     provenance: dict[str, Any],
     *,
     before: Front | None = None,
+    observe: Observer | None = None,
 ) -> Front:
     """Return the front of these points with their certificates, except those that others dominate.
 
@@ -103,6 +101,7 @@ def certified_front(
         ranges=ranges,
         signs=signs,
         violation_between=individuals.violation_between[rows],
+        observe=count_observer(observe, "certification"),
     )
     return Front(
         ids=ids[rows],
@@ -143,9 +142,7 @@ class SearchImprover:
     def __init__(self, search: Search, solver: Solver = "auto") -> None:
         self._search = search
         self._formulation = require_program("refine", search.problem)
-        program = self._formulation.program()
-        check_solver(program, solver)
-        self._improver = Improver(program, self._formulation.branches, solver=solver)
+        self._improver = Improver(self._formulation.program(), self._formulation.branches, solver=solver)
 
     @property
     def spent(self) -> int:

@@ -1,9 +1,10 @@
-"""Local optima from nothing, for programs whose starts are points like any other."""
+"""Local optima from nothing: what ε-sweeps ask for, and it for programs whose starts are points like any other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -13,18 +14,43 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions
+from paretoik.nlp.solutions import Solutions, concatenate
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColdSearchOptions:
-    """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value."""
+    """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
+
+    So many starts are led at a time as ``batch`` says: in between somebody may look.
+    """
 
     weight: float = 1e-3
+    batch: int = 4
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-2)
 
 
 OPTIONS = ColdSearchOptions()
+
+
+@runtime_checkable
+class ColdSearch(Protocol):
+    """How a formulation finds local optima from nothing; with ``multimodal`` basins many neighbours differ."""
+
+    multimodal: bool
+
+    def optima(self, objective: int) -> Points:
+        """Return the local optima of one objective alone, best first.
+
+        Raises Infeasible or SolverFailed where there is none.
+        """
+
+    def optima_below(
+        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
+    ) -> Solutions | None:
+        """Return what cold starts lead to for one objective, the others below ``upper``; None where nowhere.
+
+        Objectives are those of ``program``, divided by their ranges; the others count with ``weight``.
+        """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +61,7 @@ class StartSearch:
     starts: Points
     n_obj: int
     solver: Solver = "auto"
+    observe: Callable[[int, int], object] | None = None
     multimodal: bool = True
 
     def optima(self, objective: int) -> Points:
@@ -62,6 +89,12 @@ class StartSearch:
         factors[0, : self.n_obj] = weight
         factors[0, main] = 1.0
         bounds[0, : self.n_obj] = upper
-        solutions = minimise(program, starts, factors, bounds, OPTIONS.barrier, solver=self.solver)
+        parts = list[Solutions]()
+        for first in range(0, max(len(starts), 1), OPTIONS.batch):
+            x = starts[first : first + OPTIONS.batch]
+            parts.append(minimise(program, x, factors, bounds, OPTIONS.barrier, solver=self.solver))
+            if self.observe is not None:
+                self.observe(first + len(x), len(starts))
+        solutions = concatenate(parts)
         merit = np.where(solutions.converged, solutions.objectives @ factors[0], np.inf)
         return solutions[np.argsort(merit, kind="stable")[: int(solutions.converged.sum())]]
