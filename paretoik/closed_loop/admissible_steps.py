@@ -35,7 +35,7 @@ def shorten(first, last, start, constraints, w):
     """Scale down the self-motion of steps so that joints stay within their bounds; genes follow."""
     if not constraints.bounded:
         return
-    scale, shortened = w.scale[first:last], 0
+    scale, shortened = w.scale[first:last], np.int64(0)
     scale[:] = 1.0
     for j in range(start.previous.shape[0]):
         q, previous, shortest = w.inputs[j, first:last], start.previous[j], start.particular[j]
