@@ -31,33 +31,43 @@ def _evaluate_distances(program, required, count, w):
 
 
 @compiled
-def shorten(count, start, constraints, w):
-    """Scale down the self-motion of pending steps so that joints stay within their bounds; genes follow."""
-    q, genes, n = w.inputs, w.children, start.previous.shape[0]
-    previous, shortest = start.previous, start.particular
-    for i in range(count if constraints.bounded else 0):
-        k, scale = w.pending[i], 1.0
-        for j in range(n):
-            base, lower, upper = shortest[j], constraints.lower[j], constraints.upper[j]
-            self_motion = q[j, k] - previous[j] - base
-            if base + self_motion < lower or base + self_motion > upper:
-                bound = upper if self_motion > 0.0 else lower
-                scale = min(scale, max((bound - base) / self_motion, 0.0))
-        if scale < 1.0:
-            _scale_self_motion(scale, k, previous, shortest, q, genes)
+def shorten(first, last, start, constraints, w):
+    """Scale down the self-motion of steps so that joints stay within their bounds; genes follow."""
+    if not constraints.bounded:
+        return
+    scale, shortened = w.scale[first:last], np.int64(0)
+    scale[:] = 1.0
+    for j in range(start.previous.shape[0]):
+        q, previous, shortest = w.inputs[j, first:last], start.previous[j], start.particular[j]
+        lower, upper = constraints.lower[j], constraints.upper[j]
+        for k in range(last - first):  # without branches, for vector instructions
+            self_motion = q[k] - previous - shortest
+            beyond = (shortest + self_motion < lower) | (shortest + self_motion > upper)
+            bound = upper if self_motion > 0.0 else lower
+            share = min(scale[k], max((bound - shortest) / self_motion, 0.0))
+            scale[k] = share if beyond else scale[k]
+    for k in range(last - first):
+        shortened += np.int64(scale[k] < 1.0)
+    if shortened > 0:
+        _scale_self_motion(scale, first, last, start, w)
 
 
 @compiled
-def _scale_self_motion(scale, k, previous, shortest, q, genes):
-    """Scale the self-motion of a step, and let its genes stand for it."""
-    n = previous.shape[0]
+def _scale_self_motion(scale, first, last, start, w):
+    """Scale the self-motion of steps, and let their genes stand for it."""
+    n = start.previous.shape[0]
     for j in range(n):
-        base = previous[j] + shortest[j]
-        q[j, k] = base + scale * (q[j, k] - base)
-    for row in range(0, genes.shape[0], n + 1):
-        genes[row + n, k] = 0.0
+        q, base = w.inputs[j, first:last], start.previous[j] + start.particular[j]
+        for k in range(last - first):
+            scaled = base + scale[k] * (q[k] - base)
+            q[k] = scaled if scale[k] < 1.0 else q[k]
+    for row in range(0, w.children.shape[0], n + 1):
+        target = w.children[row + n, first:last]
         for j in range(n):
-            genes[row + n, k] += genes[row + j, k] * (q[j, k] - previous[j])
+            gene, q, previous = w.children[row + j, first:last], w.inputs[j, first:last], start.previous[j]
+            for k in range(last - first):
+                total = (0.0 if j == 0 else target[k]) + gene[k] * (q[k] - previous)
+                target[k] = total if scale[k] < 1.0 else target[k]
 
 
 @compiled

@@ -73,6 +73,8 @@ class SelectionWorkspace(NamedTuple):
     x: np.ndarray
     y: np.ndarray
     stack: np.ndarray
+    places: np.ndarray
+    dominated: np.ndarray
     spare: np.ndarray
     rank: np.ndarray
     scaled: np.ndarray
@@ -104,6 +106,7 @@ class Workspace(NamedTuple):
     pending: np.ndarray
     candidates: np.ndarray
     travel: np.ndarray
+    scale: np.ndarray
     inside: np.ndarray
     configurations: np.ndarray
     distances: np.ndarray
@@ -124,6 +127,8 @@ def allocate(
         x=np.zeros(both),
         y=np.zeros(both),
         stack=np.zeros((both, 2), index),
+        places=np.zeros(N, np.uint64),
+        dominated=np.zeros(N, np.uint64),
         spare=np.zeros(both, index),
         rank=np.zeros(both, index),
         scaled=np.zeros((M, both)),
@@ -147,6 +152,7 @@ def allocate(
         pending=np.zeros(N, index),
         candidates=np.zeros(N, index),
         travel=np.zeros(N),
+        scale=np.zeros(N),
         inside=np.zeros(N, index),
         configurations=np.zeros((dof, evaluated)),
         distances=np.zeros((2, evaluated)),
