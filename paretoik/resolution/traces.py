@@ -13,7 +13,6 @@ from paretoik.task.motion_task import MotionTask
 
 STATUS = np.array(["done", "damped", "shortened", "held"])
 DONE, DAMPED, SHORTENED, HELD = range(4)  # indices into STATUS
-STEP_LIMIT = 1.0  # rad or m: the largest move of a joint in one step; a Jacobian says nothing farther away
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

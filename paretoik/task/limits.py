@@ -14,6 +14,7 @@ from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
+LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
 LIMIT_UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
 Bounds = Float[np.ndarray, "#time dof 2"]
 

@@ -15,13 +15,12 @@ from paretoik.arrays import JointPaths, Rotations, Series
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import Differences, first_derivative, quadrature_weights, second_derivative
 from paretoik.task.distances import clearance
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.task.task import Task
-
-CLOSURE_TOLERANCE = 1e-9  # rad or m: the largest distance of the ends of a cyclic motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

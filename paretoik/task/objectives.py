@@ -20,8 +20,6 @@ from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.task.motion import Motion
 
-MIN_LIMIT_DISTANCE = 1e-3  # fraction of a joint's range: nearer to a limit, joint_limit_nearness stays the same
-
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
 if TYPE_CHECKING:
@@ -219,6 +217,6 @@ def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.nd
     if not limited.any():
         raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
     lower, upper = lower[limited], upper[limited]
-    edge = MIN_LIMIT_DISTANCE * (upper - lower)
+    edge = 1e-3 * (upper - lower)  # nearer to a limit it stays the same
     inside = np.clip(values[..., limited], lower + edge, upper - edge)
     return np.sum((upper - lower) ** 2 / (4 * (upper - inside) * (inside - lower)), axis=-1)

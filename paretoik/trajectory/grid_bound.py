@@ -18,13 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.grid_terms import LIMIT_TOLERANCE, Terms, evaluate_at
+from paretoik.trajectory.grid_terms import OPTIONS, Terms, evaluate_at
 from paretoik.trajectory.layered_graph import shortest_path
 from paretoik.trajectory.posture_grid import PostureGrid, build_graph, transitions
-
-CELL_NODES = 2  # by so many nodes are steps between the corners of a cell longer than those of a motion in it
-MARGIN_NODES = 4  # so far beyond windows and ranges of joints transitions are evaluated
 
 
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
@@ -32,7 +30,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
 
     ``grid`` is of all nodes, those that do not keep the limits included, a few beyond the joints' ranges.
     """
-    wide = replace(grid, windows=grid.windows + MARGIN_NODES * spacing)
+    wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing)
     pairs, edge = transitions(task, wide)
     counts = [len(sources) for sources, _ in pairs]
     costs = evaluate_at(task, terms.sample_costs, counts, edge)
@@ -44,7 +42,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
         around = _neighbouring_transitions(sources, ends, grid.next_node[i - 1], grid.next_node[i])
         costs[i] -= sum(_interpolation_error(_second_difference(costs[i], pair), around) for pair in around)
         steps = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources]))
-        near = steps <= grid.windows[i] + CELL_NODES * spacing
+        near = steps <= grid.windows[i] + OPTIONS.cell * spacing
         masks.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_satisfy(rates[i], around))
     layers = build_graph(grid, pairs, costs).prune(masks, np.where(nodes[0], 0.0, np.inf))
     return shortest_path(layers, task.cyclic)[0]

@@ -23,28 +23,10 @@ from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.curves import count_nodes, node_spacing, postures_along_path, trace_curves
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.grid_bound import MARGIN_NODES, lower_bound
-from paretoik.trajectory.grid_terms import Terms, build_terms, evaluate_at
+from paretoik.trajectory.grid_bound import lower_bound
+from paretoik.trajectory.grid_terms import OPTIONS, Terms, build_terms, evaluate_at
 from paretoik.trajectory.layered_graph import LayeredGraph, distinct_paths, shortest_path
 from paretoik.trajectory.posture_grid import PostureGrid, build_graph, posture_grid, step_windows, transitions
-
-
-@dataclass(frozen=True, kw_only=True)
-class GridOptions:
-    """How a grid is laid and what it returns.
-
-    Joints without velocity limit may go ``pace`` times as fast as the path itself asks for. A quick grid has at most
-    ``quick_nodes``. Where accelerations count, it has at least ``coarsest`` samples. Paths nearer than ``distinct``
-    [rad or m, RMS] to a better one are not told from it.
-    """
-
-    pace: float = 2.5
-    quick_nodes: int = 30_000
-    coarsest: int = 26
-    distinct: float = 0.15
-
-
-OPTIONS = GridOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,7 +127,7 @@ def grid_oracle(
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
     least = np.nan
     if not quick and not terms.second:
-        every = posture_grid(level, curves, spacing, windows, unrolled, beyond=MARGIN_NODES * spacing)
+        every = posture_grid(level, curves, spacing, windows, unrolled, beyond=OPTIONS.margin * spacing)
         least = lower_bound(level, every, terms, spacing)
     return GridOracle(
         **selection, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least

@@ -8,17 +8,39 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import Constraint, relative_violation
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
 
-MAX_TRANSITIONS = 40_000_000  # more do not fit the memory of a small machine
-BLOCK_SIZE = 200_000  # samples evaluated at once
-LIMIT_TOLERANCE = 1e-9  # of a limit's range
-
 Series = Callable[[Motion], np.ndarray]
 At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some of a sample's
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridOptions:
+    """How a grid is laid and what it returns.
+
+    Joints without velocity limit may go ``pace`` times as fast as the path itself asks for. A quick grid has at most
+    ``quick_nodes``. Where accelerations count, it has at least ``coarsest`` samples. Paths nearer than ``distinct``
+    [rad or m, RMS] to a better one are not told from it.
+
+    Terms of at most ``transitions`` are evaluated (more do not fit the memory of a small machine), ``block`` samples at
+    once. For the bound, steps between the corners of a cell are longer by ``cell`` nodes than those of a motion in it;
+    transitions are evaluated ``margin`` nodes beyond windows and ranges of joints.
+    """
+
+    pace: float = 2.5
+    quick_nodes: int = 30_000
+    coarsest: int = 26
+    distinct: float = 0.15
+    transitions: int = 40_000_000
+    block: int = 200_000
+    cell: int = 2
+    margin: int = 4
+
+
+OPTIONS = GridOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,12 +135,12 @@ def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq
 
 def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
     """Return ``term`` of so many instants of every sample; ``at`` gives some of a sample's: (q, dq, ddq)."""
-    if sum(counts) > MAX_TRANSITIONS:
+    if sum(counts) > OPTIONS.transitions:
         raise InvalidInput(
-            f"resolution: at most {MAX_TRANSITIONS:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
+            f"resolution: at most {OPTIONS.transitions:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
         )
     values_at = [np.empty(count) for count in counts]
-    rows, most = max(1, BLOCK_SIZE // len(counts)), max(counts)
+    rows, most = max(1, OPTIONS.block // len(counts)), max(counts)
     for first in range(0, most, rows):
         picks = [np.minimum(np.arange(first, min(first + rows, most)), max(count - 1, 0)) for count in counts]
         parts = [at(i, pick) for i, pick in enumerate(picks)]

@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-INSPECTED_LAYERS = 5  # at which different paths are told apart
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredGraph:
@@ -127,11 +125,11 @@ def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
     return layers.prune(mask, layers.start)
 
 
-def distinct_paths(layers: LayeredGraph, cyclic: bool, nearby: int) -> list[list[int]]:
-    """Return the shortest path through each node that is no longer than those through the nodes beside it."""
+def distinct_paths(layers: LayeredGraph, cyclic: bool, nearby: int, *, inspected: int = 5) -> list[list[int]]:
+    """Return the shortest path through each node of ``inspected`` layers, no longer than those through nodes beside."""
     cost_to_come, cost_to_go, paths = layers.forward(layers.start), layers.backward(), list[list[int]]()
     last = len(layers.nodes) - 1
-    for layer in [0] if cyclic else np.unique(np.linspace(0, last, INSPECTED_LAYERS).astype(int)).tolist():
+    for layer in [0] if cyclic else np.unique(np.linspace(0, last, inspected).astype(int)).tolist():
         through, nodes = cost_to_come[layer] + cost_to_go[layer], layers.nodes[layer]
         least = np.full(int(nodes.max()) + 1, np.inf)
         np.minimum.at(least, nodes, through)

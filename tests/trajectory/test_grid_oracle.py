@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -327,7 +328,7 @@ def test_a_resolution_that_is_no_distance_is_refused(resolution):
 
 
 def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(grid_terms, "MAX_TRANSITIONS", 1000)
+    monkeypatch.setattr(grid_terms, "OPTIONS", replace(grid_terms.OPTIONS, transitions=1000))
     with pytest.raises(InvalidInput, match="make it coarser"):
         grid_oracle(task_of(short()), resolution=0.01)
 

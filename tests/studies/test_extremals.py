@@ -10,14 +10,14 @@ from scipy.interpolate import CubicSpline
 
 from paretoik import Arm, Pose, Task, Tracking, circle, kinetic_energy, line, plan
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.shooting import shoot_extremals
-from paretoik.resolution.variational import integrate_extremal
 from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
 from paretoik.self_motion.postures import sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
+from studies.tringali_2020.extremals import integrate_extremal
+from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda
 from tests.self_motion.test_starts import task_of
 
