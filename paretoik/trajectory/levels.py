@@ -176,7 +176,7 @@ def _restore(
 
 def _resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
-) -> Float[np.ndarray, "motions time dof"]:
+) -> Float[np.ndarray, "resampled time dof"]:
     """Return motions at the samples of a finer level, except those that leave the path between their own."""
     motions = task.motion(q)
     with suppress(Infeasible):
