@@ -18,6 +18,7 @@ import numpy as np
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_flag, check_function
 from paretoik.task.motion import Motion
 
 Form = Literal["integral", "peak", "terminal", "general"]
@@ -79,7 +80,13 @@ def objective(
     """
     check_form(form)
 
+    check_flag("maximise", maximise)
+    for label, text in (("unit", unit), ("name", "" if name is None else name)):
+        if not isinstance(text, str) or not text.isprintable():
+            raise InvalidInput(f"{label}: printable text wanted, got {text!r}")
+
     def wrap(function: Function) -> Objective:
+        check_function("objective", function)
         return Objective(function=function, name=name or function.__name__, unit=unit, form=form, maximise=maximise)
 
     return wrap
@@ -93,6 +100,8 @@ def check_form(form: str) -> None:
 
 def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
     """Return a function's values after checking shape and type; errors begin with ``name``."""
+    if not hasattr(motion, "q"):
+        raise InvalidInput(f"{name}: a Motion wanted, got {type(motion).__name__}")
     shape = motion.q.shape[:-1] if form in ("integral", "peak") else motion.q.shape[:-2]
     values = function(motion)
     if values is None:
