@@ -19,7 +19,7 @@ from paretoik.front.front import Front
 from paretoik.review.generation import Generation
 from paretoik.run_files import PICTURE, STEPS
 
-SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine")  # mean nothing for a loop
+SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
 
 
 class LoopRun:
@@ -31,7 +31,7 @@ class LoopRun:
 
     def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
         for name in SEARCH_SETTINGS:
-            if getattr(settings, name) not in (None, False):
+            if getattr(settings, name) not in (None, False, "auto"):
                 raise InvalidInput(
                     f"{name}: wants a search for a front, got a closed loop, which is followed step by step"
                 )

@@ -6,16 +6,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from paretoik.api.progress import Observer, RunProgress
-from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.gradients import require_program
-from paretoik.formulations.tracking import Tracking
+from paretoik.errors import check_size
+from paretoik.formulations.protocol import require_plan
 from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
-from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.plan import Plan, find_optima
+from paretoik.trajectory.plan import Plan
 
 
 def plan(
@@ -67,18 +63,13 @@ def plan(
     """
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
-    require_program("plan", problem)
-    if not isinstance(problem, Tracking):
-        raise InvalidInput(
-            f"plan: a Tracking wanted, got {type(problem).__name__}; epsilon_front or solve finds its front"
-        )
-    task = problem.task
-    if len(task.objectives) != 1:
-        names = ", ".join(o.name for o in task.objectives)
-        raise InvalidInput(f"plan: one objective wanted, got {len(task.objectives)}: {names}")
-    shown = _level_observer(observe, len(task.times))
+    find_optima = require_plan(problem)
     return find_optima(
-        task, starts=starts, seed=seed, initial=_initial_motions(task, initial), solver=solver, observe=shown
+        starts=starts,
+        seed=seed,
+        initial=initial,
+        solver=solver,
+        observe=_level_observer(observe, len(problem.task.times)),
     )
 
 
@@ -99,18 +90,3 @@ def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int,
         )
 
     return show
-
-
-def _initial_motions(task: MotionTask, initial: Motion | None) -> np.ndarray | None:
-    if initial is None:
-        return None
-    q = initial.q if initial.q.ndim == 3 else initial.q[None]
-    if initial.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
-        raise InvalidInput(
-            f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {initial.arm.name} with "
-            f"{q.shape[1]}"
-        )
-    deviation = float(task.motion(q).tracking_error.max())
-    if deviation > 1e-6:
-        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
-    return np.array(q)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from paretoik.api.progress import Observer, count_observer
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.gradients import Differentiable, Individuals, require_program
+from paretoik.formulations.protocol import Differentiable, Individuals, require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
@@ -18,6 +18,7 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.improver import Improver
+from paretoik.pareto.ranges import ranges_of
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
@@ -54,7 +55,7 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
         raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
-    ranges = objective_ranges(front)
+    ranges = ranges_of(front.minimised)
     x, program = formulation.front_points(front), formulation.program(ranges)
     check_solver(program, solver)
     shown = count_observer(observe, "refinement")
@@ -69,13 +70,6 @@ def _check_front(front: Front, formulation: Differentiable, problem: Any) -> Non
     stored = front.provenance.get("fingerprint")
     if stored is not None and stored != fingerprint(problem):
         raise InvalidInput("refine: the problem that the front solves wanted, but its fingerprint is another")
-
-
-def objective_ranges(front: Front) -> Float[np.ndarray, " n_obj"]:
-    """Return the ranges that objectives are divided by: those of the front, or their size where they have none."""
-    ranges = np.ptp(front.minimised, axis=0)
-    sizes = np.maximum(np.abs(front.minimised).max(axis=0), 1.0)
-    return np.where(ranges > 0, ranges, sizes)
 
 
 def certified_front(
@@ -143,9 +137,7 @@ class SearchImprover:
     def __init__(self, search: Search, solver: Solver = "auto") -> None:
         self._search = search
         self._formulation = require_program("refine", search.problem)
-        program = self._formulation.program()
-        check_solver(program, solver)
-        self._improver = Improver(program, self._formulation.branches, solver=solver)
+        self._improver = Improver(self._formulation.program(), self._formulation.branches, solver=solver)
 
     @property
     def spent(self) -> int:

@@ -16,10 +16,12 @@ from paretoik.api.run_session import Display, RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
-from paretoik.formulations.protocol import check_formulation, decode, explain_violation, has_branches
+from paretoik.formulations.protocol import check_formulation, decode, explain_violation, has_branches, require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
+from paretoik.nlp.minimise import check_solver
+from paretoik.pareto.ranges import ranges_of
 from paretoik.review.generation import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
@@ -38,6 +40,10 @@ class FrontSearch:
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
         check_formulation(problem)
+        if settings.refine:
+            check_solver(require_program("refine", problem).program(), settings.solver)
+        elif settings.solver != "auto":
+            raise InvalidInput(f"solver: wants refine=True, got {settings.solver!r} without it")
         self.problem = problem
         self.generations = DEFAULTS.generations if settings.generations is None else settings.generations
         population = DEFAULTS.population if settings.population is None else settings.population
@@ -53,7 +59,7 @@ class FrontSearch:
             initial=initial_genes(problem, settings.initial),
             anchors=anchors,
         )
-        self.improver = SearchImprover(self.search) if settings.refine else None
+        self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._wanted = settings
         self.settings = {
@@ -62,6 +68,7 @@ class FrontSearch:
             "seed": seed,
             "anchors": anchors,
             "refine": settings.refine,
+            "solver": settings.solver,
             "time_limit": settings.time_limit,
         }
 
@@ -71,7 +78,7 @@ class FrontSearch:
         if not self._wanted.refine or front.provenance["status"] in INTERRUPTED:
             return front
         session.save_draft(front)  # refining takes its time, and the search is not to be lost
-        front = refine_front(front, observe=_refinement_observer(session))
+        front = refine_front(front, solver=self._wanted.solver, observe=_refinement_observer(session))
         status = front.provenance["status"] if session.signal is None else session.signal
         return replace(front, provenance={**front.provenance, "status": status})
 
@@ -137,7 +144,7 @@ class _GenerationObserver:
         signs = np.where(self.search.maximised, -1.0, 1.0)
         if self.corner is None and len(progress.front):
             worst = progress.front.max(axis=0)
-            self.corner = worst + np.maximum(np.ptp(progress.front, axis=0), 0.1 * np.abs(worst)) + 1e-12
+            self.corner = worst + np.maximum(ranges_of(progress.front), 0.1 * np.abs(worst))
         volume = 0.0 if self.corner is None else hypervolume(progress.front, self.corner)
         failed = progress.failed.count
         generation = Generation(

@@ -7,7 +7,7 @@ from pathlib import Path
 from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import reweigh
+from paretoik.formulations.protocol import is_loop, reweigh
 from paretoik.front.front import Choice, Front, Preference
 
 
@@ -32,7 +32,7 @@ def select(
     Infeasible
         The front is empty, or the loop is blocked.
     """
-    if front.problem is None and "drift" in front.provenance:
+    if front.problem is None and is_loop(front):
         raise InvalidInput("select: wants the closed loop that the run followed, but its problem cannot be loaded")
     problem = reweigh(front.problem, front, preference)
     if problem is not None:

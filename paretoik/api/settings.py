@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from paretoik.nlp.program import Solver
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveSettings:
@@ -23,6 +25,7 @@ class SolveSettings:
     algorithm: Any = None
     points: int | None = 200
     refine: bool = False
+    solver: Solver = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)

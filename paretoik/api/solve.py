@@ -14,6 +14,7 @@ from paretoik.api.settings import SolveSettings
 from paretoik.arrays import Genes
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
+from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
 
 RUNS: dict[str, type[FrontSearch] | type[LoopRun]] = {
@@ -38,6 +39,7 @@ def solve(
     algorithm: Any = None,
     points: int | None = 200,
     refine: bool = False,
+    solver: Solver = "auto",
     overwrite: bool = False,
     reference: str | None = None,
     observe: Observer | None = None,
@@ -74,13 +76,16 @@ def solve(
         branch, up to 30 % of the evaluations; at the end every point is refined to a local optimum and certified,
         as far as no signal ended the search or the refinement, which comes after ``time_limit``. For a ``Tracking``,
         ``DirectionalMaxima`` and ``PointToPoint``, as with ``refine(front)``.
+    solver
+        Which solver ``refine`` uses: "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by
+        Clarabel) for any; "auto" takes the first where it can.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
         Called with a ``RunProgress`` after every generation, or step, and every point that is refined.
 
-    Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm`` and ``refine`` mean nothing
-    and are refused; ``points`` and ``stagnation`` have no effect.
+    Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine`` and ``solver``
+    mean nothing and are refused; ``points`` and ``stagnation`` have no effect.
 
     Ctrl-C and SIGTERM end the search after the generation under way and keep its result; why it ended stands in
     ``front.provenance["status"]``.
@@ -107,6 +112,7 @@ def solve(
         algorithm=algorithm,
         points=points,
         refine=refine,
+        solver=solver,
     )
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
     with run_session(

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from paretoik.formulations.protocol import is_loop
+
 if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
     from paretoik.front.front import Choice, Front
@@ -20,7 +22,7 @@ RATE_TOLERANCE = 1e-3  # relative width up to which an interval of exchange rate
 
 def result_text(front: Front, out: Path) -> str:
     """Return a summary of a front, or of a closed loop's motion, and the commands that choose from it and replay it."""
-    lines = _loop_lines(front) if "drift" in front.provenance else _front_lines(front)
+    lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
     weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
     lines.append(f"choose:  {shlex.join(['paretoik', 'select', str(out), '--weights', weights])}")
     lines.append(f"replay:  {shlex.join(['paretoik', 'show', str(out)])}")
@@ -117,7 +119,7 @@ def _exchange_rates(front: Front, certificate: Certificates) -> list[str]:
     for i, j in permutations(range(len(front.names)), 2):
         low, high = np.sort(np.abs(certificate.exchange_intervals[0, i, j]))
         if np.isfinite(high):
-            rate = f"{low:.4g}" if np.isclose(low, high, rtol=RATE_TOLERANCE) else f"{low:.4g} to {high:.4g}"
+            rate = f"{low:.4g}" if np.isclose(low, high, rtol=RATE_TOLERANCE, atol=0.0) else f"{low:.4g} to {high:.4g}"
             gain, cost = ("more" if front.maximised[i] else "less"), ("less" if front.maximised[j] else "more")
             lines.append(
                 f"  1 {front.units[i]} {gain} of {front.names[i]} costs {rate} {front.units[j]} {cost} of "

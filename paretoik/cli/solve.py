@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -26,6 +26,10 @@ def solve(
     seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
     time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
     refine: Annotated[bool, typer.Option("--refine", help="Let gradients help, and certify every point.")] = False,
+    solver: Annotated[
+        Literal["auto", "interior-point", "sqp"],
+        typer.Option(help="What --refine uses: interior points (smooth functions), or SQP by Clarabel (any)."),
+    ] = "auto",
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -49,6 +53,7 @@ def solve(
                 out=out,
                 time_limit=time_limit,
                 refine=refine,
+                solver=solver,
                 overwrite=overwrite,
                 reference=problem,
                 observe=observe,

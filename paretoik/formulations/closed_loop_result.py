@@ -81,7 +81,12 @@ class ClosedLoopRun:
             motions=motions,
             violation=np.maximum(self.task.violations(motions).max(axis=1, initial=0.0), 0.0),
             problem=loop,
-            provenance={**provenance, "position_error": self.position_error, "drift": self.drift},
+            provenance={
+                **provenance,
+                "timeline": loop.timeline,
+                "position_error": self.position_error,
+                "drift": self.drift,
+            },
         )
 
 

@@ -24,7 +24,8 @@ from paretoik.capability.posture_samples import sample_holdable_postures, statio
 from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
-from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
+from paretoik.formulations.dense_points import dense_front_points, dense_individuals
+from paretoik.formulations.protocol import Individuals
 from paretoik.formulations.violations import explain_worst
 from paretoik.front.front import Front
 from paretoik.inputs import finite_array

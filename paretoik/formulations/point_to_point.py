@@ -24,8 +24,9 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.gradients import Individuals, dense_front_points, dense_individuals
+from paretoik.formulations.dense_points import dense_front_points, dense_individuals
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
+from paretoik.formulations.protocol import Individuals
 from paretoik.formulations.violations import explain_worst
 from paretoik.front.front import Front
 from paretoik.inputs import finite_array

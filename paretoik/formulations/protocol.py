@@ -1,21 +1,45 @@
-"""The protocol that formulations offer to the verbs, and what holds where a part of it is missing.
+"""The one protocol that formulations offer to the verbs, and what holds where a part of it is missing.
 
 Any pymoo problem with real genes can be solved; each further part that a formulation has makes one more thing possible.
-Verbs ask for optional parts through the functions below, which say what holds for a problem without them.
+Verbs ask for optional parts through the functions below, which say what holds for a problem without them; no verb looks
+at a class.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal, Protocol, TypeAlias
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front, Preference
 
+if TYPE_CHECKING:  # so that loading a problem stays quick
+    from paretoik.nlp.program import Program, Solver
+    from paretoik.pareto.cold_search import ColdSearch
+    from paretoik.task.motion import Motion
+    from paretoik.trajectory.plan import Plan
+
 Timeline: TypeAlias = Literal["generation", "step"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Individuals:
+    """What points of a program are as solutions of their formulation.
+
+    ``x`` are the points, ``objectives`` minimised, ``genes`` and ``motions`` where the formulation has them for points,
+    ``violation_between`` the violation of limits where the program does not look.
+    """
+
+    x: Points
+    objectives: Objectives
+    genes: Genes | None
+    motions: Motion | None
+    violation_between: Float[np.ndarray, " points"]
 
 
 class Formulation(Protocol):
@@ -24,23 +48,22 @@ class Formulation(Protocol):
     Searched as a population (``timeline`` "generation", where it says nothing) it is a pymoo ``Problem`` with
     ``evaluate``; with ``timeline`` "step" it is a loop that is followed sample by sample (``ClosedLoop``).
 
-    ======================================  ============================================================================
-    part                                    what it makes possible
-    ======================================  ============================================================================
-    ``names, units, maximised``             named objectives in the user's own sign; without: f1, f2, ... minimised
-    ``constraint_names``                    the limit that binds, by name
-    ``fingerprint_parts()``                 a run is recognised as this problem's; without: its bounds
-    ``decode(genes)``                       motions of a front
-    ``encode(motions)``                     starting from motions: genes, and by how much they miss each motion
-    ``explain(genes)``                      why genes are infeasible, in words
-    ``task``                                motions of a stored run with their arm
-    ``program()``                           refinement and certificates: its nonlinear program
-    ``sample_starts(count, rng)``           genes that local solvers start from
-    ``species(genes), n_species``           branches: mating within each, anchors for the ends of a front
-    ``algorithm(population, ...)``          the pymoo algorithm that suits its genes
-    ``reweigh(front, preference)``          a preference that needs a new run: the formulation to solve for it
-    ``select(front, preference)``           the choice that comes of this new run
-    ======================================  ============================================================================
+    =======================================  ===========================================================================
+    part                                     what it makes possible
+    =======================================  ===========================================================================
+    ``names, units, maximised``              named objectives in the user's own sign; without: f1, f2, ... minimised
+    ``constraint_names, explain(genes)``     the limit that binds, by name, and why genes are infeasible, in words
+    ``fingerprint_parts()``                  a run is recognised as this problem's; without: its bounds
+    ``decode(genes), encode(motions)``       motions of a front; starting from motions
+    ``task``                                 motions of a stored run with their arm
+    ``program`` and all of                   ``refine``, ``epsilon_front`` and certificates; a formulation without has
+    ``Differentiable``                       no gradients, and these verbs refuse it before any work
+    ``plan(...)``                            ``plan``: the distinct local optima of one objective
+    ``sample_starts``                        genes that searches and local solvers start from
+    ``species(genes), n_species``            branches: mating within each, anchors for the ends of a front
+    ``algorithm(population, ...)``           the pymoo algorithm that suits its genes
+    ``reweigh`` and ``select``               preferences that need a new run
+    =======================================  ===========================================================================
     """
 
     n_var: int
@@ -62,20 +85,58 @@ class Formulation(Protocol):
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible."""
 
-    def program(self) -> Any:
-        """Return the nonlinear program whose points the genes are."""
+    def fingerprint_parts(self) -> list[object]:
+        """Return what makes genes mean what they mean."""
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes to start from."""
-
-    def fingerprint_parts(self) -> list[object]:
-        """Return what makes genes mean what they mean."""
 
     def reweigh(self, front: Front, preference: Preference) -> Formulation | None:
         """Return the formulation to solve anew for a preference, None where the front has its answer."""
 
     def select(self, front: Front, preference: Preference) -> Choice:
         """Return the choice, from a new run where it needs one."""
+
+    def plan(
+        self,
+        *,
+        starts: int,
+        seed: int,
+        initial: Any = None,
+        solver: Solver = "auto",
+        observe: Callable[[int, int, int], object] | None = None,
+    ) -> Plan:
+        """Return the distinct local optima of its one objective."""
+
+
+@runtime_checkable
+class Differentiable(Protocol):
+    """The part of a formulation that gradients need: its nonlinear program, and what points of it mean."""
+
+    names: Sequence[str]
+    units: Sequence[str]
+    maximised: Sequence[bool]
+
+    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> Program:
+        """Return the nonlinear program, its objectives divided by ``scales``."""
+
+    def front_points(self, front: Front) -> Points:
+        """Return the points of a front; raises InvalidInput where it does not hold them."""
+
+    def points(self, genes: Genes) -> Points:
+        """Return the points that genes stand for."""
+
+    def genes(self, x: Points) -> Genes:
+        """Return the genes of points, or the nearest within their bounds."""
+
+    def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
+        """Return points as individuals; ``genes`` are theirs where they are known."""
+
+    def branches(self, x: Points) -> list[str]:
+        """Return a label for each point: those of one branch can be led into each other."""
+
+    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> ColdSearch:
+        """Return how local optima are found from nothing, from so many starts."""
 
 
 def check_formulation(problem: Any) -> None:
@@ -84,10 +145,39 @@ def check_formulation(problem: Any) -> None:
         raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
 
 
+def require_program(verb: str, problem: Any) -> Differentiable:
+    """Return a formulation that has gradients; raise InvalidInput, naming the verb, for others."""
+    if not hasattr(problem, "program"):
+        raise InvalidInput(
+            f"{verb}: a problem with gradients wanted, such as Tracking, got {type(problem).__name__}, which offers no "
+            "program()"
+        )
+    formulation: Differentiable = problem
+    return formulation
+
+
+def require_plan(problem: Any) -> Callable[..., Plan]:
+    """Return how a formulation plans its one objective; raise InvalidInput for others."""
+    names = require_program("plan", problem).names
+    if not hasattr(problem, "plan"):
+        raise InvalidInput(
+            f"plan: a Tracking wanted, got {type(problem).__name__}; epsilon_front or solve finds its front"
+        )
+    if len(names) != 1:
+        raise InvalidInput(f"plan: one objective wanted, got {len(names)}: {', '.join(names)}")
+    find: Callable[..., Plan] = problem.plan
+    return find
+
+
 def timeline(problem: Any) -> Timeline:
     """Return what a run of a problem counts: the generations of a search, or the steps of a loop."""
     kind: Timeline = getattr(problem, "timeline", "generation")
     return kind
+
+
+def is_loop(front: Front) -> bool:
+    """Say whether a front is the one motion of a loop that was followed step by step."""
+    return front.provenance.get("timeline") == "step"
 
 
 def has_branches(problem: Any) -> bool:
@@ -127,7 +217,7 @@ def restore_motions(problem: Any, front: Front) -> Any:
     if hasattr(problem, "task"):
         q, names = np.asarray(front.motions.q), list(front.motions.arm.joint_names)
         task = problem.task.truncate(q.shape[-2])
-        if np.allclose(front.motions.time, task.times):  # otherwise motions have times of their own
+        if np.allclose(front.motions.time, task.times, rtol=1e-9, atol=0):  # otherwise motions have times of their own
             return task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
     decodes = hasattr(problem, "decode") and front.genes is not None
     return problem.decode(np.array(front.genes)) if decodes else front.motions

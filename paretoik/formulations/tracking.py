@@ -13,17 +13,17 @@ import numpy as np
 from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
-from paretoik.arrays import Genes, Objectives
-from paretoik.errors import InvalidInput
+from paretoik.arrays import Genes
+from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.base_motions import choose_bases, evaluate_motions, sample_rollouts
 from paretoik.formulations.encoding import Encoding, encoding
-from paretoik.formulations.gradients import Individuals
+from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.starts import rollout_starts
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
@@ -35,10 +35,12 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 from paretoik.trajectory.between_samples import violation_between
 from paretoik.trajectory.cold_search import MotionColdSearch
-from paretoik.trajectory.transcription import MotionProgram, motion_program
+from paretoik.trajectory.plan import Plan, find_optima
+from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.transcription import motion_program
 
-ROLL_OUTS = 256
-INFEASIBLE_SHARE = 0.3  # optima lie on the limits: approached from both sides they are found far sooner
+INFEASIBLE_SHARE = 0.3  # of parents: optima lie on the limits, and are found far sooner from both sides
+ON_PATH_TOLERANCE = 1e-6  # rad or m: motions that are farther from the path are none to start from
 
 
 class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -94,8 +96,8 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        if coefficients < 4 or bases < 1:
-            raise InvalidInput(f"wants at least 4 coefficients and 1 base, got {coefficients} and {bases}")
+        check_size("coefficients", coefficients, 4)
+        check_size("bases", bases, 1)
         self.task = motion_task(
             arm,
             path,
@@ -109,15 +111,13 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             cyclic=cyclic,
             differences=differences,
         )
-        if coefficients > len(self.task.times) - 2:
+        samples = len(self.task.times)
+        if coefficients > samples - 2:
             raise InvalidInput(
-                f"coefficients: at most {len(self.task.times) - 2} wanted on a path of {len(self.task.times)} samples, "
-                f"got {coefficients}"
+                f"coefficients: at most {samples - 2} wanted on a path of {samples} samples, got {coefficients}"
             )
-        self._seeds = rollout_starts(self.task, ROLL_OUTS, np.random.default_rng(seed))
-        self._ranked = self._by_merit(self._seeds)
-        chosen = self._chosen(self._seeds[self._ranked], bases)
-        self.encoding = encoding(self.task, self._seeds[self._ranked][chosen], coefficients)
+        self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
+        self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
         size = self.encoding.redundancy * coefficients
         super().__init__(
             n_var=1 + size,
@@ -168,24 +168,23 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
         """Return genes within bounds of motions on the path, and by how much [rad, m] they miss each.
 
-        Each motion is written around the base whose decoded genes come nearest to it in every joint at every sample;
-        where what they miss is not small, the genes do not stand for the motion: keep the motion itself.
+        Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample;
+        where they miss it by much, the genes do not stand for the motion: use the motion itself.
         """
-        genes, missed = np.zeros((len(motions), self.n_var)), np.full(len(motions), np.inf)
+        genes, deviation = np.zeros((len(motions), self.n_var)), np.full(len(motions), np.inf)
         for base in range(self.encoding.bases):
-            said, _ = self.encoding.encode(np.full(len(motions), base), motions.q)
-            said = np.clip(said, self.xl, self.xu)
-            q, _ = self.encoding.decode(self.task, said)
-            apart = np.abs(q - motions.q).max(axis=(1, 2))
-            better = apart < missed
-            genes[better], missed[better] = said[better], apart[better]
-        return genes, missed
+            encoded, _ = self.encoding.encode(np.full(len(motions), base), motions.q)
+            encoded = np.clip(encoded, self.xl, self.xu)
+            q, _ = self.encoding.decode(self.task, encoded)
+            distance = np.abs(q - motions.q).max(axis=(1, 2))
+            nearer = distance < deviation
+            genes[nearer], deviation[nearer] = encoded[nearer], distance[nearer]
+        return genes, deviation
 
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
-        """Return the same motions as far as they can be said around other bases; what leaves the bounds is clipped."""
+        """Return genes of the same motions around other bases, as near as they come within their bounds."""
         q, _ = self.encoding.decode(self.task, genes)
-        said, _ = self.encoding.encode(np.asarray(labels), q)
-        return np.clip(said, self.xl, self.xu)
+        return np.clip(self.encoding.encode(np.asarray(labels), q)[0], self.xl, self.xu)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
         """Return the algorithm that suits these genes: differential steps, smooth mutation, some infeasible parents."""
@@ -235,9 +234,34 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
         return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver)
 
+    def plan(
+        self,
+        *,
+        starts: int,
+        seed: int,
+        initial: Motion | None = None,
+        solver: Solver = "auto",
+        observe: Callable[[int, int, int], object] | None = None,
+    ) -> Plan:
+        """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
+        q = None if initial is None else self._initial_positions(initial)
+        return find_optima(self.task, starts=starts, seed=seed, initial=q, solver=solver, observe=observe)
+
+    def _initial_positions(self, initial: Motion) -> Float[np.ndarray, "motions time dof"]:
+        q, task = np.array(initial.q if initial.q.ndim == 3 else initial.q[None]), self.task
+        if initial.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
+            raise InvalidInput(
+                f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {initial.arm.name} "
+                f"with {q.shape[1]}"
+            )
+        deviation = float(task.motion(q).tracking_error.max())
+        if deviation > ON_PATH_TOLERANCE:
+            raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
+        return q
+
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""
-        return self.encode(self.task.motion(self._seeds[self._ranked[:count]]))[0]
+        return self.encode(self.task.motion(self._rollouts[:count]))[0]
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
@@ -257,81 +281,19 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
         q, on_path = self.encoding.decode(self.task, genes)
-        motions = self.task.motion(q)
-        reasons = []
-        for i, arrived in enumerate(on_path):
-            if arrived.all():
-                reasons.append(self.task.describe_violation(motions[i]))
-            else:
-                sample = int(np.argmin(arrived))
-                reasons.append(
-                    f"off the path at sample {sample} ({self.task.times[sample]:.3g} s): beyond a fold of the "
-                    f"self-motion manifold around base {int(self.species(genes[i : i + 1])[0])}"
-                )
+        reasons = [self.task.describe_violation(motion) for motion in self.task.motion(q)]
+        for i in np.flatnonzero(~on_path.all(axis=1)):
+            sample = int(np.argmin(on_path[i]))
+            reasons[i] = (
+                f"off the path at sample {sample} ({self.task.times[sample]:.3g} s): beyond a fold of the "
+                f"self-motion manifold around base {int(self.species(genes[i : i + 1])[0])}"
+            )
         return reasons
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         q, on_path = self.encoding.decode(self.task, X)
-        F, limits, causes = self._scores(self.task.motion(q))
+        F, limits, causes = evaluate_motions(self.task, self.task.motion(q))
         failed = ~np.isfinite(F).all(axis=1) | ~np.isfinite(limits).all(axis=1)
         out["F"] = np.where(np.isfinite(F), F, np.inf)
         out["G"] = np.column_stack([np.mean(~on_path, axis=1), failed.astype(float), np.nan_to_num(limits, nan=1.0)])
         out["cause"] = causes
-
-    def _scores(self, motions: Motion) -> tuple[Objectives, np.ndarray, np.ndarray]:
-        """Return (F minimised, limit violations, causes of failure); what fails is NaN and says why."""
-        task = self.task
-        causes = np.full(len(motions), "", dtype=object)
-        columns = [_isolated(f"objective {o.name}", o, motions, (), causes) * o.sign for o in task.objectives]
-        limits = _isolated("a limit", task.violations, motions, (len(task.limit_names),), causes)
-        return np.stack(columns, axis=-1), limits, causes
-
-    def _by_merit(self, motions: Float[np.ndarray, "found time dof"]) -> Int[np.ndarray, " found"]:
-        """Return the order of roll-outs: by violation of the limits, then by non-domination, best first."""
-        F, limits, _ = self._scores(self.task.motion(motions))
-        violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
-        finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
-        rank = np.sum(np.all(finite[None] <= finite[:, None], axis=-1), axis=1)
-        return np.lexsort((rank, violation))
-
-    def _chosen(self, ranked: Float[np.ndarray, "found time dof"], most: int) -> Int[np.ndarray, " bases"]:
-        """Return which roll-outs become bases: the best of every branch, then the farthest of the better halves."""
-        branch = np.array(branch_labels(self.task.motion(ranked)))
-        members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
-        taken = [int(rows[0]) for rows in members][:most]
-        pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
-        while len(taken) < min(most, len(pool)):
-            apart = self._distance(ranked[pool], ranked[taken])
-            taken.append(int(pool[np.argmax(apart)]))
-        return np.array(taken)
-
-    def _distance(self, motions: np.ndarray, taken: np.ndarray) -> np.ndarray:
-        """Return the distance (RMS over samples) of motions to the nearest of those taken, angles modulo 2π."""
-        apart = motions[:, None] - taken[None]
-        wrapped = np.where(self.task.arm.periodic, (apart + np.pi) % (2 * np.pi) - np.pi, apart)
-        least: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
-        return least
-
-
-def _isolated(
-    what: str,
-    function: Callable[[Motion], np.ndarray],
-    motions: Motion,
-    shape: tuple[int, ...],
-    causes: np.ndarray,
-) -> np.ndarray:
-    """Return a user's function of motions, one by one where the batch raises; NaN, with its cause, where it fails."""
-    try:
-        values = function(motions)
-    except InvalidInput:
-        raise
-    except Exception as error:  # a user's function may raise anything
-        if len(motions) == 1:
-            causes[0] = causes[0] or f"{what} raised {type(error).__name__}: {error}"
-            return np.full((1, *shape), np.nan)
-        parts = [_isolated(what, function, motions[i : i + 1], shape, causes[i : i + 1]) for i in range(len(motions))]
-        return np.concatenate(parts)
-    for i, row in enumerate(values.reshape(len(values), -1)):
-        if not np.isfinite(row).all():
-            causes[i] = causes[i] or f"{what} is {row[~np.isfinite(row)][0]}"
-    return values

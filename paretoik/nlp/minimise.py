@@ -85,10 +85,19 @@ def _interior_point(
     if isinstance(program, DenseProgram):
         return _dense_interior_point(program, x, weights, rows, upper)
 
-    def one(i: int) -> tuple[Any, ...]:
-        return search(program.kernel, np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i])
+    ends: list[Any] = [None] * count
+    remaining = iter(range(count))
 
-    ends = list(_pool().map(one, range(count))) if count > 1 else [one(i) for i in range(count)]
+    def work(_: int) -> None:
+        kernel = program.kernel
+        for i in remaining:  # whichever thread is free takes the next point
+            start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
+            ends[i] = search(kernel, *start, options[i])
+
+    if count > 1:
+        list(_pool().map(work, range(_cores())))
+    else:
+        work(0)
     return Solutions(
         x=np.array([end[0] for end in ends]).reshape(x.shape),
         status=np.array([end[1] for end in ends], dtype=int),
@@ -129,7 +138,11 @@ def _dense_interior_point(
 @cache
 def _pool() -> ThreadPoolExecutor:
     """Return threads, one a core, that last as long as the process: compiled code leaves Python's lock alone."""
-    return ThreadPoolExecutor(os.cpu_count() or 1)
+    return ThreadPoolExecutor(_cores())
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
 
 
 os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come along

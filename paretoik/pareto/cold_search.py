@@ -1,9 +1,10 @@
-"""Local optima from nothing, for programs whose starts are points like any other."""
+"""Local optima from nothing: what ε-sweeps ask for, and it for programs whose starts are points like any other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +26,27 @@ class ColdSearchOptions:
 
 
 OPTIONS = ColdSearchOptions()
+
+
+@runtime_checkable
+class ColdSearch(Protocol):
+    """How a formulation finds local optima from nothing; with ``multimodal`` basins many neighbours differ."""
+
+    multimodal: bool
+
+    def optima(self, objective: int) -> Points:
+        """Return the local optima of one objective alone, best first.
+
+        Raises Infeasible or SolverFailed where there is none.
+        """
+
+    def optima_below(
+        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
+    ) -> Solutions | None:
+        """Return what cold starts lead to for one objective, the others below ``upper``; None where nowhere.
+
+        Objectives are those of ``program``, divided by their ranges; the others count with ``weight``.
+        """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,7 +18,9 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
+from paretoik.pareto.cold_search import ColdSearch
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
+from paretoik.pareto.ranges import objective_sizes, ranges_of
 
 Observe = Callable[[int, int], object]
 
@@ -34,7 +35,8 @@ class EpsilonOptions:
     Of each objective so many optima are followed as branches as ``pool`` says; one that takes more than
     ``branch_iterations`` to the next level has ended. Each point tries the basins of its ``neighbours``, in at most so
     many ``rounds``. Points nearer than ``distinct`` (rad or m, RMS) are one. Where the ends are within
-    ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective, of 1 at least, the front is one point.
+    ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective's size, the front is one point: that is
+    what a solver's last barrier leaves open.
 
     The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
     valley one may get lost, or find a better one.
@@ -58,27 +60,6 @@ class EpsilonOptions:
 
 
 OPTIONS = EpsilonOptions()
-
-
-@runtime_checkable
-class ColdSearch(Protocol):
-    """How a formulation finds local optima from nothing; with ``multimodal`` basins many neighbours differ."""
-
-    multimodal: bool
-
-    def optima(self, objective: int) -> Points:
-        """Return the local optima of one objective alone, best first.
-
-        Raises Infeasible or SolverFailed where there is none.
-        """
-
-    def optima_below(
-        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
-    ) -> Solutions | None:
-        """Return what cold starts lead to for one objective, the others below ``upper``; None where nowhere.
-
-        Objectives are those of ``program``, divided by their ranges; the others count with ``weight``.
-        """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,9 +94,11 @@ def epsilon_points(
     alone = [cold.optima(k) for k in range(n_obj)]
     best = np.stack([optima[0] for optima in alone])
     payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
-    ranges = ranges_of(payoff)
-    if _is_one_point(natural, best, payoff, options):
-        return EpsilonPoints(x=best[:1], objectives=payoff[:1], ranges=ranges)
+    sizes = objective_sizes(natural, best, n_obj)
+    near = natural.distance(best[0], best) <= options.resolved_distance
+    if near.all() and (np.ptp(payoff, axis=0) <= options.resolution * sizes).all():
+        return EpsilonPoints(x=best[:1], objectives=payoff[:1], ranges=np.where(sizes > 0, sizes, 1.0))
+    ranges = ranges_of(payoff, sizes)
     program = program_of(ranges)
     pool = np.concatenate([optima[: options.pool] for optima in alone])
     pool = pool[_distinct_rows(program, pool, options)]
@@ -133,21 +116,6 @@ def epsilon_points(
     x, values = sweep.front()
     rows = spread_rows(values, points)
     return EpsilonPoints(x=x[rows], objectives=values[rows] * ranges, ranges=ranges)
-
-
-def ranges_of(payoff: Float[np.ndarray, "points n_obj"]) -> Float[np.ndarray, " n_obj"]:
-    """Return nadir less ideal of a payoff table; where that is nothing, the objective's own size."""
-    ideal, nadir = payoff.min(axis=0), payoff.max(axis=0)
-    wide = nadir - ideal > 1e-9 * np.maximum(np.abs(ideal), np.abs(nadir))
-    ranges: np.ndarray = np.where(wide, nadir - ideal, np.maximum(np.abs(ideal), 1.0))
-    return ranges
-
-
-def _is_one_point(program: Program, best: Points, payoff: np.ndarray, options: EpsilonOptions) -> bool:
-    """Return whether the optima of all objectives differ by no more than what a solver's last barrier leaves open."""
-    width = (payoff.max(axis=0) - payoff.min(axis=0)) / np.maximum(np.abs(payoff).max(axis=0), 1.0)
-    distances = program.distance(best[0], best)
-    return bool((width <= options.resolution).all() and (distances <= options.resolved_distance).all())
 
 
 def _distinct_rows(program: Program, x: Points, options: EpsilonOptions) -> Int[np.ndarray, " rows"]:

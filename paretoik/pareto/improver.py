@@ -12,6 +12,7 @@ from paretoik.arrays import Points
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
+from paretoik.pareto.ranges import ranges_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,7 @@ class Improver:
 
     def _aims(self, F: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rows of the front to start from, and what is minimised and kept below what from each."""
-        count, ranges = F.shape[1], np.maximum(np.ptp(F, axis=0), 1e-12)
+        count, ranges = F.shape[1], ranges_of(F)
         shares = F / ranges
         rows, mains, levels = list[int](), list[int](), list[np.ndarray]()
         for k in range(count):

@@ -15,7 +15,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.levels import level_programs, refine_levels
 from paretoik.trajectory.plan import find_optima
-from paretoik.trajectory.transcription import MotionProgram
+from paretoik.trajectory.program import MotionProgram
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

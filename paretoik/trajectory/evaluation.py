@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.trajectory.transcription import MotionProgram
+from paretoik.trajectory.program import MotionProgram
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,25 +29,25 @@ class MotionValues:
 def evaluate(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> MotionValues:
     """Return the values of a program at a motion on the path."""
     stencil, n = program.stencil, q.shape[1]
-    orders, inputs = len(stencil.weights), program.inputs.copy()
-    u = np.einsum("oik,ikj->oji", stencil.weights, q[stencil.window])
+    orders, inputs = len(stencil.coefficients), program.inputs.copy()
+    u = np.einsum("oik,ikj->oji", stencil.coefficients, q[stencil.neighbours])
     inputs[: orders * n] = u.reshape(orders * n, -1)
     auxiliary = program.variables[orders * n :]
     if program.slacks:
-        inputs[auxiliary[: program.slacks]] = program.slack(inputs)
-    values = program.value(inputs)
+        inputs[auxiliary[: program.slacks]] = program.evaluators.slack(inputs)
+    values = program.evaluators.value(inputs)
     if program.peaks:
         peaks = np.full(program.peaks, -np.inf)
-        np.maximum.at(peaks, program.over, -values[program.sums + program.under].min(axis=1))
+        np.maximum.at(peaks, program.epigraph_peaks, -values[program.sums + program.epigraph_rows].min(axis=1))
         inputs[auxiliary[program.slacks :]] = peaks[:, None]
-        values[program.sums + program.under] += peaks[program.over, None]
-    parts = tuple(each.value(whole_inputs(program, inputs)[:, None])[:, 0] for each in program.wholes)
+        values[program.sums + program.epigraph_rows] += peaks[program.epigraph_peaks, None]
+    parts = tuple(each.value(whole_inputs(program, inputs)[:, None])[:, 0] for each in program.whole_functions)
     objectives = [
         values[total.index] @ program.task.weights
         if total.kind == "sum"
         else float(inputs[auxiliary[program.slacks + total.index], 0])
         if total.kind == "peak"
-        else program.wholes[total.index].worth(parts[total.index])
+        else program.whole_functions[total.index].combine(parts[total.index])
         for total in program.totals
     ]
     inequalities, ties = limit_values(program, inputs, values)
@@ -71,6 +71,6 @@ def whole_inputs(
     program: MotionProgram, inputs: Float[np.ndarray, "inputs time"]
 ) -> Float[np.ndarray, " whole_inputs"]:
     """Return the inputs of functions of the whole motion: position, velocity, acceleration, jerk (time, dof) each."""
-    orders, n = len(program.stencil.weights), program.task.arm.dof
+    orders, n = len(program.stencil.coefficients), program.task.arm.dof
     u = inputs[: orders * n].reshape(orders, n, -1).swapaxes(1, 2)
     return np.concatenate([u.ravel(), np.zeros((4 - orders) * u[0].size)])

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.trajectory.evaluation import whole_inputs
-from paretoik.trajectory.transcription import MotionProgram
+from paretoik.trajectory.program import MotionProgram
 
 
 def lagrangian_hessian(
@@ -25,33 +25,33 @@ def lagrangian_hessian(
     The path's multipliers ν are those that leave no gradient in the row space of its Jacobian.
     """
     p, (functions, variables, samples) = program, function_gradients.shape
-    orders, n = len(p.stencil.weights), p.task.arm.dof
+    orders, n = len(p.stencil.coefficients), p.task.arm.dof
     by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
     factors, by_variable = _function_weights(p, weights, by_limit, functions, variables)
     by_variable += np.einsum("fs,fvs->vs", factors, function_gradients)
     gradient = by_variable[: orders * n].reshape(orders, n, samples).swapaxes(1, 2).ravel()
     u = whole_inputs(p, inputs)
-    for each, part in zip(p.wholes, by_part, strict=True):
-        gradient = gradient + (each.slopes(u).T @ part)[: len(gradient)]
+    for each, part in zip(p.whole_functions, by_part, strict=True):
+        gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
     by_position = _by_positions(p, gradient.reshape(orders, samples, n).swapaxes(1, 2))
     right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
     square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
-    inputs = inputs.copy()
-    inputs[p.multipliers[0] : p.multipliers[1]] = np.linalg.solve(square, right[..., None])[..., 0].T
-    inputs[p.multipliers[1] :] = factors
-    hessian = basis.T @ (_by_variables(p, p.curvature(inputs), variables, samples) @ basis)
-    if p.wholes:
+    inputs, (first, last) = inputs.copy(), p.evaluators.multipliers[:2]
+    inputs[first:last] = np.linalg.solve(square, right[..., None])[..., 0].T
+    inputs[last:] = factors
+    hessian = basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, samples) @ basis)
+    if p.whole_functions:
         unknowns = p.stencil.unknowns
         directions = whole_basis(p, basis)[:, :unknowns]
-        for each, part in zip(p.wholes, by_part, strict=True):
-            dense = each.second(u, directions, part)
+        for each, part in zip(p.whole_functions, by_part, strict=True):
+            dense = each.hessian_along(u, directions, part)
             hessian = hessian + sparse.csr_array(np.pad(dense, (0, basis.shape[1] - unknowns)))
     return sparse.csr_array(hessian)
 
 
 def whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
     """Return how the inputs of functions of the whole motion change with the columns."""
-    orders, n, samples = len(program.stencil.weights), program.task.arm.dof, len(program.task.times)
+    orders, n, samples = len(program.stencil.coefficients), program.task.arm.dof, len(program.task.times)
     order = np.arange(orders * n * samples).reshape(orders, n, samples).swapaxes(1, 2).ravel()
     rows = basis[order]
     rows.resize((4 * n * samples, basis.shape[1]))
@@ -68,14 +68,14 @@ def _part_multipliers(
     totals = {
         total.index: weight for total, weight in zip(program.totals, weights, strict=True) if total.kind == "whole"
     }
-    for k, each in enumerate(program.wholes):
+    for k, each in enumerate(program.whole_functions):
         part = np.zeros(each.parts)
-        for span in each.spans if len(each.groups) else ():
-            if span.stop - span.start == 1:
-                part[span] = totals[k]
+        for group in each.slices if len(each.groups) else ():
+            if group.stop - group.start == 1:
+                part[group] = totals[k]
                 continue
-            part[span] = multipliers[tie : tie + span.stop - span.start]
-            tie += span.stop - span.start
+            part[group] = multipliers[tie : tie + group.stop - group.start]
+            tie += group.stop - group.start
         if not len(each.groups):
             part = each.factor * np.asarray(cone_multipliers[cone]) if cone_multipliers else part
             cone += 1
@@ -101,9 +101,9 @@ def _function_weights(
 
 def _by_positions(program: MotionProgram, by_u: Float[np.ndarray, "orders dof time"]) -> Float[np.ndarray, "time dof"]:
     """Return what a gradient by positions and rates of all samples is by positions."""
-    shares = np.einsum("oik,oji->ikj", program.stencil.weights, by_u)
+    shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
     gradient = np.zeros((by_u.shape[2], by_u.shape[1]))
-    np.add.at(gradient, program.stencil.window, shares)
+    np.add.at(gradient, program.stencil.neighbours, shares)
     return gradient
 
 
@@ -111,7 +111,7 @@ def _by_variables(
     program: MotionProgram, seconds: Float[np.ndarray, "entries time"], variables: int, samples: int
 ) -> sparse.csr_array:
     """Return second derivatives by the variables of all samples as a symmetric matrix."""
-    i, j = program.second.function, program.second.variable
+    i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns
     s = np.arange(samples)
     row, column = (i[:, None] * samples + s).ravel(), (j[:, None] * samples + s).ravel()
     off = np.repeat(i != j, samples)

@@ -6,6 +6,7 @@ Source: Tringali & Cocuzza 2020, section 3.1.4.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,7 +19,8 @@ from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.transcription import MotionProgram, joint_distance, motion_program
+from paretoik.trajectory.program import MotionProgram, joint_distance
+from paretoik.trajectory.transcription import motion_program
 
 Observe = Callable[[int, int, int], object]
 Further = Callable[[Solutions], Float[np.ndarray, "starts samples dof"]]
@@ -74,7 +76,7 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> lis
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at the better ones of coarse starts: tolerances are shares of it."""
     motions = task.subsample(q.shape[1]).motion(q)
-    return np.array([max(float(np.quantile(np.abs(o(motions)), 0.25)), 1e-12) for o in task.objectives])
+    return np.array([float(np.quantile(np.abs(o(motions)), 0.25)) or 1.0 for o in task.objectives])
 
 
 def refine_levels(
@@ -176,8 +178,11 @@ def _resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
 ) -> Float[np.ndarray, "kept time dof"]:
     """Return motions at the samples of a finer level, except those that leave the path between their own."""
+    motions = task.motion(q)
+    with suppress(Infeasible):
+        return motions.at(finer.times)
     resampled = []
-    for motion in task.motion(q):
+    for motion in motions:
         try:
             resampled.append(motion.at(finer.times))
         except Infeasible as error:

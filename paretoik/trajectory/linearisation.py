@@ -12,7 +12,7 @@ from paretoik.nlp.conic import Cone
 from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.evaluation import MotionValues, evaluate, limit_values, whole_inputs
 from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
-from paretoik.trajectory.transcription import MotionProgram
+from paretoik.trajectory.program import MotionProgram
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,8 +87,8 @@ class MotionLinearisation:
 
     def displacement(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"]:
         """Return how positions move, to first order, with a step."""
-        place, r = self.program.stencil.place, self.normal.shape[2]
-        unknowns = np.where(place[:, None] < 0, 0.0, step[np.maximum(place, 0)[:, None] + np.arange(r)])
+        first_unknown, r = self.program.stencil.first_unknown, self.normal.shape[2]
+        unknowns = np.where(first_unknown[:, None] < 0, 0.0, step[np.maximum(first_unknown, 0)[:, None] + np.arange(r)])
         displacement: np.ndarray = np.einsum("tja,ta->tj", self.normal, unknowns)
         return displacement
 
@@ -117,16 +117,16 @@ class MotionLinearisation:
         """Return limits and ties at the motion x, slack and epigraph variables being what the step makes them."""
         p, u, samples = self.program, self.unknowns, len(x)
         values = evaluate(p, x)
-        auxiliary, inputs = p.variables[len(p.stencil.weights) * x.shape[1] :], values.inputs.copy()
+        auxiliary, inputs = p.variables[len(p.stencil.coefficients) * x.shape[1] :], values.inputs.copy()
         slacks, peaks = auxiliary[: p.slacks], auxiliary[p.slacks :]
         column = u + p.slacks * samples
         inputs[slacks] = self.values.inputs[slacks] + step[u:column].reshape(p.slacks, samples)
         inputs[peaks] = self.values.inputs[peaks] + step[column : column + p.peaks, None]
-        parts, column = list(limit_values(p, inputs, p.value(inputs))), column + p.peaks
-        for each, before, after in zip(p.wholes, self.values.parts, values.parts, strict=True):
-            for span in each.spans if len(each.groups) else ():
-                if span.stop - span.start > 1:
-                    parts.append(before[span].max() + step[column] - after[span])
+        parts, column = list(limit_values(p, inputs, p.evaluators.value(inputs))), column + p.peaks
+        for each, before, after in zip(p.whole_functions, self.values.parts, values.parts, strict=True):
+            for group in each.slices if len(each.groups) else ():
+                if group.stop - group.start > 1:
+                    parts.append(before[group].max() + step[column] - after[group])
                     column += 1
             column += not len(each.groups)
         return np.concatenate(parts)
@@ -136,19 +136,20 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     """Return the program's values and first derivatives at a motion on the path."""
     task, samples, n = program.task, len(q), q.shape[1]
     values = evaluate(program, q)
-    path_jacobian = program.track(values.inputs)[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
+    evaluators, sparsity = program.evaluators, program.evaluators.gradient_sparsity
+    path_jacobian = evaluators.path(values.inputs)[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
     normal = np.linalg.svd(path_jacobian)[2][:, task.rows :].swapaxes(-1, -2)
     if task.cyclic:
         normal[-1] = normal[0]
     if task.ends_at_rest:
         across = row_space_basis(np.moveaxis(path_jacobian[-1:], 0, -1))[0]
         normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
-    slopes = program.slope(values.inputs)
-    functions = len(slopes) - len(program.slopes.function)
+    slopes = evaluators.gradient(values.inputs)
+    functions = len(slopes) - len(sparsity.rows)
     function_gradients = np.zeros((functions, len(program.variables), samples))
-    function_gradients[program.slopes.function, program.slopes.variable] = slopes[functions:]
-    basis, columns = _basis(program, normal, sum(each.tops for each in program.wholes))
-    gradients, ties, tie_rows, cones = _wholes(program, values, basis, columns)
+    function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
+    basis, columns = _basis(program, normal, sum(each.epigraph_columns for each in program.whole_functions))
+    gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
             gradients[k] = basis.T @ (function_gradients[total.index] * task.weights).ravel()
@@ -172,13 +173,13 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
 def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[sparse.csr_array, int]:
     """Return how variables (variables · time) change with the columns, and how many columns there are."""
     stencil, (samples, n, r) = program.stencil, normal.shape
-    variables, orders = len(program.variables), len(stencil.weights)
-    moves = np.einsum("oik,ikja->ojika", stencil.weights, normal[stencil.window])
-    begin = stencil.place[stencil.window][..., None] + np.arange(r)  # (time, width, r)
+    variables, orders = len(program.variables), len(stencil.coefficients)
+    moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])
+    begin = stencil.first_unknown[stencil.neighbours][..., None] + np.arange(r)  # (time, width, r)
     row = np.arange(orders * n * samples).reshape(orders, n, samples)
     rows = np.broadcast_to(row[..., None, None], moves.shape)
     places = np.broadcast_to(begin, moves.shape)
-    free = np.broadcast_to((stencil.place[stencil.window] >= 0)[..., None], moves.shape) & (moves != 0)
+    free = np.broadcast_to((stencil.first_unknown[stencil.neighbours] >= 0)[..., None], moves.shape) & (moves != 0)
     slacks, peaks = np.arange(program.slacks * samples), np.arange(program.peaks * samples)
     columns = stencil.unknowns + len(slacks) + program.peaks + wholes
     entries = np.concatenate([moves[free], np.ones(len(slacks) + len(peaks))])
@@ -189,35 +190,35 @@ def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[spa
     return sparse.csr_array(sparse.coo_array((entries, (row, column)), shape=(variables * samples, columns))), columns
 
 
-def _wholes(
+def _whole_functions(
     program: MotionProgram, values: MotionValues, basis: sparse.csr_array, columns: int
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
     """Return gradients of all objectives, as far as wholes go, and the ties, their rows and the cones of wholes."""
     gradients = np.zeros((len(program.totals), columns))
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
-    if not program.wholes:
+    if not program.whole_functions:
         return gradients, ties, tie_rows, cones
     inputs_by_columns, u = whole_basis(program, basis), whole_inputs(program, values.inputs)
-    column = columns - sum(each.tops for each in program.wholes)
+    column = columns - sum(each.epigraph_columns for each in program.whole_functions)
     for k, total in enumerate(program.totals):
         if total.kind != "whole":
             continue
-        each, parts = program.wholes[total.index], values.parts[total.index]
-        rows = sparse.csr_array(each.slopes(u) @ inputs_by_columns)
+        each, parts = program.whole_functions[total.index], values.parts[total.index]
+        rows = sparse.csr_array(each.jacobian(u) @ inputs_by_columns)
         if not len(each.groups):
             gradients[k, column] = 1.0
             cones.append(Cone(column=column, values=each.factor * parts, rows=sparse.csr_array(each.factor * rows)))
             column += 1
             continue
-        for span in each.spans:
-            if span.stop - span.start == 1:
-                gradients[k] += rows[[span.start]].toarray()[0]
+        for group in each.slices:
+            if group.stop - group.start == 1:
+                gradients[k] += rows[[group.start]].toarray()[0]
                 continue
             gradients[k, column] = 1.0
-            epigraph = np.zeros((span.stop - span.start, columns))
+            epigraph = np.zeros((group.stop - group.start, columns))
             epigraph[:, column] = 1.0
-            ties.append(parts[span].max() - parts[span])
-            tie_rows.append(sparse.csr_array(epigraph - rows[span].toarray()))
+            ties.append(parts[group].max() - parts[group])
+            tie_rows.append(sparse.csr_array(epigraph - rows[group].toarray()))
             column += 1
     return gradients, ties, tie_rows, cones
 
@@ -230,7 +231,8 @@ def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: s
     sides, simple = program.sides / scales, which < variables
     i, function = np.flatnonzero(~simple), program.sums + which[~simple] - variables
     nonzero = np.zeros((functions, variables), dtype=bool)
-    nonzero[program.slopes.function, program.slopes.variable] = True
+    sparsity = program.evaluators.gradient_sparsity
+    nonzero[sparsity.rows, sparsity.columns] = True
     k, v = np.nonzero(nonzero[function])
     entries = np.concatenate([sides[simple], function_gradients[function[k], v, at[i[k]]] * sides[i[k]]])
     rows = np.concatenate([np.flatnonzero(simple), i[k]])

@@ -69,7 +69,8 @@ def find_optima(
     limits; SolverFailed where limits hold but no start converged.
     """
     assert len(task.objectives) == 1, "one objective at a time is planned for"
-    check_solver(motion_program(task), solver)
+    if solver != "auto":  # before any work
+        check_solver(motion_program(task), solver)
     level, rng = coarsest_level(task), np.random.default_rng(seed)
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])

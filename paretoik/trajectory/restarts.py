@@ -15,7 +15,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import grid_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import distinct_rows
-from paretoik.trajectory.transcription import MotionProgram, joint_distance
+from paretoik.trajectory.program import MotionProgram, joint_distance
 
 
 @dataclass(frozen=True, kw_only=True)

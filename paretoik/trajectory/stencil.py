@@ -1,4 +1,4 @@
-"""How rates at the samples follow from positions at the samples, and which positions can move."""
+"""Finite-difference stencils of a task: rates at the samples from positions at the samples, and what can move."""
 
 from __future__ import annotations
 
@@ -13,50 +13,49 @@ from paretoik.task.motion_task import MotionTask
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stencil:
-    """u of sample i is Σ_k ``weights``[order, i, k] q of sample ``window``[i, k].
+    """u of sample i is Σ_k ``coefficients``[order, i, k] q of sample ``neighbours``[i, k].
 
-    The steps of sample i begin at ``place``[i] among the unknowns (−1: it cannot move), of which the last ``seam``
-    belong to the border: those that couple the end of a cycle to its start. On a cycle the last sample moves with the
-    first; where the motion stops, with the one before, as far as the path lets it.
+    The unknowns of sample i begin at ``first_unknown``[i] (−1: it cannot move). The last ``border`` of them belong to
+    the border of Newton's matrix: they couple the end of a cycle to its start. On a cycle the last sample moves with
+    the first; where the motion ends at rest, with the one before, as far as the path lets it.
     """
 
-    window: Int[np.ndarray, "time width"]
-    weights: Float[np.ndarray, "orders time width"]
-    place: Int[np.ndarray, " time"]
+    neighbours: Int[np.ndarray, "time width"]
+    coefficients: Float[np.ndarray, "orders time width"]
+    first_unknown: Int[np.ndarray, " time"]
     unknowns: int
-    seam: int
+    border: int
 
 
 def stencil(task: MotionTask, orders: int) -> Stencil:
-    """Return how rates at the samples follow from positions at the samples."""
+    """Return the stencil of a task for so many of position, velocity, acceleration and jerk."""
     samples = len(task.times)
-    level = [np.eye(samples)]
-    level.append(first_derivative(level[0], task.times, task.differences, cyclic=task.cyclic))
-    level.append(second_derivative(level[0], task.times, task.differences, cyclic=task.cyclic))
-    level.append(first_derivative(level[2], task.times, task.differences, cyclic=task.cyclic))
-    known = np.stack(level[:orders])
+    derivatives = [np.eye(samples)]
+    derivatives.append(first_derivative(derivatives[0], task.times, task.differences, cyclic=task.cyclic))
+    derivatives.append(second_derivative(derivatives[0], task.times, task.differences, cyclic=task.cyclic))
+    derivatives.append(first_derivative(derivatives[2], task.times, task.differences, cyclic=task.cyclic))
+    matrices = np.stack(derivatives[:orders])
     free = samples
     if task.cyclic:  # the last sample is the first
-        known[..., 0] += known[..., -1]
-        known[..., -1] = 0.0
+        matrices[..., 0] += matrices[..., -1]
+        matrices[..., -1] = 0.0
         free = samples - 1
-    touched = (known != 0).any(axis=0)
-    width = int(touched.sum(axis=1).max())
-    window = np.sort(np.argsort(~touched, axis=1, kind="stable")[:, :width], axis=1)
-    weights = np.take_along_axis(known, np.broadcast_to(window, (orders, *window.shape)), axis=2)
+    nonzero = (matrices != 0).any(axis=0)
+    width = int(nonzero.sum(axis=1).max())
+    neighbours = np.sort(np.argsort(~nonzero, axis=1, kind="stable")[:, :width], axis=1)
+    coefficients = np.take_along_axis(matrices, np.broadcast_to(neighbours, (orders, *neighbours.shape)), axis=2)
     fixed = int(task.start is not None)
-    place = np.where(np.arange(samples) < fixed, -1, (np.arange(samples) - fixed) * task.redundancy)
+    first_unknown = np.where(np.arange(samples) < fixed, -1, (np.arange(samples) - fixed) * task.redundancy)
     if task.cyclic:
-        place[-1] = place[0]
+        first_unknown[-1] = first_unknown[0]
     if task.ends_at_rest:
-        place[-1] = place[-2]
-    reach = int(np.max(np.where(touched, np.abs(np.arange(samples) - np.arange(samples)[:, None]), 0)[: free // 2]))
-    seam = 2 * (width - 1) if task.cyclic else 0
-    assert not task.cyclic or free > 2 * seam, reach
+        first_unknown[-1] = first_unknown[-2]
+    border = 2 * (width - 1) if task.cyclic else 0
+    assert not task.cyclic or free > 2 * border
     return Stencil(
-        window=window,
-        weights=np.ascontiguousarray(weights),
-        place=place,
-        unknowns=int(place.max()) + task.redundancy,
-        seam=seam * task.redundancy,
+        neighbours=neighbours,
+        coefficients=np.ascontiguousarray(coefficients),
+        first_unknown=first_unknown,
+        unknowns=int(first_unknown.max()) + task.redundancy,
+        border=border * task.redundancy,
     )

@@ -15,7 +15,7 @@ import pytest
 import rerun as rr
 
 import paretoik as pk
-from paretoik.formulations.protocol import reweigh
+from paretoik.formulations.protocol import is_loop, reweigh
 from problems import marcos_2012
 from tests.cli.commands import first_progress
 from tests.closed_loop.postures import posture
@@ -71,6 +71,7 @@ def test_a_loop_becomes_a_front_of_one_motion_of_means_over_steps(finished):
     assert front.objectives[0, 0] == pytest.approx((squares.sum(axis=1) + (away**2).sum(axis=1)).mean())
     assert front.provenance["drift"] == pytest.approx(np.linalg.norm(motion.q[-1] - motion.q[0]) / 3)
     assert front.provenance["counts"]["steps"] == STEPS
+    assert is_loop(front)
 
 
 def test_a_run_folder_has_a_row_and_a_front_of_every_step(finished):
@@ -111,10 +112,10 @@ def test_a_time_limit_keeps_the_steps_that_were_taken(tmp_path):
     np.testing.assert_array_equal(loaded.motions.q, front.motions.q)
 
 
-@pytest.mark.parametrize("name", ["evaluations", "target", "anchors", "refine"])
+@pytest.mark.parametrize("name", ["evaluations", "target", "anchors", "refine", "solver"])
 def test_what_means_nothing_for_a_loop_is_refused(name):
     with pytest.raises(pk.InvalidInput, match=f"{name}: wants a search for a front, got a closed loop"):
-        pk.solve(short(), **{name: {"target": [1.0, 1.0], "refine": True}.get(name, 1)})
+        pk.solve(short(), **{name: {"target": [1.0, 1.0], "refine": True, "solver": "sqp"}.get(name, 1)})
 
 
 def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):

@@ -41,3 +41,12 @@ def test_motions_of_another_length_or_off_the_path_cannot_be_started_from(proble
         pk.plan(one, initial=one.task.truncate(20).motion(motions.q[:, :20]))
     with pytest.raises(pk.InvalidInput, match="initial: motions on the path wanted, got one that is"):
         pk.plan(one, initial=one.task.motion(motions.q + 0.1))
+
+
+def test_what_cannot_be_planned_is_refused_before_any_work():
+    arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
+    way = pk.PointToPoint(arm, motors, (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4)
+    with pytest.raises(pk.InvalidInput, match="plan: a Tracking wanted, got PointToPoint; epsilon_front or solve"):
+        pk.plan(way)
+    with pytest.raises(pk.InvalidInput, match="plan: a problem with gradients wanted, such as Tracking, got Tuning"):
+        pk.plan(pk.Tuning(pk.arms.tringali_3r(), PATH, pk.methods.DampedLeastSquares(), judged_starts=1))

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import paretoik as pk
 from paretoik.api.refine import SearchImprover
 from paretoik.pareto import improver as improving
 from problems import tringali_2020
+from tests.api.problems import tracking
 
 SMALL = {"population": 30, "generations": 24, "seed": 1, "refine": True}
 
@@ -66,6 +68,35 @@ def test_only_a_tracking_problem_is_refined():
         pk.solve(get_problem("zdt1"), population=20, generations=2, refine=True)
 
 
+def tuned():
+    return pk.Tuning(
+        pk.arms.tringali_3r(), tringali_2020.straight(21), pk.methods.DampedLeastSquares(), judged_starts=1
+    )
+
+
+def peaked():
+    return pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(21), objectives=[pk.kinetic_energy, pk.peak_velocity]
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "settings", "words"),
+    [
+        (tuned, {"refine": True, "solver": "sqp"}, "refine: a problem with gradients wanted, .* got Tuning"),
+        (tuned, {"solver": "sqp"}, "solver: wants refine=True, got 'sqp' without it"),
+        (peaked, {"refine": True, "solver": "interior-point"}, "peak_velocity has kinks: take 'sqp'"),
+    ],
+)
+def test_a_solver_that_cannot_serve_is_refused_before_any_work(made, settings, words, monkeypatch, tmp_path):
+    problem = made()
+    monkeypatch.setattr(type(problem), "_evaluate", None)
+    with pytest.raises(pk.InvalidInput, match=words) as refused:
+        pk.solve(problem, **settings, out=tmp_path / "run")
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "run").exists()
+
+
 def walk():
     return pk.PointToPoint(
         pk.arms.kim_3r(),
@@ -97,6 +128,26 @@ def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path):
     assert len(front.certificates) == len(front)
     assert 0 < front.provenance["refined"]["converged"] <= told[0][0]
     assert np.array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
+
+
+def directions():
+    return pk.DirectionalMaxima(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.1, -0.15), [[1, 0], [0, 1]], power=False
+    )
+
+
+@pytest.mark.parametrize(("solver", "other"), [("sqp", "_interior_point"), ("interior-point", "_sqp")])
+@pytest.mark.parametrize("made", [tracking, directions])
+def test_the_solver_that_is_named_helps_the_search_and_refines(made, solver, other, monkeypatch):
+    def fail(*_):
+        raise AssertionError(f"{other} was called")
+
+    minimise = import_module("paretoik.nlp.minimise")
+    monkeypatch.setattr(minimise, other, fail)
+    front = pk.solve(made(), population=12, generations=12, points=2, seed=1, refine=True, solver=solver)
+    assert front.provenance["counts"]["iterations"] > 0
+    assert front.provenance["refined"]["converged"] > 0
+    assert front.provenance["settings"]["solver"] == solver
 
 
 def test_gradients_find_ends_that_a_search_alone_does_not():

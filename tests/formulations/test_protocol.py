@@ -27,6 +27,7 @@ def test_a_plain_problem_is_searched_and_has_no_motions_branches_or_preferences(
     assert not protocol.has_branches(PLAIN)
     assert protocol.decode(PLAIN, np.zeros((1, 3))) is None
     assert protocol.reweigh(PLAIN, pk.solve(PLAIN, population=8, generations=1), pk.Weights(f1=1.0)) is None
+    assert not protocol.is_loop(pk.solve(PLAIN, population=8, generations=1))
     with pytest.raises(InvalidInput, match="initial: wants genes, as this problem cannot encode motions"):
         protocol.encode(PLAIN, None)
 

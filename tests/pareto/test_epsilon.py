@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput, SolverFailed
-from tests.pareto.sketches import sketched, swept
+from tests.pareto.sketches import scaled, sketched, swept
 
 
 def apart(x, place):
@@ -106,11 +106,24 @@ def test_no_more_points_than_wanted_and_the_ends_among_them():
         assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
 
 
-def test_one_point_that_is_the_best_of_all_is_a_front():
+@pytest.mark.parametrize("factor", [1e-9, 1.0, 1e9])
+def test_one_point_that_is_the_best_of_all_is_a_front_in_any_unit(factor):
     program = sketched(2, lambda x: [apart(x, (0.2, 0.1)), 3.0 + 2.0 * apart(x, (0.2, 0.1))])
+    program = scaled(program, (1.0 / factor, 1.0))
     z, _ = swept(program, starts(program, 2), points=5)
     assert z[:, :2] == pytest.approx(np.tile([0.2, 0.1], (len(z), 1)), abs=1e-3)
     assert len(z) == 1
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e9])
+@pytest.mark.parametrize(("distance", "accuracy"), [(0.5, 1e-6), (6e-4, 1e-2)])  # the second: a range of 4e-7 beside 3
+def test_a_front_is_the_same_in_any_unit(distance, accuracy, factor):
+    program = sketched(2, lambda x: [apart(x, (0.0, 0.1)), 3.0 + apart(x, (distance, 0.1))])
+    plain, ranges = swept(program, starts(program, 2), points=5)
+    z, other = swept(scaled(program, (1.0 / factor, 1.0 / factor)), starts(program, 2), points=5)
+    assert len(plain) == 5
+    np.testing.assert_allclose(z, plain, rtol=0, atol=accuracy * distance)
+    assert other / factor == pytest.approx(ranges, rel=accuracy)
 
 
 def test_where_no_start_leads_within_limits_that_is_said():

@@ -7,7 +7,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
-from paretoik.trajectory.transcription import joint_distance, motion_program
+from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from tests.pareto.motions import certify_motions
 
@@ -48,7 +49,11 @@ def front_of(other, samples=26, limits=LIMITS):
 
 
 # How an objective is made, the factor within, and what that makes of its value.
-FORMS = {"a million times as large": (effort, 1e6, 1e6), "in mm": (tool_detour, 1e3, 1e6)}
+FORMS = {
+    "a billion times as large": (effort, 1e9, 1e9),
+    "a billionth as large": (effort, 1e-9, 1e-9),
+    "in mm": (tool_detour, 1e3, 1e6),
+}
 
 
 @pytest.fixture(scope="module")

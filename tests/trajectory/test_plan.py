@@ -6,7 +6,7 @@ import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.posture_grid import step_windows
-from paretoik.trajectory.transcription import joint_distance
+from paretoik.trajectory.program import joint_distance
 from problems import tringali_2020, tringali_2021
 
 

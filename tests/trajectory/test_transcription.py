@@ -7,14 +7,15 @@ from paretoik.trajectory.transcription import motion_program
 from problems import panda, tringali_2020
 
 
-def lanes(program, q, factors, pushes):
-    """Inputs of the programs at a motion, with multipliers of sums and rows."""
-    n, orders = program.task.arm.dof, len(program.stencil.weights)
-    u = np.einsum("oik,ikj->oji", program.stencil.weights, q[program.stencil.window]).reshape(orders * n, -1)
+def sample_inputs(program, q, factors, multipliers):
+    """Inputs of the evaluators at a motion, with multipliers of sums and rows."""
+    n, orders = program.task.arm.dof, len(program.stencil.coefficients)
+    u = np.einsum("oik,ikj->oji", program.stencil.coefficients, q[program.stencil.neighbours]).reshape(orders * n, -1)
     inputs = program.inputs.copy()
     inputs[: orders * n] = u
-    inputs[program.multipliers[1] : program.multipliers[2]] = factors[:, None] * program.task.weights
-    inputs[program.multipliers[2] :] = pushes
+    _, sums, rows = program.evaluators.multipliers
+    inputs[sums:rows] = factors[:, None] * program.task.weights
+    inputs[rows:] = multipliers
     return inputs
 
 
@@ -34,8 +35,8 @@ def test_sums_and_rates_are_those_of_the_motion(make):
             task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy, pk.torque_norm, pk.manipulability], bases=1
         ).task
     program, q = motion_program(task), motion_of(task)
-    inputs = lanes(program, q, np.ones(program.sums), 0.0)
-    values = program.value(inputs)
+    inputs = sample_inputs(program, q, np.ones(program.sums), 0.0)
+    values = program.evaluators.value(inputs)
     motion = task.motion(q)
     found = values[: program.sums] @ task.weights
     wanted = [o(motion) * o.sign for o in task.objectives]
@@ -51,49 +52,48 @@ def test_sums_and_rates_are_those_of_the_motion(make):
 def test_slopes_and_second_derivatives_are_those_of_central_differences(name):
     task = getattr(tringali_2020, name)().task
     program = motion_program(task)
-    rng = np.random.default_rng(0)
+    evaluators, rng = program.evaluators, np.random.default_rng(0)
+    first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
     factors = rng.uniform(0.5, 2.0, size=program.sums)
-    pushes = rng.normal(size=(len(program.rows), len(task.times)))
-    inputs = lanes(program, motion_of(task), factors, pushes)
-    variables = program.stencil.weights.shape[0] * task.arm.dof
+    multipliers = rng.normal(size=(len(program.rows), len(task.times)))
+    inputs = sample_inputs(program, motion_of(task), factors, multipliers)
+    variables = program.stencil.coefficients.shape[0] * task.arm.dof
     functions = program.sums + len(program.rows)
-    weights = inputs[program.multipliers[1] :]
+    weights = inputs[evaluators.multipliers[1] :]
 
     def lagrangian_slope(at):
         table = np.zeros((variables, at.shape[1]))
-        for k, j, values in zip(
-            program.slopes.function, program.slopes.variable, program.slope(at)[functions:], strict=True
-        ):
+        for k, j, values in zip(first.rows, first.columns, evaluators.gradient(at)[functions:], strict=True):
             table[j] += weights[k] * values
         return table
 
     slope, step = lagrangian_slope(inputs), 1e-6
     curvature = np.zeros((variables, variables, len(task.times)))
-    for i, j, values in zip(program.second.function, program.second.variable, program.curvature(inputs), strict=True):
+    for i, j, values in zip(second.rows, second.columns, evaluators.hessian(inputs), strict=True):
         curvature[i, j] = curvature[j, i] = values
     for j in range(variables):
         ahead, behind = inputs.copy(), inputs.copy()
         ahead[j] += step
         behind[j] -= step
-        first = np.sum(weights * (program.value(ahead) - program.value(behind)), axis=0) / (2 * step)
-        assert np.allclose(slope[j], first, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
-        second = (lagrangian_slope(ahead) - lagrangian_slope(behind)) / (2 * step)
-        assert np.allclose(curvature[:, j], second, rtol=1e-6, atol=1e-7 * np.abs(curvature).max())
+        change = np.sum(weights * (evaluators.value(ahead) - evaluators.value(behind)), axis=0)
+        assert np.allclose(slope[j], change / (2 * step), rtol=1e-6, atol=1e-7 * np.abs(slope).max())
+        change = lagrangian_slope(ahead) - lagrangian_slope(behind)
+        assert np.allclose(curvature[:, j], change / (2 * step), rtol=1e-6, atol=1e-7 * np.abs(curvature).max())
 
 
 def test_the_path_equations_have_the_jacobian_and_the_curvature_of_the_chain():
     task = panda.across_the_table().task
     task = pk.Tracking(task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy], bases=1).task
     program, q = motion_program(task), motion_of(task)
-    inputs = lanes(program, q, np.zeros(1), 0.0)
+    inputs = sample_inputs(program, q, np.zeros(1), 0.0)
     n, rows, step = task.arm.dof, task.rows, 1e-6
-    tracked = program.track(inputs)
+    tracked = program.evaluators.path(inputs)
     assert np.abs(tracked[:rows]).max() < 1e-9
     for j in range(n):
         ahead, behind = inputs.copy(), inputs.copy()
         ahead[j] += step
         behind[j] -= step
-        change = (program.track(ahead)[:rows] - program.track(behind)[:rows]) / (2 * step)
+        change = (program.evaluators.path(ahead)[:rows] - program.evaluators.path(behind)[:rows]) / (2 * step)
         assert np.allclose(tracked[rows + j :: n][:rows], change, atol=1e-8)
 
 

@@ -15,7 +15,8 @@ import paretoik as pk
 from paretoik.front.certificates import Certificates
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.between_samples import FINER as BETWEEN
-from paretoik.trajectory.transcription import MotionProgram, motion_program
+from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.transcription import motion_program
 from problems import panda, tringali_2020
 from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.linearisation import MotionLinearisation, linearise
-from paretoik.trajectory.transcription import joint_distance
+from paretoik.trajectory.program import joint_distance
 from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, judged
 from studies.reporting import Row
 
@@ -125,7 +125,7 @@ def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) 
     samples, dof = at.x.shape
     knots = np.linspace(0.0, samples - 1.0, int(rng.choice(KNOTS)))
     smooth = CubicSpline(knots, rng.normal(size=(len(knots), dof)))(np.arange(samples))
-    own, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.place
+    own, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.first_unknown
     step, free = np.zeros(at.gradients.shape[1]), place >= 0
     step[place[free, None] + np.arange(own.shape[1])] = own[free]
     moved = at.displacement(step)

@@ -11,7 +11,7 @@ import numpy as np
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.epsilon import OPTIONS as EPSILON
-from paretoik.trajectory.transcription import joint_distance
+from paretoik.trajectory.program import joint_distance
 from studies.benchmarks.certified.cases import Subject, judged
 from studies.reporting import Row
 

@@ -1,0 +1,83 @@
+"""The base motions of ``Tracking``: the best roll-outs of every branch, and others far from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Objectives
+from paretoik.errors import InvalidInput
+from paretoik.self_motion.branches import branch_labels
+from paretoik.self_motion.starts import rollout_starts
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+
+
+def sample_rollouts(
+    task: MotionTask, rng: np.random.Generator, *, count: int = 256
+) -> Float[np.ndarray, "motions time dof"]:
+    """Return roll-outs, at most so many: those that violate limits less first, then by non-domination."""
+    q = rollout_starts(task, count, rng)
+    F, limits, _ = evaluate_motions(task, task.motion(q))
+    violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
+    finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
+    rank = np.sum(np.all(finite[None] <= finite[:, None], axis=-1), axis=1)
+    return q[np.lexsort((rank, violation))]
+
+
+def choose_bases(
+    task: MotionTask, rollouts: Float[np.ndarray, "motions time dof"], count: int
+) -> Float[np.ndarray, "bases time dof"]:
+    """Return the best roll-out of every branch, then the farthest of the better halves, at most ``count``."""
+    branch = np.array(branch_labels(task.motion(rollouts)))
+    members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
+    chosen = [int(rows[0]) for rows in members][:count]
+    pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
+    while len(chosen) < min(count, len(pool)):
+        chosen.append(int(pool[np.argmax(_distance(task, rollouts[pool], rollouts[chosen]))]))
+    return rollouts[chosen]
+
+
+def _distance(task: MotionTask, q: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return the distance (RMS over samples) of motions to the nearest of ``chosen``, angles modulo 2π."""
+    difference = q[:, None] - chosen[None]
+    wrapped = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
+    distance: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
+    return distance
+
+
+def evaluate_motions(task: MotionTask, motions: Motion) -> tuple[Objectives, np.ndarray, np.ndarray]:
+    """Return F, minimised, the violations of limits (points, limits), and causes of failure (points,).
+
+    What fails is NaN, and its cause says why.
+    """
+    causes = np.full(len(motions), "", dtype=object)
+    columns = [_isolate(f"objective {o.name}", o, motions, (), causes) * o.sign for o in task.objectives]
+    limits = _isolate("a limit", task.violations, motions, (len(task.limit_names),), causes)
+    return np.stack(columns, axis=-1), limits, causes
+
+
+def _isolate(
+    name: str,
+    function: Callable[[Motion], np.ndarray],
+    motions: Motion,
+    shape: tuple[int, ...],
+    causes: np.ndarray,
+) -> np.ndarray:
+    """Return a user's function of motions, one by one where the batch raises; NaN, with its cause, where it fails."""
+    try:
+        values = function(motions)
+    except InvalidInput:
+        raise
+    except Exception as error:  # a user's function may raise anything
+        if len(motions) == 1:
+            causes[0] = causes[0] or f"{name} raised {type(error).__name__}: {error}"
+            return np.full((1, *shape), np.nan)
+        parts = [_isolate(name, function, motions[i : i + 1], shape, causes[i : i + 1]) for i in range(len(motions))]
+        return np.concatenate(parts)
+    for i, row in enumerate(values.reshape(len(values), -1)):
+        if not np.isfinite(row).all():
+            causes[i] = causes[i] or f"{name} is {row[~np.isfinite(row)][0]}"
+    return values

@@ -1,0 +1,40 @@
+"""Points of small dense programs as individuals of their formulation, which has genes for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from paretoik.arrays import Genes, Points
+from paretoik.errors import InvalidInput
+from paretoik.formulations.protocol import Individuals
+from paretoik.front.front import Front
+
+OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
+
+
+def dense_individuals(problem: Any, x: Points, genes: Genes | None) -> Individuals:
+    """Return points of a dense program as individuals.
+
+    What is certified is what is reported: a point whose genes miss its objectives becomes the point of its genes.
+    """
+    own = problem.genes(x) if genes is None else genes
+    F, G = problem.evaluate(own, return_values_of=["F", "G"])
+    objectives = np.array([problem.program().evaluate(one)[0] for one in x])
+    missed = (np.abs(F - objectives) > OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)).any(axis=1)
+    x = np.where(missed[:, None], problem.points(own), x)
+    return Individuals(
+        x=x,
+        objectives=F,
+        genes=own,
+        motions=problem.decode(own) if hasattr(problem, "decode") else None,
+        violation_between=np.maximum(problem.violation_between(own), G.max(axis=1)),
+    )
+
+
+def dense_front_points(problem: Any, front: Front) -> Points:
+    """Return the points of a front's genes; raises InvalidInput where it has none."""
+    if front.genes is None:
+        raise InvalidInput(f"refine: a front of {', '.join(problem.names)} with its genes wanted, got one without")
+    return np.asarray(problem.points(np.array(front.genes)))

@@ -1,0 +1,212 @@
+"""The nonlinear program of a motion, as solvers see it: one evaluation of everything at every sample.
+
+The variables of a sample are u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), and slacks v
+where functions have kinks; peaks have an epigraph variable σ for the whole motion. Integral objectives are sums over
+samples of functions of these; limits bound u itself, or further functions such as torque. The path is an equation in q
+at every sample. Functions that relate samples to one another are ``WholeFunction``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.autodiff.evaluator import Evaluator
+from paretoik.nlp.program import Linearisation
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.trajectory.compiled.motion_kernel import MotionKernel
+from paretoik.trajectory.functions import Total
+from paretoik.trajectory.stencil import Stencil
+from paretoik.trajectory.whole_functions import WholeFunction
+
+ORDERS = ("position", "velocity", "acceleration", "jerk")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sparsity:
+    """Places of the derivatives that are not always 0: row and column, one an entry."""
+
+    rows: Int[np.ndarray, " entries"]
+    columns: Int[np.ndarray, " entries"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluators:
+    """Compiled functions of a sample and their derivatives: sums first, then rows.
+
+    ``inputs`` counts their inputs: u, then v and σ at ``auxiliary``, parameters, and from ``multipliers`` on those of
+    path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them;
+    ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by variables; ``hessian`` the
+    entries of that of the Lagrangian by u and v; ``path`` the path equations and their Jacobian by q.
+    """
+
+    inputs: int
+    auxiliary: Int[np.ndarray, " auxiliary"]
+    multipliers: Int[np.ndarray, 3]
+    slacks: int
+    ties: int
+    slack: Evaluator
+    value: Evaluator
+    gradient: Evaluator
+    gradient_sparsity: Sparsity
+    hessian: Evaluator
+    hessian_sparsity: Sparsity
+    path: Evaluator
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionProgram:
+    """The nonlinear program of a MotionTask.
+
+    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones.
+    ``inputs`` (inputs, time) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u, v
+    and σ, of which there are ``peaks``. Limit i bounds, at sample ``limited``[i, 1], the variable, or beyond these the
+    row, ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations
+    are shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
+    ``epigraph_peaks[i]``.
+    """
+
+    task: MotionTask
+    scales: Float[np.ndarray, " n_obj"]
+    stencil: Stencil
+    totals: tuple[Total, ...]
+    evaluators: Evaluators
+    inputs: Float[np.ndarray, "inputs time"]
+    variables: Int[np.ndarray, " variables"]
+    peaks: int
+    sums: int
+    rows: tuple[str, ...]
+    epigraph_rows: Int[np.ndarray, " pieces"]
+    epigraph_peaks: Int[np.ndarray, " pieces"]
+    limited: Int[np.ndarray, "limits 2"]
+    sides: Float[np.ndarray, " limits"]
+    bounds: Float[np.ndarray, " limits"]
+    ranges: Float[np.ndarray, " limits"]
+    kinks: int
+    whole_functions: tuple[WholeFunction, ...]
+
+    @property
+    def slacks(self) -> int:
+        """Number of slack variables of a sample."""
+        return self.evaluators.slacks
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
+        return not (self.slacks or self.peaks or self.whole_functions)
+
+    @property
+    def elastic(self) -> int:
+        """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
+        return len(self.sides) - self.kinks
+
+    @property
+    def upper(self) -> Float[np.ndarray, " totals"]:
+        """Upper bounds of the totals."""
+        return np.array([total.upper for total in self.totals])
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the totals, the task's objectives first."""
+        return tuple(total.name for total in self.totals)
+
+    @property
+    def inequality_names(self) -> tuple[str, ...]:
+        """Names of the limits, each a function of a sample; see ``limited``."""
+        kinds = [f"{order} of {joint}" for order in ORDERS for joint in self.task.arm.joint_names]
+        simple = kinds[: len(self.stencil.coefficients) * self.task.arm.dof]
+        names = [*simple, *[""] * (len(self.variables) - len(simple)), *self.rows]
+        return tuple(names[row] for row in self.limited[: self.elastic, 0])
+
+    @property
+    def kinked(self) -> tuple[str, ...]:
+        """Names of totals that are peaks or functions of the whole motion, or what else has kinks in general."""
+        names = tuple(total.name for total in self.totals if total.kind != "sum")
+        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+
+    @property
+    def rounding(self) -> float:
+        """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
+        return 1e-6 if self.task.ends_at_rest else 0.0
+
+    def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+        """Return motions that begin at the start and end at rest, where they have to."""
+        return self.pin(_end_at_rest(self.task, x) if self.task.ends_at_rest else x)
+
+    def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+        """Return motions that begin at the start, where one is given, to the bit."""
+        if self.task.start is None:
+            return x
+        q = x.copy()
+        q[:, 0] = self.task.start  # retraction may have rounded it
+        return q
+
+    def evaluate(
+        self, x: Float[np.ndarray, "time dof"]
+    ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
+        """Return F, h, which is empty, motions being on the path, and c, the limits divided by their ranges."""
+        from paretoik.trajectory.evaluation import evaluate  # here: it builds on this file
+
+        values = evaluate(self, x)
+        return values.objectives, np.zeros(0), values.inequalities
+
+    def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
+        """Return the program to first order at a motion on the path."""
+        from paretoik.trajectory.linearisation import linearise  # here: it builds on this file
+
+        return linearise(self, x)
+
+    def distance(
+        self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
+    ) -> Float[np.ndarray, " others"]:
+        """Return the distance of a motion from others [rad, m], RMS over time, angles modulo 2π."""
+        return joint_distance(self.task, x, others)
+
+    @property
+    def kernel(self) -> MotionKernel | None:
+        """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
+        if not self.is_smooth:
+            return None
+        evaluators, stencil = self.evaluators, self.stencil
+        return MotionKernel(
+            value=evaluators.value.arrays,
+            slope=evaluators.gradient.arrays,
+            slope_of=evaluators.gradient_sparsity.rows,
+            slope_by=evaluators.gradient_sparsity.columns,
+            curvature=evaluators.hessian.arrays,
+            second_i=evaluators.hessian_sparsity.rows,
+            second_j=evaluators.hessian_sparsity.columns,
+            track=evaluators.path.arrays,
+            neighbours=stencil.neighbours,
+            coefficients=stencil.coefficients,
+            first_unknown=stencil.first_unknown,
+            unknowns=stencil.unknowns,
+            border=stencil.border,
+            stops=self.task.ends_at_rest,
+            ones=np.ones(len(self.task.times)),
+            quadrature=np.array(self.task.weights),
+            inputs=self.inputs,
+            multipliers=evaluators.multipliers,
+            limited=self.limited,
+            sides=self.sides,
+            bounds=self.bounds,
+        )
+
+
+def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
+    """Return the RMS over time of the joint distance [rad, m] between motions (..., time, dof), angles modulo 2π."""
+    difference = q - other
+    difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
+    return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
+
+
+def _end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
+    targets = np.tile(task.targets[-1], (len(q), 1))
+    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
+    retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
+    ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
+    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
