@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.api.refine import certified_front
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.protocol import require_program
@@ -40,7 +40,8 @@ def epsilon_front(
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
     observe
-        Called with a ``RunProgress`` after every point: ``done`` of ``points``.
+        Called with a ``RunProgress`` while each objective's optima are sought, after every point (``done`` of
+        ``points``), and after each point's certificate.
 
     Every point has its certificate in ``front.certificates``; "optimal" is meant locally. Source: Tringali & Cocuzza
     2020, section 4.3.
@@ -60,15 +61,20 @@ def epsilon_front(
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:
         raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
-    check_solver(formulation.program(), solver)
-    swept = epsilon_points(
-        formulation.program,
-        formulation.cold_search(starts=starts, seed=seed, solver=solver),
-        len(formulation.names),
-        points=points,
-        solver=solver,
-        observe=count_observer(observe, "point"),
-    )
     settings = {"points": points, "starts": starts, "seed": seed, "solver": solver}
     provenance = {"settings": settings, "status": "epsilon"}
-    return certified_front(problem, formulation, swept.x, np.arange(len(swept.x)), swept.ranges, provenance)
+    with show_compilation(observe):
+        check_solver(formulation.program(), solver)
+        cold = formulation.cold_search(
+            starts=starts, seed=seed, solver=solver, observe=count_observer(observe, "optimum")
+        )
+        swept = epsilon_points(
+            formulation.program,
+            cold,
+            len(formulation.names),
+            points=points,
+            solver=solver,
+            observe=count_observer(observe, "point"),
+        )
+        ids = np.arange(len(swept.x))
+        return certified_front(problem, formulation, swept.x, ids, swept.ranges, provenance, observe=observe)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from paretoik.api.progress import Observer, RunProgress
+from paretoik.api.progress import Observer, RunProgress, show_compilation
 from paretoik.errors import check_size
 from paretoik.formulations.protocol import require_plan
 from paretoik.nlp.program import Solver
@@ -64,13 +64,9 @@ def plan(
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     find_optima = require_plan(problem)
-    return find_optima(
-        starts=starts,
-        seed=seed,
-        initial=initial,
-        solver=solver,
-        observe=_level_observer(observe, len(problem.task.times)),
-    )
+    shown = _level_observer(observe, len(problem.task.times))
+    with show_compilation(observe):
+        return find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=shown)
 
 
 def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int, int], object] | None:

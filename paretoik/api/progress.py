@@ -17,8 +17,9 @@ class RunProgress:
     """What has been done of a verb's present stage.
 
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
-    plan have come, "point" of an ε-front, "refinement" of a front's points. ``done`` of at most ``total`` are done; a
-    stage without counts ("compilation", "certification", "saving") has a total of 0. ``seconds`` have passed since the
+    plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front,
+    "refinement" and "certification" of a front's points. ``done`` of at most ``total`` are done; a stage without counts
+    ("compilation", "saving") has a total of 0. ``seconds`` have passed since the
     stage began. ``summary`` says in words what there is so far; ``generation`` has the points of a generation or step,
     None in other stages.
     """

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable, Individuals, require_program
@@ -40,8 +40,8 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
     observe
-        Called with a ``RunProgress`` after some points: ``done`` of ``total``. Where it returns true, the others stay
-        as they are.
+        Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
+        true for refined ones, the others stay as they are.
 
     A point from which no solver finds better stays as it was, and its certificate says so.
 
@@ -56,12 +56,15 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
     ranges = ranges_of(front.minimised)
-    x, program = formulation.front_points(front), formulation.program(ranges)
-    check_solver(program, solver)
-    shown = count_observer(observe, "refinement")
-    refined = refine_points(program, x, len(ranges), solver=solver, observe=shown)
-    settings = {**front.provenance, "refined": {"points": len(front), "converged": int(refined.converged.sum())}}
-    return certified_front(problem, formulation, refined.x, front.ids, ranges, settings, before=front)
+    with show_compilation(observe):
+        x, program = formulation.front_points(front), formulation.program(ranges)
+        check_solver(program, solver)
+        shown = count_observer(observe, "refinement")
+        refined = refine_points(program, x, len(ranges), solver=solver, observe=shown)
+        provenance = {**front.provenance, "refined": {"points": len(front), "converged": int(refined.converged.sum())}}
+        return certified_front(
+            problem, formulation, refined.x, front.ids, ranges, provenance, before=front, observe=observe
+        )
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:
@@ -81,6 +84,7 @@ def certified_front(
     provenance: dict[str, Any],
     *,
     before: Front | None = None,
+    observe: Observer | None = None,
 ) -> Front:
     """Return the front of these points with their certificates, except those that others dominate.
 
@@ -97,6 +101,7 @@ def certified_front(
         ranges=ranges,
         signs=signs,
         violation_between=individuals.violation_between[rows],
+        observe=count_observer(observe, "certification"),
     )
     return Front(
         ids=ids[rows],

@@ -174,8 +174,6 @@ def _refinement_observer(session: RunSession) -> Callable[[RunProgress], bool]:
 
     def observe(progress: RunProgress) -> bool:
         session.show(replace(progress, seconds=session.seconds - start))
-        if progress.done == progress.total or session.signal is not None:
-            session.show_stage("certification")
         return session.signal is not None
 
     return observe

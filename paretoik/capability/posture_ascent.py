@@ -11,8 +11,9 @@ from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional_program import DirectionalProgram, Quantity
 from paretoik.capability.posture_values import values_at
 from paretoik.errors import EvaluationFailed, SolverFailed
-from paretoik.nlp.dense_sqp import minimised
-from paretoik.nlp.interior_point import minimise_dense
+from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import wrap_difference
 
@@ -37,6 +38,10 @@ class AscentOptions:
     """Distance of starts in some joint, at least [rad, m]."""
     feasible: float = 1e-8
     """Violation of the program up to which an end is feasible."""
+    interior_point: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=300)
+    """Of the ascent from a start."""
+    sqp: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=200, tolerance=1e-9)
+    """Of the ascent near a maximum, or where interior points do not converge."""
 
 
 OPTIONS = AscentOptions()
@@ -134,18 +139,18 @@ def ascend(
     ``size`` [m/s, N] is about how much there is. ``near`` a maximum quadratic programs stay with it, which interior
     points may leave.
     """
-    constraints, cost = program.program(position, direction[None], size), np.zeros(program.unknowns)
-    cost[program.begins["values"]] = -1.0
-    first = program.initial_point(start)
+    cost = np.zeros((1, program.unknowns))
+    cost[0, program.begins["values"]] = -1.0
+    dense = DenseProgram(rows=program.program(position, direction[None], size), costs=cost)
+    first, weight = program.initial_point(start)[None], np.ones((1, 1))
     try:
-        end = None if near else minimise_dense(constraints, cost, first)
-        if end is None:
-            end = minimised(constraints, cost, first)
-        elif not end.converged:
-            end = minimised(constraints, cost, end.z if end.violation <= OPTIONS.feasible else first)
+        end = None if near else minimise(dense, first, weight, options=OPTIONS.interior_point)
+        if end is None or not end.converged[0]:
+            restart = first if end is None or end.violation[0] > OPTIONS.feasible else end.x
+            end = minimise(dense, restart, weight, options=OPTIONS.sqp, solver="sqp")
     except (EvaluationFailed, SolverFailed):  # rods that do not reach
         return None
-    return program.parts(end.z, size)["q"] if end.violation <= OPTIONS.feasible else None
+    return program.parts(end.x[0], size)["q"] if end.violation[0] <= OPTIONS.feasible else None
 
 
 def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ posture serves several, and that power is weighed against speed, is new.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -163,10 +163,12 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return the number of the base that each point is nearest to."""
         return [str(int(place * len(self.bases))) for place in self.genes(x)[:, 0]]
 
-    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> StartSearch:
+    def cold_search(
+        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+    ) -> StartSearch:
         """Return how optima are found from nothing: from so many starts, each by itself."""
-        genes = self.sample_starts(starts, np.random.default_rng(seed))
-        return StartSearch(program_of=self.program, starts=self.points(genes), n_obj=self.n_obj, solver=solver)
+        x = self.points(self.sample_starts(starts, np.random.default_rng(seed)))
+        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
 
     @cached_property
     def size(self) -> float:

@@ -135,8 +135,10 @@ class Differentiable(Protocol):
     def branches(self, x: Points) -> list[str]:
         """Return a label for each point: those of one branch can be led into each other."""
 
-    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> ColdSearch:
-        """Return how local optima are found from nothing, from so many starts."""
+    def cold_search(
+        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+    ) -> ColdSearch:
+        """Return how local optima are found from nothing, from so many starts; ``observe`` gets what is done of all."""
 
 
 def check_formulation(problem: Any) -> None:

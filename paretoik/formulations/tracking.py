@@ -230,9 +230,11 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return the label of each motion's branch."""
         return branch_labels(self.task.motion(x))
 
-    def cold_search(self, *, starts: int, seed: int, solver: Solver = "auto") -> MotionColdSearch:
+    def cold_search(
+        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+    ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
-        return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver)
+        return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver, observe=observe)
 
     def plan(
         self,

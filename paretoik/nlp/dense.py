@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,9 @@ from scipy import sparse
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.conic import dense_rows
 from paretoik.nlp.traced import Rows
+
+if TYPE_CHECKING:
+    from paretoik.nlp.compiled.dense_kernel import DenseKernel
 
 RETRACTIONS = 6  # Gauss–Newton steps with one Jacobian
 EQUALITY_TOLERANCE = 1e-13  # of an equality that holds
@@ -42,9 +45,11 @@ class DenseProgram:
         return x
 
     @property
-    def kernel(self) -> Any:
-        """The rows."""
-        return self.rows
+    def kernel(self) -> DenseKernel:
+        """The program as compiled solvers take it."""
+        from paretoik.nlp.dense_arrays import dense_kernel  # here: numba
+
+        return dense_kernel(self.rows, self.costs)
 
     @property
     def upper(self) -> Float[np.ndarray, " objectives"]:

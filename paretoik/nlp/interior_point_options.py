@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 
 class InteriorPointOptions(NamedTuple):
-    """Settings of the interior-point method; none has a unit except ``longest_step`` and ``radius``."""
+    """Settings of the interior-point method; none has a unit except ``radius``. Its kernels have further ones."""
 
     barrier: float = 0.1  # μ of the first subproblem
     last_barrier: float = 1e-13  # μ of the last
-    penalty: float = 1.0  # of one unit of violation, to begin with
+    penalty: float = 1.0  # of one unit of violation, to begin with, times what is usual for the kernel
     tolerance: float = 1e-8  # of stationarity, and of violations
     iterations: int = 150  # at most
     radius: float = 0.3  # [rad or m] of the first step, where sequential quadratic programming takes over
-    longest_step: float = 0.4  # [rad or m] of any joint: too little to reach another branch of the self-motion unseen
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5
     barrier_tolerance: float = 10.0  # times μ: the error up to which a subproblem counts as solved; ibid., Eq. 5
@@ -30,10 +28,8 @@ class InteriorPointOptions(NamedTuple):
     flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
     merit_rounding: float = 1e-14  # of the merit function, relative
     stalled_steps: int = 5  # at the last barrier whose decrease is rounding, after which it stops
-    implied_slacks: bool = True  # slacks follow c at every point; else they are unknowns, with residuals and a filter
     least_slack: float = 1e-2  # that unknown slacks begin with, or √μ where that is less
     residual_tolerance: float = 1e-10  # of the sum of residuals
-    large_multiplier: float = math.inf  # mean of the multipliers beyond which errors count relative to it; ibid., Eq. 5
     filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18
     filter_infeasible: float = 1e-4  # of the first residual, up to which the merit alone may decide; ibid., Eq. 21
     restorations: int = 12  # at most: the filter is cleared, or slacks follow c again

@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
-from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
+from paretoik.errors import InvalidInput
 from paretoik.nlp import sqp
-from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
 from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions
@@ -79,11 +78,9 @@ def _interior_point(
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    from paretoik.nlp.compiled.interior_point import minimise as search
+    from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
 
     count = len(x)
-    if isinstance(program, DenseProgram):
-        return _dense_interior_point(program, x, weights, rows, upper)
 
     ends: list[Any] = [None] * count
     remaining = iter(range(count))
@@ -105,33 +102,6 @@ def _interior_point(
         objectives=np.array([end[3] for end in ends]).reshape(count, len(program.upper)),
         stationarity=np.array([end[5] for end in ends], dtype=float),
         violation=np.array([end[6] for end in ends], dtype=float),
-    )
-
-
-def _dense_interior_point(
-    program: DenseProgram, x: np.ndarray, weights: np.ndarray, rows: np.ndarray, upper: np.ndarray
-) -> Solutions:
-    from paretoik.nlp.dense_sqp import Caps
-    from paretoik.nlp.interior_point import minimise_dense
-
-    ends = list[tuple[Any, ...]]()
-    for one, factors, bounds in zip(x, weights, upper, strict=True):
-        finite = np.isfinite(bounds)
-        caps = Caps(rows=rows[finite] @ program.costs, most=bounds[finite]) if finite.any() else None
-        try:
-            end = minimise_dense(program.rows, factors @ program.costs, one, caps=caps)
-            good = end.converged and end.violation <= 1e-8
-            ends.append((end.z, CONVERGED if good else NO_PROGRESS, end.iterations, end.violation))
-        except (SolverFailed, EvaluationFailed):
-            ends.append((one, NO_PROGRESS, 0, np.inf))
-    z = np.array([end[0] for end in ends]).reshape(x.shape)
-    return Solutions(
-        x=z,
-        status=np.array([end[1] for end in ends], dtype=int),
-        iterations=np.array([end[2] for end in ends], dtype=int),
-        objectives=z @ program.costs.T,
-        stationarity=np.where([end[1] == CONVERGED for end in ends], 0.0, np.inf),
-        violation=np.array([end[3] for end in ends], dtype=float),
     )
 
 

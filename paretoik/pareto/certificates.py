@@ -6,6 +6,7 @@ the nadir less the ideal of the run; the length of a direction is its RMS. See `
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,14 +53,19 @@ def certify(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
     violation_between: Float[np.ndarray, " points"],
+    observe: Callable[[int, int], object] | None = None,
     options: CertificateOptions = OPTIONS,
 ) -> Certificates:
     """Return the certificates of points of a program whose first objectives are those of the front.
 
     ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
-    not look, between samples.
+    not look, between samples. ``observe`` is called with points done and wanted.
     """
-    certified = [_certify_point(program.linearise(one), program, ranges, options) for one in x]
+    certified = list[_Certified]()
+    for one in x:
+        certified.append(_certify_point(program.linearise(one), program, ranges, options))
+        if observe is not None:
+            observe(len(certified), len(x))
     count, n_obj = len(x), len(ranges)
     weights = np.array([each.criticality.weights for each in certified]).reshape(count, n_obj)
     ratios = np.array([each.weight_ratios for each in certified]).reshape(count, n_obj, n_obj, 2)

@@ -14,14 +14,18 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions
+from paretoik.nlp.solutions import Solutions, concatenate
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColdSearchOptions:
-    """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value."""
+    """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
+
+    So many starts are led at a time as ``batch`` says: in between somebody may look.
+    """
 
     weight: float = 1e-3
+    batch: int = 4
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-2)
 
 
@@ -57,6 +61,7 @@ class StartSearch:
     starts: Points
     n_obj: int
     solver: Solver = "auto"
+    observe: Callable[[int, int], object] | None = None
     multimodal: bool = True
 
     def optima(self, objective: int) -> Points:
@@ -84,6 +89,12 @@ class StartSearch:
         factors[0, : self.n_obj] = weight
         factors[0, main] = 1.0
         bounds[0, : self.n_obj] = upper
-        solutions = minimise(program, starts, factors, bounds, OPTIONS.barrier, solver=self.solver)
+        parts = list[Solutions]()
+        for first in range(0, max(len(starts), 1), OPTIONS.batch):
+            x = starts[first : first + OPTIONS.batch]
+            parts.append(minimise(program, x, factors, bounds, OPTIONS.barrier, solver=self.solver))
+            if self.observe is not None:
+                self.observe(first + len(x), len(starts))
+        solutions = concatenate(parts)
         merit = np.where(solutions.converged, solutions.objectives @ factors[0], np.inf)
         return solutions[np.argsort(merit, kind="stable")[: int(solutions.converged.sum())]]

@@ -17,7 +17,7 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions
+from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.cold_search import ColdSearch
 from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
 from paretoik.pareto.ranges import objective_sizes, ranges_of
@@ -34,9 +34,9 @@ class EpsilonOptions:
     the places between nadir and ideal where cold starts are led below an ε. Every ε starts from the ``nearest`` points.
     Of each objective so many optima are followed as branches as ``pool`` says; one that takes more than
     ``branch_iterations`` to the next level has ended. Each point tries the basins of its ``neighbours``, in at most so
-    many ``rounds``. Points nearer than ``distinct`` (rad or m, RMS) are one. Where the ends are within
-    ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective's size, the front is one point: that is
-    what a solver's last barrier leaves open.
+    many ``rounds``. So many points are led at a time as ``batch`` says. Points nearer than ``distinct`` (rad or m, RMS)
+    are one. Where the ends are within ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective's
+    size, the front is one point: that is what a solver's last barrier leaves open.
 
     The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
     valley one may get lost, or find a better one.
@@ -51,6 +51,7 @@ class EpsilonOptions:
     branch_iterations: int = 60
     neighbours: int = 2
     rounds: int = 3
+    batch: int = 8
     distinct: float = 0.01
     resolution: float = 1e-7
     resolved_distance: float = 1e-3
@@ -204,8 +205,20 @@ class _Sweep:
         """Keep points: whether they are part of the front is seen later."""
         self.x = np.concatenate([self.x, solutions.x])
         self.objectives = np.concatenate([self.objectives, solutions.objectives])
+        self._show()
+
+    def _show(self) -> None:
         if self.observe is not None:
-            self.observe(len(self.front()[0]), self.wanted)
+            self.observe(min(len(self.front()[0]), self.wanted), self.wanted)
+
+    def _minimise(self, x: Points, factors: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
+        """Minimise from points, a batch at a time: in between somebody may look."""
+        parts, upper = list[Solutions](), np.broadcast_to(upper, (len(x), upper.shape[1]))
+        for first in range(0, max(len(x), 1), self.options.batch):
+            rows = slice(first, first + self.options.batch)
+            parts.append(minimise(self.program, x[rows], factors, upper[rows], barrier, solver=self.solver))
+            self._show()
+        return concatenate(parts)
 
     def front(self) -> tuple[Points, Float[np.ndarray, "front n_obj"]]:
         """Return the points that no other dominates, by the first objective."""
@@ -225,7 +238,7 @@ class _Sweep:
         starts = self.x[self._nearest(upper)]
         factors = _factors(self.program, self.n_obj, main, self.options.weight)
         bounds = _bounds(self.program, upper[None])
-        solutions = minimise(self.program, starts, factors, bounds, self.options.warm, solver=self.solver)
+        solutions = self._minimise(starts, factors, bounds, self.options.warm)
         if not solutions.converged.any():
             return None
         best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
@@ -252,7 +265,7 @@ class _Sweep:
             counts = [len(each) for each in x]
             upper = _bounds(self.program, np.stack([np.full(sum(counts), np.inf), np.repeat(both, counts)], axis=1))
             factors = _factors(self.program, 2, 0, self.options.weight)
-            solutions = minimise(self.program, np.concatenate(x), factors, upper, options, solver=self.solver)
+            solutions = self._minimise(np.concatenate(x), factors, upper, options)
             for way, part in enumerate((solutions[: counts[0]], solutions[counts[0] :])):
                 branches = part[part.converged]
                 branches = branches[np.argsort(branches.objectives[:, 0], kind="stable")]
@@ -276,7 +289,7 @@ class _Sweep:
             factors = np.zeros((1, len(self.program.upper)))
             factors[0, : self.n_obj] = 1.0
             upper = _bounds(self.program, np.repeat(values, near.shape[1], axis=0))
-            solutions = minimise(self.program, x[near.ravel()], factors, upper, self.options.warm, solver=self.solver)
+            solutions = self._minimise(x[near.ravel()], factors, upper, self.options.warm)
             before = np.repeat(values.sum(axis=1), near.shape[1])
             gain = before - solutions.objectives[:, : self.n_obj].sum(axis=1)
             better = solutions.converged & (gain > 10 * SAME)

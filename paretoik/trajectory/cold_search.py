@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,6 +27,7 @@ class MotionColdSearch:
     starts: int
     seed: int
     solver: Solver = "auto"
+    observe: Callable[[int, int], object] | None = None
 
     @property
     def multimodal(self) -> bool:
@@ -35,7 +37,7 @@ class MotionColdSearch:
     def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
         """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
         alone = replace(self.task, objectives=(self.task.objectives[objective],))
-        plan = find_optima(alone, starts=self.starts, seed=self.seed, solver=self.solver)
+        plan = find_optima(alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=self._show)
         return np.stack([optimum.motion.q for optimum in plan.optima])
 
     def optima_below(
@@ -47,9 +49,13 @@ class MotionColdSearch:
         weights[main] = 1.0
         programs = level_programs(self.task, program.scales)
         try:
-            return refine_levels(programs, self._coarse_starts, weights, upper, solver=self.solver)[0]
+            return refine_levels(programs, self._coarse_starts, weights, upper, self._show, solver=self.solver)[0]
         except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
             return None
+
+    def _show(self, samples: int, starts: int, optima: int) -> None:
+        if self.observe is not None:
+            self.observe(samples, len(self.task.times))
 
     @cached_property
     def _coarse_starts(self) -> Float[np.ndarray, "starts samples dof"]:

@@ -1,7 +1,13 @@
 from __future__ import annotations
 
+from importlib import import_module
+
+import pytest
+
+import paretoik as pk
 from paretoik.api.progress import RunProgress, count_observer, show_compilation
 from paretoik.compilation_notices import CompilationNotice, announce
+from tests.api.problems import tracking
 
 
 def test_counts_become_the_progress_of_a_stage():
@@ -31,3 +37,49 @@ def test_what_is_compiled_is_a_stage():
 
 def test_without_an_observer_nothing_is_shown():
     assert count_observer(None, "point") is None
+
+
+# Where each verb works, its problem, how it is called, and the stages that it goes through.
+VERBS = {
+    "plan": ("formulations.tracking", "find_optima", [pk.kinetic_energy], {"starts": 4}, {"sample"}),
+    "epsilon_front": (
+        "api.epsilon_front",
+        "epsilon_points",
+        [pk.kinetic_energy, pk.torque_norm],
+        {"starts": 4, "points": 3},
+        {"optimum", "point", "certification"},
+    ),
+    "refine": ("api.refine", "refine_points", [pk.kinetic_energy, pk.torque_norm], {}, {"refinement", "certification"}),
+}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, capsys):
+    module, name, objectives, settings, stages = VERBS[verb]
+    given = problem = tracking(*objectives)
+    if verb == "refine":
+        given = pk.solve(problem, population=8, generations=2, points=2)
+    work = getattr(import_module(f"paretoik.{module}"), name)
+
+    def compile_first(*args, **kwargs):
+        announce(CompilationNotice(what="everything", seconds=9.0))
+        return work(*args, **kwargs)
+
+    monkeypatch.setattr(f"paretoik.{module}.{name}", compile_first)
+    seen: list[RunProgress] = []
+    getattr(pk, verb)(given, **settings, observe=lambda progress: bool(seen.append(progress)))
+    assert {one.stage for one in seen} == {"compilation", *stages}
+    assert capsys.readouterr().err == ""
+    for stage in stages:
+        last = [one for one in seen if one.stage == stage][-1]
+        assert 0 < last.done <= last.total
+
+
+def test_the_starts_of_postures_are_counted():
+    problem = pk.DirectionalMaxima(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.1, -0.15), [[1, 0], [0, 1]], power=False
+    )
+    seen: list[RunProgress] = []
+    pk.epsilon_front(problem, points=3, starts=6, observe=seen.append)
+    counts = [(one.done, one.total) for one in seen if one.stage == "optimum"]
+    assert counts[:4] == [(4, 6), (6, 6), (4, 6), (6, 6)]

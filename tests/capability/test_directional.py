@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 import paretoik as pk
 from paretoik.capability.directional_program import DirectionalProgram
-from paretoik.capability.posture_ascent import maximise_from
+from paretoik.capability.posture_ascent import OPTIONS, maximise_from
 from paretoik.capability.posture_samples import sample_holdable_postures, sample_postures_at
 from paretoik.capability.posture_values import values_at
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
-from paretoik.nlp.dense_sqp import minimised
+from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
 
 PLACE = np.array([0.2, -0.15])
@@ -49,9 +50,10 @@ def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(
     starts = sample_postures_at(ARM, PLACE, 200, np.random.default_rng(0))
     held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:8]
     for direction, value in zip(polygon.directions, polygon.values, strict=True):
-        program = asked.program(PLACE, direction[None], value)
-        ends = [minimised(program, cost, asked.initial_point(q)) for q in held]
-        found = [end.z[asked.begins["values"]][0] for end in ends if end.violation <= 1e-9]
+        program = DenseProgram(rows=asked.program(PLACE, direction[None], value), costs=cost[None])
+        starts = np.array([asked.initial_point(q) for q in held])
+        ends = minimise(program, starts, np.ones((1, 1)), options=OPTIONS.sqp, solver="sqp")
+        found = ends.x[ends.violation <= 1e-9][:, asked.begins["values"]]
         assert max(found) == pytest.approx(1.0, abs=1e-7)
 
 

@@ -61,6 +61,10 @@ class DenseKernel(NamedTuple):
     second_column: np.ndarray
     by_row: np.ndarray  # the entries of first derivatives of c, row by row
     begin_row: np.ndarray  # (inequalities + 1,)
+    longest_step: float = np.inf
+    penalty: float = 100.0
+    implied_slacks: bool = False
+    large_multiplier: float = 100.0
 
 
 class DenseWorkspace(NamedTuple):
@@ -89,6 +93,18 @@ def dimensions(kernel, x):
     """Return (size, band, border) of the Newton matrix and the number of inequalities."""
     size = kernel.unknowns - kernel.equalities
     return size, size, 0, kernel.inequalities
+
+
+@implement(steps.objective_scale, DenseKernel)
+def objective_scale(kernel, weights):
+    """Return the length of the gradient of weights · F, 1 where that is 0."""
+    total = 0.0
+    for j in range(kernel.unknowns):
+        slope = 0.0
+        for k in range(len(weights)):
+            slope += weights[k] * kernel.objectives[k, j]
+        total += slope * slope
+    return np.sqrt(total) if total > 0.0 else 1.0
 
 
 @implement(steps.allocate_workspace, DenseKernel)
@@ -191,15 +207,13 @@ def _first_derivatives(kernel, work, x, equalities_only):
 
 @implement(steps.restore, DenseKernel)
 def restore(kernel, work, x):
-    """Move x onto h(x) = 0 by Levenberg & Marquardt's method (Nocedal & Wright, section 10.3); return whether it is."""
+    """Move x onto h(x) = 0 by Levenberg & Marquardt's method (Nocedal & Wright, section 10.3); return what is left."""
     damping = 0.0
     _rows(kernel, work, x, True)
     error = _equality_error(kernel, work)
     for _ in range(RESTORATIONS):
-        if error <= EQUALITY_TOLERANCE:
-            return True
-        if not error < np.inf:
-            return False
+        if error <= EQUALITY_TOLERANCE or not error < np.inf:
+            break
         square = 0.0
         for i in range(kernel.equalities):
             work.right[i] = work.values[i]
@@ -208,7 +222,7 @@ def restore(kernel, work, x):
         if not _damped_step(kernel, work, damping):
             damping = max(1e-12, 10 * damping)
             if damping > 1e12:
-                return False
+                break
             continue
         for j in range(kernel.unknowns):
             work.gradient[j] = x[j] - work.vector[j]
@@ -223,11 +237,11 @@ def restore(kernel, work, x):
             damping = damping / 10 if damping > 1e-12 else 0.0
         else:
             damping = max(1e-6, 10 * damping)
-            if damping > 1e12:
-                break
             _rows(kernel, work, x, True)
             error = _equality_error(kernel, work)
-    return error <= 100 * EQUALITY_TOLERANCE
+            if damping > 1e12:
+                break
+    return 0.0 if error <= 100 * EQUALITY_TOLERANCE else error
 
 
 @compiled

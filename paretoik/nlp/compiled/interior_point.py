@@ -42,6 +42,7 @@ from paretoik.nlp.compiled.kernel_steps import (
     evaluate,
     expand_step,
     linearise,
+    objective_scale,
     prepare_multipliers,
     reduced_gradient,
     residual_norm,
@@ -100,28 +101,33 @@ def minimise(kernel, x, weights, rows, upper, options):
 
     Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
-    x = x.copy()
+    x, weights = x.copy(), weights.copy()
     size, band, border, inequalities = dimensions(kernel, x)
     work = allocate_workspace(kernel, x)
     it = _allocate(size, band, border, inequalities, len(weights), finite_indices(upper), options.iterations)
-    barrier = Barrier(options.barrier, options.penalty, np.inf, options.penalty)
+    penalty = kernel.penalty * options.penalty
+    barrier = Barrier(options.barrier, penalty, np.inf, penalty)
     trial, dx = x.copy(), np.zeros(x.shape)
     delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
     status, iteration, stationarity, violation = ITERATION_LIMIT, 0, np.inf, np.inf
-    if not restore(kernel, work, x):
-        status = VIOLATED
+    scale = objective_scale(kernel, weights)
+    for k in range(len(weights)):
+        weights[k] /= scale
+    error = restore(kernel, work, x)
     _evaluate(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
     if not _all_finite(it.objectives, it.c):
         status = NOT_FINITE
-    infeasible = options.filter_infeasible * max(1.0, _begin_slacks(barrier, it, options))
+    elif error > 0.0:
+        status, violation = VIOLATED, error
+    infeasible = options.filter_infeasible * max(1.0, _begin_slacks(kernel, barrier, it, options))
     for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
         if not linearise(kernel, work, x):
             status = SINGULAR
             break
-        scale = _multiplier_scale(it.z, options)
-        stationarity = _stationarity(kernel, work, weights, rows, it) / scale
+        mean = _multiplier_scale(kernel, it.z)
+        stationarity = _stationarity(kernel, work, weights, rows, it) / mean
         complementarity, violation = complementarity_and_violation(it.c, it.s, it.z, barrier.mu)
-        complementarity /= scale
+        complementarity /= mean
         solved = _subproblem_solved(barrier, stationarity, complementarity, flat, it, options)
         if solved and barrier.mu <= options.last_barrier and (flat or stationarity <= options.tolerance):
             status = _final_status(barrier, violation, options)
@@ -129,7 +135,7 @@ def minimise(kernel, x, weights, rows, upper, options):
         if iteration == options.iterations:
             break
         if solved:
-            hopeless, barrier = _next_subproblem(barrier, stationarity, complementarity, violation, it, options)
+            hopeless, barrier = _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options)
             entries = 0
             if hopeless:
                 status = VIOLATED
@@ -154,7 +160,7 @@ def minimise(kernel, x, weights, rows, upper, options):
             step_multipliers(it.dz, it.trial_s, it.trial_t, barrier.mu, barrier.penalty, options, it.z)
             x, trial = trial, x
             _accept(it)
-        elif options.implied_slacks or restorations >= options.restorations or (theta == 0.0 and entries == 0):
+        elif kernel.implied_slacks or restorations >= options.restorations or (theta == 0.0 and entries == 0):
             if not flat:
                 status = NO_PROGRESS
                 break
@@ -164,6 +170,8 @@ def minimise(kernel, x, weights, rows, upper, options):
                 reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
                 central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
             entries = 0
+    for i in range(len(it.z)):
+        it.z[i] *= scale
     return x, status, iteration, it.objectives, it.z, stationarity, violation
 
 
@@ -199,9 +207,9 @@ def _all_finite(F, c):
 
 
 @inlined
-def _begin_slacks(barrier, it, options):
+def _begin_slacks(kernel, barrier, it, options):
     """Write the first slacks and multipliers; return the sum of the residuals."""
-    if options.implied_slacks:
+    if kernel.implied_slacks:
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
     else:
         least = min(options.least_slack, np.sqrt(barrier.mu))
@@ -220,12 +228,12 @@ def _residual_sum(r, options):
 
 
 @inlined
-def _multiplier_scale(z, options):
+def _multiplier_scale(kernel, z):
     """Return what errors are relative to: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
     total = 0.0
     for i in range(len(z)):
         total += z[i]
-    return max(1.0, total / (options.large_multiplier * max(1, len(z))))
+    return max(1.0, total / (kernel.large_multiplier * max(1, len(z))))
 
 
 @inlined
@@ -290,7 +298,7 @@ def _final_status(barrier, violation, options):
 
 
 @inlined
-def _next_subproblem(barrier, stationarity, complementarity, violation, it, options):
+def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options):
     """Return whether the constraints cannot all hold, and the next subproblem: a higher penalty or a lower barrier."""
     mu, penalty, before, helpful = barrier
     if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):
@@ -305,7 +313,7 @@ def _next_subproblem(barrier, stationarity, complementarity, violation, it, opti
         mu = _next_barrier(mu, options)
         while mu > options.last_barrier and max(stationarity, complementarity) <= options.barrier_tolerance * mu:
             mu = _next_barrier(mu, options)
-        if options.implied_slacks:
+        if kernel.implied_slacks:
             reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
     return False, Barrier(mu, penalty, before, helpful)
 
@@ -368,7 +376,7 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
 def _direction(kernel, work, weights, rows, barrier, options, dx, it):
     """Write the step in x and what changes along it; return how far it may go and the merit function's slope."""
     largest = expand_step(kernel, work, it.step, dx)
-    length = min(1.0, options.longest_step / max(largest, 1e-300))
+    length = min(1.0, kernel.longest_step / max(largest, 1e-300))
     directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
     inequalities = len(it.c) - len(it.bounds)
     for e in range(len(it.bounds)):
@@ -379,13 +387,13 @@ def _direction(kernel, work, weights, rows, barrier, options, dx, it):
     for i in range(len(it.dz)):
         it.dz[i] = it.force[i] - it.z[i] - it.stiffness[i] * it.dc[i]
     mu, penalty, fraction = barrier.mu, barrier.penalty, options.boundary_fraction
-    if options.implied_slacks:
+    if kernel.implied_slacks:
         slope, length = limit_implied_step(it.c, it.s, it.dc, mu, length, fraction)
     else:
         newton_slacks(it.s, it.t, it.r, it.z, it.dz, it.dc, mu, penalty, it.ds, it.dt)
         slope, length = limit_step(it.s, it.t, it.ds, it.dt, mu, penalty, length, fraction)
     slope += dot(weights, it.objective_changes)
-    return length, min(slope, 0.0) if options.implied_slacks else slope
+    return length, min(slope, 0.0) if kernel.implied_slacks else slope
 
 
 @inlined
@@ -398,7 +406,7 @@ def _search(
     for _ in range(options.halvings):
         if retract(kernel, work, x, dx, length, trial):
             _evaluate(kernel, work, trial, rows, upper, it.bounds, it.trial_objectives, it.trial_c)
-            if options.implied_slacks:
+            if kernel.implied_slacks:
                 reset_slacks(it.trial_c, mu, penalty, it.trial_s, it.trial_t, it.trial_r)
             else:
                 step_slacks(it.trial_c, it.s, it.t, it.ds, it.dt, length, it.trial_s, it.trial_t, it.trial_r)

@@ -9,6 +9,9 @@ The method walks along h(x) = 0: ``linearise`` finds a basis Z of the null space
 step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
 A (size, band) holds entry (i, i − d) at [i, d]; a dense matrix is one whose band is as wide as its size. numba chooses
 the implementation by the kernel's class when it compiles the method (``implement``), so that no call is indirect.
+Every kernel also says its ``longest_step``, in units of x, what ``penalty`` is usual, whether slacks are implied
+(``elastic``), and ``large_multiplier``, the mean of the multipliers beyond which errors count relative to it (Wächter &
+Biegler 2006, Eq. 5).
 """
 
 from __future__ import annotations
@@ -41,13 +44,18 @@ def dimensions(kernel: Any, x: Any) -> Any:
     raise NotImplementedError
 
 
+def objective_scale(kernel: Any, weights: Any) -> Any:
+    """Return the size of weights · F that penalty, barrier and tolerances are relative to."""
+    raise NotImplementedError
+
+
 def allocate_workspace(kernel: Any, x: Any) -> Any:
     """Return the arrays that the other steps write into."""
     raise NotImplementedError
 
 
 def restore(kernel: Any, work: Any, x: Any) -> Any:
-    """Move x onto h(x) = 0, in place; return whether it is there."""
+    """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 where it is there."""
     raise NotImplementedError
 
 

@@ -53,6 +53,10 @@ class MotionKernel(NamedTuple):
     limited: np.ndarray  # (limits, 2): variable or row, and sample
     sides: np.ndarray  # (limits,): 1 a lower limit, −1 an upper
     bounds: np.ndarray  # (limits,)
+    longest_step: float = 0.4  # [rad or m] of any joint: too little to reach another branch of the self-motion unseen
+    penalty: float = 1.0
+    implied_slacks: bool = True
+    large_multiplier: float = np.inf
 
 
 class Workspace(NamedTuple):
@@ -80,6 +84,12 @@ def dimensions(kernel, x):
     rows = kernel.multipliers[1] - kernel.multipliers[0]
     band = kernel.coefficients.shape[2] * (x.shape[1] - rows)
     return kernel.unknowns - kernel.border, band, kernel.border, len(kernel.sides)
+
+
+@implement(steps.objective_scale, MotionKernel)
+def objective_scale(kernel, weights):
+    """Return 1: sums are divided by their scales."""
+    return 1.0
 
 
 @implement(steps.allocate_workspace, MotionKernel)
@@ -110,8 +120,8 @@ def allocate_workspace(kernel, x):
 
 @implement(steps.restore, MotionKernel)
 def restore(kernel, work, x):
-    """Return True: a motion is on the path from the start."""
-    return True
+    """Return 0: a motion is on the path from the start."""
+    return 0.0
 
 
 @implement(steps.evaluate, MotionKernel)

@@ -1,10 +1,9 @@
-"""From programs of parts to the arrays of ``DenseKernel``, and how these are minimised."""
+"""Small dense programs as arrays, for compiled solvers."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -12,70 +11,27 @@ from jaxtyping import Float
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.assembled import Assembled, Part
 from paretoik.nlp.compiled.dense_kernel import DenseKernel
-from paretoik.nlp.compiled.interior_point import minimise
-from paretoik.nlp.dense_sqp import Caps, Minimum
-from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.solutions import CONVERGED, NOT_FINITE
 from paretoik.nlp.traced import Rows, Smooth
 
-OPTIONS = InteriorPointOptions(
-    barrier=1e-2,
-    last_barrier=1e-12,
-    penalty=100.0,
-    iterations=300,
-    longest_step=np.inf,
-    implied_slacks=False,
-    large_multiplier=100.0,
-)
 
-
-def minimise_dense(
-    program: Rows,
-    cost: Float[np.ndarray, " unknowns"],
-    z: Float[np.ndarray, " unknowns"],
-    *,
-    caps: Caps | None = None,
-    options: InteriorPointOptions = OPTIONS,
-) -> Minimum:
-    """Return a local minimum of cost · z below caps, from any point.
-
-    Raises EvaluationFailed where the program is not finite at the point, or has more equalities than unknowns.
-    """
-    size = float(np.linalg.norm(cost)) or 1.0
-    rows, upper = (np.zeros((0, len(z))), np.zeros(0)) if caps is None else (caps.rows, caps.most)
-    kernel = _kernel(cast(Hashable, program), len(z))._replace(objectives=np.concatenate([cost[None] / size, rows]))
-    if kernel.equalities > len(z):
-        raise EvaluationFailed(f"program: at least {kernel.equalities} unknowns wanted, got {len(z)}")
-    count = len(kernel.objectives)
-    x, status, iterations, _, multipliers, _, _ = minimise(
-        kernel, np.array(z, dtype=float), np.eye(count)[0], np.eye(count), np.append(np.inf, upper), options
-    )
-    if status == NOT_FINITE:
-        raise EvaluationFailed("program: finite rows and slopes wanted, got others")
-    equalities, inequalities = program.rows(x)
-    violations = np.concatenate([np.abs(equalities), -inequalities, rows @ x - upper])
-    return Minimum(
-        z=x,
-        limits=size * multipliers,
-        violation=float(violations.max(initial=0.0)),
-        converged=status == CONVERGED,
-        iterations=iterations,
-    )
+def dense_kernel(program: Rows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
+    """Return rows and linear objectives as compiled code takes them; raise EvaluationFailed for too few unknowns."""
+    assert isinstance(program, Assembled | Smooth)
+    kernel = _kernel(program, costs.shape[1])
+    if kernel.equalities > kernel.unknowns:
+        raise EvaluationFailed(f"program: at least {kernel.equalities} unknowns wanted, got {kernel.unknowns}")
+    return kernel._replace(objectives=np.ascontiguousarray(costs, dtype=float))
 
 
 @lru_cache(maxsize=64)
-def _kernel(program: Hashable, unknowns: int) -> DenseKernel:
+def _kernel(program: Assembled | Smooth, unknowns: int) -> DenseKernel:
     if isinstance(program, Assembled):
-        return dense_kernel(unknowns, program.parts, np.zeros((0, unknowns)))
-    assert isinstance(program, Smooth)
+        return _kernel_of_parts(unknowns, program.parts)
     whole = Part(program=program, where=np.arange(unknowns)[None], parameters=program.parameters[None])
-    return dense_kernel(unknowns, [whole], np.zeros((0, unknowns)))
+    return _kernel_of_parts(unknowns, [whole])
 
 
-def dense_kernel(
-    unknowns: int, parts: Sequence[Part], objectives: Float[np.ndarray, "objectives unknowns"]
-) -> DenseKernel:
-    """Return a program of parts as compiled code takes it, its objectives linear."""
+def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
     equalities = sum(part.program.equalities * len(part.where) for part in parts)
     inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
     first_h, first_c = 0, equalities
@@ -119,7 +75,7 @@ def dense_kernel(
         unknowns=unknowns,
         equalities=equalities,
         inequalities=inequalities,
-        objectives=np.ascontiguousarray(objectives, dtype=float),
+        objectives=np.zeros((0, unknowns)),
         code=np.concatenate(arrays[0]),
         constants=np.concatenate(arrays[1]),
         inputs=np.concatenate(arrays[2]),

@@ -1,0 +1,89 @@
+"""One way to solve every program: what is asked for reaches the solver, banded or dense."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.nlp.dense import DenseProgram
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NOT_FINITE, VIOLATED
+from paretoik.nlp.traced import smooth
+from paretoik.trajectory.transcription import motion_program
+from problems.tringali_2020 import simulation_4
+
+
+def dense():
+    """The least x + y² above a parabola, x and y no more than 2."""
+
+    def rows(z, known):
+        return [], [z[2] - z[0] - z[1] * z[1], z[0] - z[1] * z[1] + 1.0, 2.0 - z[0], 2.0 - z[1]]
+
+    return DenseProgram(rows=smooth(3, 0, rows), costs=np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+
+
+def motion():
+    return motion_program(simulation_4().task.subsample(11))
+
+
+def starts(program):
+    if isinstance(program, DenseProgram):
+        return np.array([[0.5, 0.5, 3.0], [1.0, -1.0, 5.0]])
+    return pk.plan(simulation_4(), starts=2, seed=0).best.motion.q[None, ::10]
+
+
+@pytest.mark.parametrize("kind", [dense, motion])
+def test_iterations_end_where_they_are_told(kind):
+    program = kind()
+    x, weights = starts(program), np.ones((1, len(program.upper)))
+    few = minimise(program, x, weights, options=InteriorPointOptions(iterations=2))
+    assert (few.iterations == 2).all()
+    assert (few.status == ITERATION_LIMIT).all()
+    assert (minimise(program, x, weights).status == CONVERGED).all()
+
+
+@pytest.mark.parametrize("kind", [dense, motion])
+def test_the_last_barrier_decides_how_near_limits_a_point_ends(kind):
+    program = kind()
+    x, weights = starts(program)[:1], np.eye(len(program.upper))[:1]
+    high, low = (
+        minimise(program, x, weights, options=InteriorPointOptions(barrier=1e-2, last_barrier=last, tolerance=1e-6))
+        for last in (1e-3, 1e-9)
+    )
+    assert high.iterations[0] < low.iterations[0]
+    assert high.objectives[0, 0] > low.objectives[0, 0]
+
+
+def test_options_may_differ_from_point_to_point():
+    program = dense()
+    each = [InteriorPointOptions(iterations=count) for count in (1, 100)]
+    ends = minimise(program, starts(program), np.ones((1, 2)), options=each)
+    assert ends.status.tolist() == [ITERATION_LIMIT, CONVERGED]
+
+
+def test_bounds_on_dense_objectives_hold_and_raise_the_other():
+    program = dense()
+    weights = np.array([[1.0, 0.0]])
+    free = minimise(program, starts(program)[:1], weights)
+    upper = np.array([[np.inf, -0.5]])
+    bounded = minimise(program, starts(program)[:1], weights, upper)
+    assert bounded.status.tolist() == [CONVERGED]
+    assert free.objectives[0, 0] == pytest.approx(-1.0, abs=1e-7)
+    assert bounded.objectives[0] == pytest.approx([-0.5, -0.5], abs=1e-7)  # x = y² − 1, so that z = 2y² − 1
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_where_a_point_cannot_be_solved_is_in_its_status_and_the_others_go_on():
+    rows = smooth(2, 0, lambda z, known: ([z[0] - z[1]], [np.log(z[0])]))
+    ends = minimise(DenseProgram(rows=rows, costs=np.eye(2)[:1]), np.array([[-1.0, -1.0], [3.0, 3.0]]), np.ones((1, 1)))
+    assert ends.status.tolist() == [NOT_FINITE, CONVERGED]
+    assert ends.violation[0] == np.inf
+
+
+def test_equalities_without_a_solution_are_said_with_what_is_left_of_them():
+    rows = smooth(2, 0, lambda z, known: ([z[0] * z[0] + 1.0], [z[1]]))
+    end = minimise(DenseProgram(rows=rows, costs=np.eye(2)[1:]), np.array([[0.5, 1.0]]), np.ones((1, 1)))
+    assert end.status.tolist() == [VIOLATED]
+    assert end.violation[0] == pytest.approx(1.0, abs=1e-6)
