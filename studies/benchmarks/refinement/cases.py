@@ -101,7 +101,13 @@ def scipy_solvers(nlp: Nlp, to: Callable[[np.ndarray], np.ndarray], back: Move, 
 
 
 def motions(
-    make: Callable[[], pk.Tracking], objective: Objective, samples: int, count: int, seed: int, seconds: float, folder: Path
+    make: Callable[[], pk.Tracking],
+    objective: Objective,
+    samples: int,
+    count: int,
+    seed: int,
+    seconds: float,
+    folder: Path,
 ) -> Contest:
     """Return the contest of a problem's task with one objective, at so many samples."""
     task = replace(make().task.resample(samples), objectives=(objective,))
@@ -113,11 +119,11 @@ def motions(
     staged = staged_program(task, folder if COMPILER else None, name)
     ours = our_solvers(program, np.ones(1))
     moves: dict[str, Move] = {
-            **ours,
-            **scipy_solvers(motion_nlp(task, scale), lambda q: pack(task, q), lambda x: unpack(task, x), seconds),
-            "IPOPT": lambda q: joint.solve(q, 0, none, ranges, warm=False)[0],
-            "FATROP": lambda q: staged.solve(q, 0, none, ranges, warm=False)[0],
-        }
+        **ours,
+        **scipy_solvers(motion_nlp(task, scale), lambda q: pack(task, q), lambda x: unpack(task, x), seconds),
+        "IPOPT": lambda q: joint.solve(q, 0, none, ranges, warm=False)[0],
+        "FATROP": lambda q: staged.solve(q, 0, none, ranges, warm=False)[0],
+    }
     return Contest(
         starts=starts,
         contestants=judged(moves, lambda q: judge_motion(task, q)),
