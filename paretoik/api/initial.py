@@ -33,6 +33,8 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
         initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
     if initial is None or isinstance(initial, np.ndarray | list):
         return initial
+    if not hasattr(initial, "q"):
+        raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
     genes, deviation = encode(problem, initial)
     inexact = deviation > ENCODING_TOLERANCE
     if inexact.any():

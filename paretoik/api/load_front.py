@@ -10,6 +10,7 @@ from typing import Any
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.formulations.protocol import restore_motions
 from paretoik.front.front import Front
+from paretoik.inputs import file_path
 from paretoik.loading import fingerprint, load_problem
 
 
@@ -23,6 +24,7 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
     InvalidInput
         Where ``problem`` is not the one that the run solved.
     """
+    folder = file_path("folder", folder)
     front = Front.load(folder)
     reference = front.provenance.get("problem")
     if problem is None and reference is not None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from paretoik.compilation_notices import CompilationNotice, observe_compilation
+from paretoik.inputs import check_function
 from paretoik.review.generation import Generation
 
 
@@ -55,6 +56,7 @@ def count_observer(
 @contextmanager
 def show_compilation(observe: Observer | None) -> Iterator[None]:
     """Show an observer what is compiled while the body runs, in place of a line on stderr."""
+    check_function("observe", observe)
     if observe is None:
         yield
         return

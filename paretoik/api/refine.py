@@ -50,6 +50,8 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
     InvalidInput
         Where the problem is not at hand or has no gradients, or an objective or limit has no derivative.
     """
+    if not isinstance(front, Front):
+        raise InvalidInput(f"refine: a front wanted, got {front!r}")
     problem = front.problem if problem is None else problem
     if problem is None:
         raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")

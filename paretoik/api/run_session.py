@@ -15,6 +15,7 @@ from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
+from paretoik.inputs import file_path
 from paretoik.loading import fingerprint
 from paretoik.review.recorder import Recorder
 from paretoik.run_files import RECORDING, write_run
@@ -143,7 +144,8 @@ def run_session(
         "versions": {name: version(name) for name in PACKAGES},
     }
     with ExitStack() as stack:
-        folder = None if out is None else stack.enter_context(claim_folder(out, overwrite=overwrite))
+        stack.enter_context(show_compilation(observe))
+        folder = None if out is None else stack.enter_context(claim_folder(file_path("out", out), overwrite=overwrite))
         session = RunSession(
             provenance=provenance,
             folder=folder,
@@ -152,7 +154,6 @@ def run_session(
             title=reference or type(problem).__name__,
         )
         stack.callback(session.close)
-        stack.enter_context(show_compilation(observe))
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
         try:

@@ -20,6 +20,7 @@ from paretoik.formulations.protocol import check_formulation, decode, explain_vi
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
+from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.pareto.ranges import ranges_of
 from paretoik.review.generation import Generation
@@ -46,6 +47,7 @@ class FrontSearch:
             raise InvalidInput(f"solver: wants refine=True, got {settings.solver!r} without it")
         self.problem = problem
         self.generations = DEFAULTS.generations if settings.generations is None else settings.generations
+        check_size("generations", self.generations, 1)
         population = DEFAULTS.population if settings.population is None else settings.population
         seed = DEFAULTS.seed if settings.seed is None else settings.seed
         if settings.points is not None:
@@ -194,12 +196,10 @@ def _endings(search: Search, settings: SolveSettings, generations: int, anchors:
     if settings.evaluations is not None:
         endings.append(Evaluations(settings.evaluations))
     if settings.target is not None:
-        if len(settings.target) != len(search.names):
-            raise InvalidInput(
-                f"target: wants {len(search.names)} numbers, one an objective, got {len(settings.target)}"
-            )
-        pairs = zip(settings.target, search.maximised, strict=True)
-        endings.append(Target(tuple(-value if maximised else value for value, maximised in pairs)))
+        values = real_array("target", settings.target)
+        if values.shape != (len(search.names),):
+            raise InvalidInput(f"target: wants {len(search.names)} numbers, one an objective, got {settings.target!r}")
+        endings.append(Target(tuple(np.where(search.maximised, -values, values).tolist())))
     if settings.stagnation:
         endings.append(Stagnation(since=anchors * search.problem.n_obj))
     return endings

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from paretoik.inputs import check_flag
 from paretoik.nlp.program import Solver
 
 
@@ -26,6 +27,11 @@ class SolveSettings:
     points: int | None = 200
     refine: bool = False
     solver: Solver = "auto"
+
+    def __post_init__(self) -> None:
+        """Check the flags."""
+        check_flag("stagnation", self.stagnation)
+        check_flag("refine", self.refine)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from paretoik.api.settings import SolveSettings
 from paretoik.arrays import Genes
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
+from paretoik.inputs import check_flag
 from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
 
@@ -99,6 +100,7 @@ def solve(
     EvaluationFailed
         Where every evaluation failed, with the first cause.
     """
+    check_flag("overwrite", overwrite)
     settings = SolveSettings(
         population=population,
         generations=generations,

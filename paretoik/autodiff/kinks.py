@@ -21,9 +21,22 @@ from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 
 NONSMOOTH = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
-DERIVATIVE_TOLERANCE = 1e-12  # smaller derivatives, and differences between values, count as 0
-CONTINUITY_TOLERANCE = 1e-6  # relative to the values of a choice: by how much its pieces may differ where they meet
-BISECTIONS = 60  # to where a condition changes: to rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class KinkOptions:
+    """When kinks count: derivatives, and differences between values, below ``rounding`` are 0.
+
+    The pieces of a choice may differ by ``jump``, relative to its values, where its condition changes; that place is
+    found in ``bisections``.
+    """
+
+    rounding: float = 1e-12
+    jump: float = 1e-6
+    bisections: int = 60
+
+
+OPTIONS = KinkOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,13 +108,13 @@ def reformulate_choices(
                 continue
             jumps = np.abs(np.subtract(*compile_evaluator(tape, [first, second])(boundary)))
             value, one, other = compile_evaluator(tape, [node, first, second])(probes)
-            if not np.nanmax(jumps, initial=0.0) <= CONTINUITY_TOLERANCE * (1 + np.nanmax(np.abs(value))):
+            if not np.nanmax(jumps, initial=0.0) <= OPTIONS.jump * (1 + np.nanmax(np.abs(value))):
                 raise InvalidInput(
                     f"{name}: jumps where the condition of np.where changes: pieces that meet are wanted"
                 )
-            if np.all(value >= np.maximum(one, other) - DERIVATIVE_TOLERANCE):
+            if np.all(value >= np.maximum(one, other) - OPTIONS.rounding):
                 replacements[node] = tape.apply(Op.MAXIMUM, first, second)
-            elif np.all(value <= np.minimum(one, other) + DERIVATIVE_TOLERANCE):
+            elif np.all(value <= np.minimum(one, other) + OPTIONS.rounding):
                 replacements[node] = tape.apply(Op.MINIMUM, first, second)
     return substitute(tape, functions, replacements)
 
@@ -114,7 +127,7 @@ def _boundary(
     true = holds(probes)[0] != 0
     pairs = min(int(true.sum()), int((~true).sum()))
     inside, outside = probes[:, true][:, :pairs], probes[:, ~true][:, :pairs]
-    for _ in range(BISECTIONS):
+    for _ in range(OPTIONS.bisections):
         middle = (inside + outside) / 2
         is_inside = holds(middle)[0] != 0
         inside, outside = np.where(is_inside, middle, inside), np.where(is_inside, outside, middle)
@@ -141,10 +154,10 @@ def _is_convex_kink(
         rates = np.nan_to_num(compile_evaluator(tape, derivatives)(np.concatenate(inputs, axis=1)))
     signs = np.array(senses) * (-1.0 if op is Op.MINIMUM else 1.0)
     worsening = signs[:, None] * rates
-    both_ways = (signs == 0) & (np.abs(rates) > DERIVATIVE_TOLERANCE).any(axis=1)
-    if np.any(both_ways) or np.any(worsening < -DERIVATIVE_TOLERANCE):
+    both_ways = (signs == 0) & (np.abs(rates) > OPTIONS.rounding).any(axis=1)
+    if np.any(both_ways) or np.any(worsening < -OPTIONS.rounding):
         return False
-    return bool(np.any(worsening[:, probes.shape[1] :] > DERIVATIVE_TOLERANCE))
+    return bool(np.any(worsening[:, probes.shape[1] :] > OPTIONS.rounding))
 
 
 def _pad(tape: Tape, probes: np.ndarray) -> np.ndarray:

@@ -15,8 +15,6 @@ from paretoik.autodiff.operations import UFUNCS, Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry, where
 from paretoik.errors import InvalidInput
 
-MAX_EXPANDED_EXPONENT = 8  # whole powers up to this are products
-
 ELEMENTARY: dict[str, Op] = {
     **{ufunc.__name__: op for op, ufunc in UFUNCS.items() if op is not Op.POWER},
     "fabs": Op.ABSOLUTE,
@@ -80,9 +78,10 @@ def differentiable_ufuncs() -> list[str]:
     return sorted({*ELEMENTARY, *COMPOSED, "power"})
 
 
-def _power(tape: Tape, base: Expression, exponent: Expression) -> Any:
+def _power(tape: Tape, base: Expression, exponent: Expression, *, largest_product: int = 8) -> Any:
+    """Return a power: a product for whole exponents up to ``largest_product``."""
     number = tape.values.get(exponent.index, math.nan)
-    if number.is_integer() and 0 < abs(number) <= MAX_EXPANDED_EXPONENT:
+    if number.is_integer() and 0 < abs(number) <= largest_product:
         result = base
         for _ in range(abs(int(number)) - 1):
             result = result * base

@@ -9,8 +9,6 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Tape
 
-MAX_PIECES = 64  # of a sum: seven absolute values would have 128
-
 
 def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, int]) -> list[int]:
     """Return outputs with entries replaced by others of the same tape, wherever they occur."""
@@ -28,7 +26,7 @@ def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, in
 def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
     """Return entries whose maximum (``sense`` 1) or minimum (−1) is entry i: itself where it is smooth.
 
-    Maxima, minima and absolute values are expanded, also within sums and multiples, up to MAX_PIECES.
+    Maxima, minima and absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
     """
     op, a, b, _ = tape.entries[i]
     pieces = [i]
@@ -41,7 +39,7 @@ def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
     elif op in (Op.ADD, Op.SUBTRACT):
         second_sense = sense if op is Op.ADD else -sense
         pairs = list(product(smooth_pieces(tape, a, sense), smooth_pieces(tape, b, second_sense)))
-        pieces = [tape.apply(op, *pair) for pair in pairs] if len(pairs) <= MAX_PIECES else [i]
+        pieces = [tape.apply(op, *pair) for pair in pairs] if len(pairs) <= 64 else [i]
     elif op is Op.MULTIPLY and (a in tape.values or b in tape.values):
         factor, other = (a, b) if a in tape.values else (b, a)
         other_sense = sense if tape.values[factor] > 0 else -sense

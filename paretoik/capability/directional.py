@@ -115,7 +115,7 @@ def directional_maxima(
     check_size("samples", samples, 1)
     check_size("seed", seed, 0)
     task = 2 if arm.is_planar else 3
-    place = finite_array("position", position, (task,))  # type: ignore[arg-type]  # it refuses what is none
+    place = finite_array("position", position, (task,))
     ways = unit_directions(directions, task)
     rng = np.random.default_rng(seed)
     q = best_postures(arm, actuation, place, ways, quantity, samples=samples, rng=rng)
@@ -135,7 +135,7 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
         height, turn = 1 - 2 * share, np.pi * (1 + np.sqrt(5)) * np.arange(directions)  # a spiral from pole to pole
         around = np.sqrt(1 - height**2)
         return np.stack([around * np.cos(turn), around * np.sin(turn), height], axis=1)
-    given = finite_array("directions", directions)  # type: ignore[arg-type]  # it refuses what is none
+    given = finite_array("directions", directions)
     if given.ndim != 2 or given.shape[1] != task or not len(given):
         fact = f"{directions!r}" if given.ndim == 0 else f"shape {given.shape}"
         raise InvalidInput(

@@ -32,7 +32,7 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least: float) -
 
 def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
     """Return numbers broadcast to a shape, not to be written; raise InvalidInput, naming them, where they cannot be."""
-    given = finite_array(f"distributed actuation: {name}", value)  # type: ignore[arg-type]  # it refuses what is none
+    given = finite_array(f"distributed actuation: {name}", value)
     try:
         settled = np.broadcast_to(given, shape).copy()
     except ValueError:

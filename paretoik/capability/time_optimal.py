@@ -16,9 +16,9 @@ from paretoik.capability.planner import Formulation, Plan, Planner
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, finite_array
+from paretoik.task.limits import LIMIT_TOLERANCE
 
 PATIENCE = 10.0  # times the straight line's time, after which a reference that is still on its way goes nowhere
-LIMIT_TOLERANCE = 1e-9  # of the velocity limit: rounding, not counted as a cut
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

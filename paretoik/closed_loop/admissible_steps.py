@@ -9,78 +9,88 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.interpreter import run_first
+from paretoik.closed_loop.obstacle_distances import evaluate_distances
 from paretoik.compilation import compiled
 
 
 @compiled
 def clearance_at_start(start, constraints, w):
     """Return by how much the configuration before a step exceeds the required distance; inf without obstacles."""
+    if constraints.obstacles.shape[0] == 0:
+        return np.inf
     for j in range(start.previous.shape[0]):
         w.configurations[j, 0] = start.previous[j]
-    _evaluate_distances(constraints.clearance, constraints.required, 1, w)
-    return w.distances[0, 0]
+    run_first(constraints.nodes, w.configurations, w.nodes, 1)
+    _evaluate_excess(constraints.obstacles, constraints.required, 1, w)
+    return w.distances[0]
 
 
 @compiled
-def _evaluate_distances(program, required, count, w):
-    """Write by how much the first configurations exceed the required distance, for every output of an evaluator."""
-    run_first(program, w.configurations, w.distances, count)
-    for i in range(w.distances.shape[0]):
-        for k in range(count):
-            w.distances[i, k] -= required
+def _evaluate_excess(obstacles, required, count, w):
+    """Write by how much the arms of the first ``w.nodes`` exceed the required distance from obstacles."""
+    evaluate_distances(obstacles, w.nodes, count, w.distances)
+    for k in range(count):
+        w.distances[k] -= required
 
 
 @compiled
-def shorten(count, start, constraints, w):
-    """Scale down the self-motion of pending steps so that joints stay within their bounds; genes follow."""
-    q, genes, n = w.inputs, w.children, start.previous.shape[0]
-    previous, shortest = start.previous, start.particular
-    for i in range(count if constraints.bounded else 0):
-        k, scale = w.pending[i], 1.0
-        for j in range(n):
-            base, lower, upper = shortest[j], constraints.lower[j], constraints.upper[j]
-            self_motion = q[j, k] - previous[j] - base
-            if base + self_motion < lower or base + self_motion > upper:
-                bound = upper if self_motion > 0.0 else lower
-                scale = min(scale, max((bound - base) / self_motion, 0.0))
-        if scale < 1.0:
-            _scale_self_motion(scale, k, previous, shortest, q, genes)
+def shorten(first, last, start, constraints, w):
+    """Scale down the self-motion of steps so that joints stay within their bounds; genes follow."""
+    if not constraints.bounded:
+        return
+    scale, shortened = w.scale[first:last], np.int64(0)
+    scale[:] = 1.0
+    for j in range(start.previous.shape[0]):
+        q, previous, shortest = w.inputs[j, first:last], start.previous[j], start.particular[j]
+        lower, upper = constraints.lower[j], constraints.upper[j]
+        for k in range(last - first):  # without branches, for vector instructions
+            self_motion = q[k] - previous - shortest
+            beyond = (shortest + self_motion < lower) | (shortest + self_motion > upper)
+            bound = upper if self_motion > 0.0 else lower
+            share = min(scale[k], max((bound - shortest) / self_motion, 0.0))
+            scale[k] = share if beyond else scale[k]
+    for k in range(last - first):
+        shortened += np.int64(scale[k] < 1.0)
+    if shortened > 0:
+        _scale_self_motion(scale, first, last, start, w)
 
 
 @compiled
-def _scale_self_motion(scale, k, previous, shortest, q, genes):
-    """Scale the self-motion of a step, and let its genes stand for it."""
-    n = previous.shape[0]
+def _scale_self_motion(scale, first, last, start, w):
+    """Scale the self-motion of steps, and let their genes stand for it."""
+    n = start.previous.shape[0]
     for j in range(n):
-        base = previous[j] + shortest[j]
-        q[j, k] = base + scale * (q[j, k] - base)
-    for row in range(0, genes.shape[0], n + 1):
-        genes[row + n, k] = 0.0
+        q, base = w.inputs[j, first:last], start.previous[j] + start.particular[j]
+        for k in range(last - first):
+            scaled = base + scale[k] * (q[k] - base)
+            q[k] = scaled if scale[k] < 1.0 else q[k]
+    for row in range(0, w.children.shape[0], n + 1):
+        target = w.children[row + n, first:last]
         for j in range(n):
-            genes[row + n, k] += genes[row + j, k] * (q[j, k] - previous[j])
+            gene, q, previous = w.children[row + j, first:last], w.inputs[j, first:last], start.previous[j]
+            for k in range(last - first):
+                total = (0.0 if j == 0 else target[k]) + gene[k] * (q[k] - previous)
+                target[k] = total if scale[k] < 1.0 else target[k]
 
 
 @compiled
 def find_inadmissible(count, start, constraints, clearance, options, w):
     """Move the pending steps that are not admissible to the front of ``w.pending``; return how many.
 
-    ``clearance`` is what ``clearance_at_start`` returned. Balls around and inside the obstacles decide first.
+    ``clearance`` is what ``clearance_at_start`` returned. Balls around the obstacles decide first.
     """
     rejected, near = _check_bounds(count, start, constraints, clearance, options, w)
     if near == 0:
         return rejected
     close = _check_balls(near, constraints, clearance, w)
-    doubtful, evaluated = 0, 0
+    doubtful = 0
     for i in range(close):
-        gap = 0.0  # inside a ball inside an obstacle
-        if w.inside[i] == 0:
-            gap = w.distances[0, evaluated]
-            evaluated += 1
-        if w.inside[i] == 1 or not gap > constraints.standoff:
+        if not w.distances[i] > constraints.standoff:
             w.pending[rejected] = w.candidates[i]
             rejected += 1
-        elif constraints.swept and clearance + gap <= w.travel[i]:
-            w.candidates[doubtful], w.travel[doubtful], w.intervals[4, doubtful] = w.candidates[i], w.travel[i], gap
+        elif constraints.swept and clearance + w.distances[i] <= w.travel[i]:
+            w.candidates[doubtful], w.travel[doubtful] = w.candidates[i], w.travel[i]
+            w.intervals[4, doubtful] = w.distances[i]
             doubtful += 1
     if doubtful > 0:
         _sweep(doubtful, start, clearance, constraints, options, w)
@@ -119,24 +129,18 @@ def _check_bounds(count, start, constraints, clearance, options, w):
 
 @compiled
 def _check_balls(near, constraints, clearance, w):
-    """Keep the candidates that the balls around obstacles do not clear, and evaluate their distances; return how many.
-
-    Those whose ends lie within a ball inside an obstacle are marked, and not evaluated.
-    """
-    _evaluate_distances(constraints.bounding, constraints.required, near, w)
-    close, evaluated = 0, 0
+    """Keep the candidates that the balls around obstacles do not clear; write their distances, return how many."""
+    run_first(constraints.nodes, w.configurations, w.nodes, near)
+    _evaluate_excess(constraints.bounding, constraints.required, near, w)
+    close = 0
     for i in range(near):
         travel = w.travel[i] - clearance if constraints.swept else 0.0
-        if w.distances[0, i] > max(constraints.standoff, travel):
-            continue
-        w.candidates[close], w.travel[close] = w.candidates[i], w.travel[i]
-        w.inside[close] = np.int64(w.distances[1, i] <= constraints.standoff)
-        if w.inside[close] == 0:
-            for j in range(w.configurations.shape[0]):
-                w.configurations[j, evaluated] = w.configurations[j, i]
-            evaluated += 1
-        close += 1
-    _evaluate_distances(constraints.clearance, constraints.required, evaluated, w)
+        if not w.distances[i] > max(constraints.standoff, travel):
+            w.candidates[close], w.travel[close] = w.candidates[i], w.travel[i]
+            for m in range(w.nodes.shape[0]):
+                w.nodes[m, close] = w.nodes[m, i]
+            close += 1
+    _evaluate_excess(constraints.obstacles, constraints.required, close, w)
     return close
 
 
@@ -161,9 +165,10 @@ def _sweep(count, start, clearance, constraints, options, w):
             k, share = w.candidates[np.int64(popped[0, i])], popped[1, i] + 0.5 * popped[2, i]
             for j in range(start.previous.shape[0]):
                 w.configurations[j, i] = start.previous[j] + share * (w.inputs[j, k] - start.previous[j])
-        _evaluate_distances(constraints.clearance, constraints.required, batch, w)
+        run_first(constraints.nodes, w.configurations, w.nodes, batch)
+        _evaluate_excess(constraints.obstacles, constraints.required, batch, w)
         for i in range(batch):
-            waiting = _halve(popped, i, w.distances[0, i], waiting, options.shortest_interval, intervals, w.travel)
+            waiting = _halve(popped, i, w.distances[i], waiting, options.shortest_interval, intervals, w.travel)
 
 
 @compiled

@@ -78,23 +78,30 @@ def evaluate(start, options, objectives, constraints, clearance, count, w, repla
     one dominates are not tested.
     """
     F, parents = w.F, w.order.shape[0]
-    decode(w.children, 0, count, start, w.linear_systems, w.inputs)
+    _configure(0, count, start, constraints, w)
     for k in range(count):
         w.pending[k] = k
-    shorten(count, start, constraints, w)
     if replaces and (clearance < np.inf or constraints.bounded):
         _redraw_inadmissible(start, options, constraints, clearance, count, w)
     _evaluate_objectives(start, objectives, count, w)
+    if single_rank:
+        locate(F, parents, count, w.selection.places, w.selection.dominated)
     if replaces:
         return
     tested = 0
     for k in range(count):
-        x, y = F[0, parents + k], F[1, parents + k]
-        if x < np.inf and not (single_rank and locate(F, parents, x, y)[1]):
+        if F[0, parents + k] < np.inf and not (single_rank and w.selection.dominated[k] > 0):
             w.pending[tested] = k
             tested += 1
     for i in range(find_inadmissible(tested, start, constraints, clearance, options, w)):
         _fail(F, parents + w.pending[i])
+
+
+@compiled
+def _configure(first, last, start, constraints, w):
+    """Write the joint positions of children."""
+    decode(w.children, first, last, start, w.linear_systems, w.inputs)
+    shorten(first, last, start, constraints, w)
 
 
 @compiled
@@ -133,8 +140,7 @@ def _redraw_inadmissible(start, options, constraints, clearance, count, w):
             return
         for i in range(count):
             draw_chromosome(w.state, -options.gene_bound, options.gene_bound, w.children, pending[i])
-            decode(w.children, pending[i], pending[i] + 1, start, w.linear_systems, w.inputs)
-        shorten(count, start, constraints, w)
+            _configure(pending[i], pending[i] + 1, start, constraints, w)
     for i in range(count):
         w.inputs[0, pending[i]] = np.nan
 
@@ -165,8 +171,11 @@ def _select_of_two(F, count, children, single_rank, fitness, s):
     """
     length, total, tries = 0, 0, single_rank
     while True:
-        new = children if tries else count
-        total = merge_children(F, count, new, tries, s.spare, s.begins, s.chosen, s.points, s.values)
+        new = children
+        if not tries:  # else ``evaluate`` has located them
+            new = count
+            locate(F, count, new, s.places, s.dominated)
+        total = merge_children(F, count, new, tries, s)
         length = first_front(s.points, total, s.values, s.front, s.objectives)
         if length >= count or not tries:
             break

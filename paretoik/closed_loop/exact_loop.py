@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.closed_loop.control_step import reach_by_joint
-from paretoik.closed_loop.programs import bounding_balls, trace_distances
+from paretoik.closed_loop.obstacle_tables import tabulate
+from paretoik.closed_loop.programs import bounding_ball
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
@@ -57,7 +58,7 @@ def exact_steps(
     lengths = link_lengths(task.arm)
     if task.rows != 2 or task.targets.shape[1] != 2:
         raise InvalidInput(f"exact steps: a path of positions in the plane wanted, got {task.rows} rows")
-    n, balls = len(lengths), [bounding_balls(obstacle) for obstacle in task.obstacles]
+    n = len(lengths)
     cells = 1 + max(
         2 * (options.fine_radii + options.coarse_radii + 1),
         options.angles * (options.fine_radii_4r + options.coarse_radii_4r + 1),
@@ -68,15 +69,15 @@ def exact_steps(
         null_space=np.zeros((n, n - 2)),
         center=np.zeros(n - 2),
         target=np.zeros(2),
-        clearance=trace_distances(task, [task.obstacles]).arrays,
-        bounding=trace_distances(task, [[ball[k] for ball in balls] for k in (0, 1)]).arrays,
+        obstacles=tabulate(task.obstacles),
+        bounding=tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
         required=task.min_clearance + task.link_radius,
         reach=reach_by_joint(task),
         reference=np.zeros(n),
         margin=np.zeros(1),
-        batch=np.zeros((n, cells)),
+        nodes=np.zeros((3 * (n + 1), cells)),
         cells=np.zeros(cells, np.int64),
-        distances=np.zeros((2, cells)),
+        distances=np.zeros(cells),
     )
     q = np.empty((len(task.targets), n))
     q[0] = start

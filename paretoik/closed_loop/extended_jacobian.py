@@ -15,43 +15,44 @@ def decode(genes, first, last, start, systems, q):
     """
     previous, particular, null_space = start.previous, start.particular, start.null_space
     n, r = null_space.shape
+    count = last - first  # loops begin at 0: an index needs no check for negative numbers
     for i in range(r):
-        rhs, row = systems[r * r + i], i * (n + 1)
+        rhs, row = systems[r * r + i, first:last], i * (n + 1)
         _weighted_sum(genes, row, particular, n, first, last, rhs)
-        target = genes[row + n]
-        for k in range(first, last):
+        target = genes[row + n, first:last]
+        for k in range(count):
             rhs[k] = target[k] - rhs[k]
         for j in range(r):
-            _weighted_sum(genes, row, null_space[:, j], n, first, last, systems[i * r + j])
+            _weighted_sum(genes, row, null_space[:, j], n, first, last, systems[i * r + j, first:last])
     _solve(systems, r, first, last)
     for i in range(n):
-        base, positions = previous[i] + particular[i], q[i]
+        base, positions = previous[i] + particular[i], q[i, first:last]
         for j in range(r):
-            y, factor = systems[r * r + j], null_space[i, j]
+            y, factor = systems[r * r + j, first:last], null_space[i, j]
             if j == 0:
-                for k in range(first, last):
+                for k in range(count):
                     positions[k] = base + factor * y[k]
             else:
-                for k in range(first, last):
+                for k in range(count):
                     positions[k] += factor * y[k]
 
 
 @compiled
-def _weighted_sum(genes, row, weights, count, first, last, result):
-    """Write the weighted sum of ``count`` rows of genes; rows are read before the loops, for vector instructions."""
-    i = 0
-    if count >= 3:
+def _weighted_sum(genes, row, weights, rows, first, last, result):
+    """Write the weighted sum of ``rows`` rows of genes; rows are read before the loops, for vector instructions."""
+    i, count = 0, last - first
+    if rows >= 3:
         a, b, c = weights[0], weights[1], weights[2]
-        row_a, row_b, row_c = genes[row], genes[row + 1], genes[row + 2]
-        for k in range(first, last):
+        row_a, row_b, row_c = genes[row, first:last], genes[row + 1, first:last], genes[row + 2, first:last]
+        for k in range(count):
             result[k] = a * row_a[k] + b * row_b[k] + c * row_c[k]
         i = 3
     else:
-        for k in range(first, last):
+        for k in range(count):
             result[k] = 0.0
-    while i < count:
-        a, row_a = weights[i], genes[row + i]
-        for k in range(first, last):
+    while i < rows:
+        a, row_a = weights[i], genes[row + i, first:last]
+        for k in range(count):
             result[k] += a * row_a[k]
         i += 1
 
@@ -60,22 +61,24 @@ def _weighted_sum(genes, row, weights, count, first, last, result):
 def _solve(systems, r, first, last):
     """Solve systems of r equations; the solutions overwrite the right-hand sides."""
     if r == 1:
-        for k in range(first, last):
-            systems[1, k] /= systems[0, k]
+        matrix, x = systems[0, first:last], systems[1, first:last]
+        for k in range(last - first):
+            x[k] /= matrix[k]
     elif r == 2:
-        _solve_pairs(systems[0], systems[1], systems[2], systems[3], systems[4], systems[5], first, last)
+        m11, m12, m21, m22 = (
+            systems[0, first:last],
+            systems[1, first:last],
+            systems[2, first:last],
+            systems[3, first:last],
+        )
+        x, y = systems[4, first:last], systems[5, first:last]
+        for k in range(last - first):  # Cramer's rule
+            a, b, c, d = m11[k], m12[k], m21[k], m22[k]
+            e, f, determinant = x[k], y[k], a * d - b * c
+            x[k], y[k] = (e * d - b * f) / determinant, (a * f - e * c) / determinant
     else:
         for k in range(first, last):
             _eliminate(systems, r, k)
-
-
-@compiled
-def _solve_pairs(m11, m12, m21, m22, x, y, first, last):
-    """Solve systems of two equations by Cramer's rule."""
-    for k in range(first, last):
-        a, b, c, d = m11[k], m12[k], m21[k], m22[k]
-        e, f, determinant = x[k], y[k], a * d - b * c
-        x[k], y[k] = (e * d - b * f) / determinant, (a * f - e * c) / determinant
 
 
 @compiled

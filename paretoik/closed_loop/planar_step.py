@@ -6,11 +6,11 @@ The displacement of Marcos et al. 2012, Eq. 17, is then a constant plus 2 ‖y �
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from paretoik.autodiff.interpreter import run_first
+from paretoik.closed_loop.obstacle_distances import evaluate_distances
 from paretoik.compilation import compiled, inlined
 
 ERROR, RADIUS, SUM = range(3)  # the quantity that is minimised
@@ -20,10 +20,9 @@ class PlanarSteps(NamedTuple):
     """The steps of an arm with these link ``lengths`` [m] from one configuration, and the obstacles.
 
     ``base`` (dof,) are the joint positions after the shortest step, ``null_space`` (dof, r), ``center`` (r,) is c.
-    ``clearance``, ``bounding``, ``required`` and ``reach`` are those of ``StepConstraints``. In ``reference``, the
-    configuration that was evaluated last, the arm was clear of obstacles by at least ``margin`` (1,) [m], or met one
-    by as much where that is negative. ``batch`` (dof, cells), ``cells`` and ``distances`` (2, cells) are for many
-    configurations at once.
+    ``obstacles``, ``bounding``, ``required`` and ``reach`` are those of ``StepConstraints``. In ``reference``, the
+    configuration whose distances were evaluated last, the arm was clear of obstacles by at least ``margin`` (1,) [m].
+    ``nodes`` (3 · nodes, cells), ``cells`` and ``distances`` (cells,) are for many configurations at once.
     """
 
     lengths: np.ndarray
@@ -31,13 +30,13 @@ class PlanarSteps(NamedTuple):
     null_space: np.ndarray
     center: np.ndarray
     target: np.ndarray
-    clearance: Any
-    bounding: Any
+    obstacles: np.ndarray
+    bounding: np.ndarray
     required: float
     reach: np.ndarray
     reference: np.ndarray
     margin: np.ndarray
-    batch: np.ndarray
+    nodes: np.ndarray
     cells: np.ndarray
     distances: np.ndarray
 
@@ -87,68 +86,64 @@ def configure(rho, theta, base, null_space, center, q):
 
 
 @inlined
-def tool_error(q, lengths, target):
-    """Return the distance of the tip from the target [m] (Eq. 18)."""
+def tool_error(q, s, column):
+    """Write the arm's nodes to a column of ``s.nodes``; return the distance of the tip from the target (Eq. 18)."""
     x, y, angle = 0.0, 0.0, 0.0
-    for k in range(lengths.shape[0]):
+    for k in range(s.lengths.shape[0]):
         angle += q[k]
-        x += lengths[k] * np.cos(angle)
-        y += lengths[k] * np.sin(angle)
-    return np.hypot(x - target[0], y - target[1])
+        x += s.lengths[k] * np.cos(angle)
+        y += s.lengths[k] * np.sin(angle)
+        s.nodes[3 * k + 3, column], s.nodes[3 * k + 4, column] = x, y
+    return np.hypot(x - s.target[0], y - s.target[1])
 
 
 @inlined
 def step_error(rho, theta, s, q):
     """Write the joint positions after a step; return the error of the tool there, inf where the arm is not clear."""
     configure(rho, theta, s.base, s.null_space, s.center, q)
+    error = tool_error(q, s, 0)
+    if s.obstacles.shape[0] == 0:
+        return error
     travel = 0.0
     for k in range(q.shape[0]):
         travel += s.reach[k] * abs(q[k] - s.reference[k])
     margin = s.margin[0]
-    if not travel < abs(margin):  # the reference does not tell
+    if not travel < margin:  # the reference does not tell
         margin = _evaluate_margin(q, s)
-    return tool_error(q, s.lengths, s.target) if margin > 0.0 else np.inf
+    return error if margin > 0.0 else np.inf
 
 
 @compiled
 def _evaluate_margin(q, s):
     """Return by how much the arm is clear of obstacles at least, not positive where it is not; q is the reference."""
     for k in range(q.shape[0]):
-        s.reference[k] = s.batch[k, 0] = q[k]
-    run_first(s.bounding, s.batch, s.distances, 1)
-    margin = s.distances[0, 0] - s.required
-    if not margin > 0.0:
-        margin = s.distances[1, 0] - s.required  # of a ball inside an obstacle
-        if margin > 0.0:
-            run_first(s.clearance, s.batch, s.distances, 1)
-            margin = max(s.distances[0, 0] - s.required, 0.0)
-    s.margin[0] = margin
-    return margin
+        s.reference[k] = q[k]
+    evaluate_distances(s.bounding, s.nodes, 1, s.distances)
+    if not s.distances[0] > s.required:
+        evaluate_distances(s.obstacles, s.nodes, 1, s.distances)
+    s.margin[0] = s.distances[0] - s.required
+    return s.margin[0]
 
 
 @compiled
 def evaluate_grid(radii, angles, s, q, errors):
     """Write the error of the tool after the steps of a grid, inf where the arm is not clear."""
-    columns = angles.shape[0]
-    for i in range(radii.shape[0]):
+    rows, columns = errors.shape
+    for i in range(rows):
         for j in range(columns):
             configure(radii[i], angles[j], s.base, s.null_space, s.center, q)
-            errors[i, j] = tool_error(q, s.lengths, s.target)
-            for k in range(q.shape[0]):
-                s.batch[k, i * columns + j] = q[k]
-    cells, near = radii.shape[0] * columns, 0
-    run_first(s.bounding, s.batch, s.distances, cells)
-    for cell in range(cells):
-        if s.distances[1, cell] <= s.required:  # within a ball inside an obstacle
-            errors[cell // columns, cell % columns] = np.inf
-        elif not s.distances[0, cell] > s.required:
-            for k in range(q.shape[0]):
-                s.batch[k, near] = s.batch[k, cell]
+            errors[i, j] = tool_error(q, s, i * columns + j)
+    evaluate_distances(s.bounding, s.nodes, rows * columns, s.distances)
+    near = 0
+    for cell in range(rows * columns):
+        if not s.distances[cell] > s.required:
+            for m in range(s.nodes.shape[0]):
+                s.nodes[m, near] = s.nodes[m, cell]
             s.cells[near] = cell
             near += 1
-    run_first(s.clearance, s.batch, s.distances, near)
+    evaluate_distances(s.obstacles, s.nodes, near, s.distances)
     for i in range(near):
-        if not s.distances[0, i] > s.required:
+        if not s.distances[i] > s.required:
             errors[s.cells[i] // columns, s.cells[i] % columns] = np.inf
 
 

@@ -1,10 +1,9 @@
-"""Evaluators of a step's objectives and of the arm's distance to obstacles, traced for the engine."""
+"""Evaluators of a step's objectives and of the places of the arm's joints, traced for the engine."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -15,9 +14,9 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.control_step import HISTORY, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
+from paretoik.closed_loop.obstacle_tables import tabulate
 from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
-from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 from paretoik.task.path import Path
@@ -32,13 +31,14 @@ class StepPrograms:
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
     home, the target and constants; it reads rates of fewer than ``orders`` orders, and has at least two outputs: a
-    single objective twice. ``clearance``, ``bounding`` and ``reach`` are those of ``StepConstraints``.
+    single objective twice. ``nodes``, ``obstacles``, ``bounding`` and ``reach`` are those of ``StepConstraints``.
     """
 
     objectives: Evaluator
     orders: int
-    clearance: Evaluator
-    bounding: Evaluator
+    nodes: Evaluator
+    obstacles: Float[np.ndarray, "obstacles columns"]
+    bounding: Float[np.ndarray, "obstacles columns"]
     reach: Float[np.ndarray, " dof"]
     inputs: int
     constants: Float[np.ndarray, " numbers"]
@@ -77,12 +77,12 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
         outputs.append(as_entry(trace.tape, objective.sign * Expression(trace.tape, as_entry(trace.tape, value))))
     evaluator = compile_evaluator(trace.tape, outputs * 2 if len(outputs) == 1 else outputs)
     rates = [int(row) // dof for row in evaluator.inputs if row < ORDERS * dof]
-    around, inside = zip(*map(bounding_balls, task.obstacles), strict=True) if task.obstacles else ((), ())
     return StepPrograms(
         objectives=evaluator,
         orders=max(rates, default=0) + 1,
-        clearance=trace_distances(task, [task.obstacles]),
-        bounding=trace_distances(task, [around, inside]),
+        nodes=trace_nodes(task),
+        obstacles=tabulate(task.obstacles),
+        bounding=tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
         reach=reach_by_joint(task),
         inputs=len(trace.tape.inputs),
         constants=np.array([values[-1] for values in trace.parameters.values()]),
@@ -101,37 +101,24 @@ def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> 
     return table
 
 
-def trace_distances(task: MotionTask, groups: Sequence[Sequence[Obstacle]]) -> Evaluator:
-    """Return the evaluator, from joint positions, of the distance [m] of the arm's axes to each group of obstacles.
-
-    It is that of ``task/distances`` as far as it is positive; where the arm meets an obstacle, at most 0; inf for none.
-    """
+def trace_nodes(task: MotionTask) -> Evaluator:
+    """Return the evaluator, from joint positions, of x, y and z [m] of the arm's base, joints and tool in turn."""
     motion = trace_sample(task)
-    nodes = [motion.links[..., axis] for axis in range(3)]
-    starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
-    distance: Any = distance_components  # of arrays; it takes expressions as well
-    outputs = []
-    for group in groups:
-        distances = [distance(obstacle, starts, ends, depth=False).min(-1) for obstacle in group]
-        least = reduce(np.minimum, distances).entries.item() if distances else np.inf
-        outputs.append(as_entry(motion.trace.tape, least))
-    return compile_evaluator(motion.trace.tape, outputs)
+    return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])
 
 
-def bounding_balls(obstacle: Obstacle) -> tuple[Obstacle, Obstacle]:
-    """Return a ball around an obstacle and one inside it, or circles; the obstacle itself where there is none."""
+def bounding_ball(obstacle: Obstacle) -> Obstacle:
+    """Return a ball around an obstacle, or a circle; the obstacle itself where there is none."""
     if isinstance(obstacle, Capsule):
-        center, half_length = (obstacle.start + obstacle.end) / 2, np.linalg.norm(obstacle.end - obstacle.start) / 2
-        return Sphere(center, obstacle.radius + float(half_length)), Sphere(center, obstacle.radius)
+        half_length = float(np.linalg.norm(obstacle.end - obstacle.start)) / 2
+        return Sphere((obstacle.start + obstacle.end) / 2, obstacle.radius + half_length)
     if not isinstance(obstacle, Box):
-        return obstacle, obstacle
-    place, halves = obstacle.pose, obstacle.half_sizes
-    around, inside = float(np.linalg.norm(halves)), float(halves.min())
-    if len(halves) == 3:
-        return Sphere(place.position, around), Sphere(place.position, inside)
-    if abs(place.rotation[2, 2]) == 1.0:  # an upright beam
-        return Circle(place.position[:2], around), Circle(place.position[:2], inside)
-    return obstacle, obstacle
+        return obstacle
+    place, radius = obstacle.pose, float(np.linalg.norm(obstacle.half_sizes))
+    if len(obstacle.half_sizes) == 3:
+        return Sphere(place.position, radius)
+    is_upright = abs(place.rotation[2, 2]) == 1.0
+    return Circle(place.position[:2], radius) if is_upright else obstacle
 
 
 def _short_task(task: MotionTask, dt: float) -> MotionTask:

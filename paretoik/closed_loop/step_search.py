@@ -61,7 +61,7 @@ class StepSearch:
         )
         self._has_searched = False
         self._objectives = ObjectiveProgram(programs.objectives.arrays, programs.orders)
-        self._clearance, self._bounding = programs.clearance.arrays, programs.bounding.arrays
+        self._nodes = programs.nodes.arrays
 
     def __call__(self, step: ControlStep) -> Population:
         """Search a step; the same seed and step give the same population.
@@ -105,8 +105,9 @@ class StepSearch:
         rates = [np.diff(step.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
         start = StepStart(np.array(step.previous), particular, null_space, np.array([*rates, np.zeros(self.dof)]), dt)
         constraints = StepConstraints(
-            self._clearance,
-            self._bounding,
+            self._nodes,
+            self.programs.obstacles,
+            self.programs.bounding,
             task.min_clearance + task.link_radius,
             self.programs.reach,
             np.array(step.lower),

@@ -47,14 +47,15 @@ class ObjectiveProgram(NamedTuple):
 class StepConstraints(NamedTuple):
     """The obstacles, the required distance of the arm's links from them [m], and how far each joint may move.
 
-    ``clearance`` is the evaluator of the distance to the obstacles, ``bounding`` that of the distances to balls around
-    and inside them. ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``lower`` and
-    ``upper`` (dof,) bound how far each joint may move, where ``bounded``; ``swept`` says that the whole step is to be
-    clear, not its end alone. Its end keeps a ``standoff`` [m] beyond what is required.
+    ``nodes`` is the evaluator of the places of the arm's joints; ``obstacles`` and ``bounding``, the balls around them,
+    are rows of ``tabulate``. ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``lower``
+    and ``upper`` (dof,) bound how far each joint may move, where ``bounded``; ``swept`` says that the whole step is to
+    be clear, not its end alone. Its end keeps a ``standoff`` [m] beyond what is required.
     """
 
-    clearance: Any
-    bounding: Any
+    nodes: Any
+    obstacles: np.ndarray
+    bounding: np.ndarray
     required: float
     reach: np.ndarray
     lower: np.ndarray
@@ -73,6 +74,8 @@ class SelectionWorkspace(NamedTuple):
     x: np.ndarray
     y: np.ndarray
     stack: np.ndarray
+    places: np.ndarray
+    dominated: np.ndarray
     spare: np.ndarray
     rank: np.ndarray
     scaled: np.ndarray
@@ -104,8 +107,9 @@ class Workspace(NamedTuple):
     pending: np.ndarray
     candidates: np.ndarray
     travel: np.ndarray
-    inside: np.ndarray
+    scale: np.ndarray
     configurations: np.ndarray
+    nodes: np.ndarray
     distances: np.ndarray
     intervals: np.ndarray
     selection: SelectionWorkspace
@@ -124,6 +128,8 @@ def allocate(
         x=np.zeros(both),
         y=np.zeros(both),
         stack=np.zeros((both, 2), index),
+        places=np.zeros(N, np.uint64),
+        dominated=np.zeros(N, np.uint64),
         spare=np.zeros(both, index),
         rank=np.zeros(both, index),
         scaled=np.zeros((M, both)),
@@ -147,9 +153,10 @@ def allocate(
         pending=np.zeros(N, index),
         candidates=np.zeros(N, index),
         travel=np.zeros(N),
-        inside=np.zeros(N, index),
+        scale=np.zeros(N),
         configurations=np.zeros((dof, evaluated)),
-        distances=np.zeros((2, evaluated)),
+        nodes=np.zeros((3 * (dof + 2), evaluated)),
+        distances=np.zeros(evaluated),
         intervals=np.zeros((5, N + options.interval_batch * options.interval_depth)),
         selection=selection,
     )

@@ -1,4 +1,4 @@
-"""The base motions of ``Tracking``: the best roll-outs of every branch, and others far from them."""
+"""The motions that ``Tracking`` starts from: the best roll-outs of every branch, others far from them, a user's."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives
-from paretoik.errors import InvalidInput
+from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.starts import rollout_starts
 from paretoik.task.motion import Motion
@@ -46,6 +46,35 @@ def _distance(task: MotionTask, q: np.ndarray, chosen: np.ndarray) -> np.ndarray
     wrapped = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
     distance: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
     return distance
+
+
+def positions_on_path(
+    task: MotionTask, motions: Motion, *, tolerance: float = 1e-6
+) -> Float[np.ndarray, "motions time dof"]:
+    """Return the joint positions of a user's motions.
+
+    Raises InvalidInput where they are not of the task's arm and samples, or off the path by more than ``tolerance``
+    [m, rad].
+    """
+    if not isinstance(motions, Motion):
+        raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
+    q = np.array(motions.q if motions.q.ndim == 3 else motions.q[None])
+    if motions.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
+        raise InvalidInput(
+            f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {motions.arm.name} with "
+            f"{q.shape[1]}"
+        )
+    deviation = float(task.motion(q).tracking_error.max())
+    if deviation > tolerance:
+        raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
+    return q
+
+
+def require_values(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> None:
+    """Raise EvaluationFailed, with the first cause, where objectives and limits of no motion have values."""
+    causes = evaluate_motions(task, task.motion(q))[2]
+    if all(causes):
+        raise EvaluationFailed(f"every evaluation failed, the first with: {causes[0]}")
 
 
 def evaluate_motions(task: MotionTask, motions: Motion) -> tuple[Objectives, np.ndarray, np.ndarray]:

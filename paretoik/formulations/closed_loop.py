@@ -22,6 +22,7 @@ from paretoik.formulations.closed_loop_result import ClosedLoopRun, collect_run,
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
+from paretoik.inputs import check_flag, real_array
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
 from paretoik.task.limits import Limits
@@ -90,6 +91,8 @@ class ClosedLoop:
         generations: int = 200,
         seed: int = 0,
     ) -> None:
+        if not isinstance(objectives, Sequence):
+            raise InvalidInput(f"objectives: a list of them wanted, got {objectives!r}")
         self.objectives = tuple(as_step_objective(each) for each in objectives)
         if not self.objectives:
             raise InvalidInput("objectives: wants at least one, got none")
@@ -107,7 +110,8 @@ class ClosedLoop:
         steps = np.diff(self.task.times)
         if np.ptp(steps) > SPACING_TOLERANCE * steps.mean():
             raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
-        if not longest_step > 0:
+        check_flag("warm_start", warm_start)
+        if not real_array("longest_step", longest_step) > 0:
             raise InvalidInput(f"longest_step: a positive number wanted, got {longest_step!r}")
         self.longest, self.warm_start = float(longest_step), bool(warm_start)
         self._set(weights=weights, start=start, population=population, generations=generations, seed=seed)

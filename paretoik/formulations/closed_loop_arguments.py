@@ -33,6 +33,8 @@ def normalise_weights(
 
 def check_limits(limits: Limits | None) -> None:
     """Raise InvalidInput for limits that a closed loop does not keep."""
+    if not isinstance(limits, Limits | None):
+        raise InvalidInput(f"limits: Limits wanted, got {limits!r}")
     for kind in ("acceleration", "torque", "power") if limits is not None else ():
         limit = getattr(limits, kind)
         if limit is not None and not (isinstance(limit, float) and limit == np.inf):

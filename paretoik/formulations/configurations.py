@@ -15,11 +15,11 @@ from paretoik.capability.zonotopes import facet_joint_speeds, highest_speeds
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import order_by_neighbour, wrap_difference
+from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
 BASE_DISTANCE = 0.1  # rad or m: postures nearer than this are one base
-LIMIT_TOLERANCE = 1e-9  # of ranges
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -89,7 +89,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             raise InvalidInput(f"power: True or False wanted, got {power!r}")
         self.arm, self.actuation, self.power = arm, actuation, power
         task = 2 if arm.is_planar else 3
-        self.position = finite_array("position", position, (task,))  # type: ignore[arg-type]  # it refuses what is none
+        self.position = finite_array("position", position, (task,))
         self.directions = unit_directions(directions, task)
         count = len(self.directions)
         self.names: Sequence[str] = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))

@@ -34,12 +34,12 @@ from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
+from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 COEFFICIENT_RANGE = 1.5  # rad or m: how far from its base a coefficient may be
-LIMIT_TOLERANCE = 1e-9  # rad, m or shares: of limits
 SLIDER_OVERSHOOT = 0.5  # of a slider's way: how far a coefficient may be past it, where samples are within
 SHORTEST_INTERVAL = 1e-6  # s: an interval in which nothing moves
 REFINEMENT = 8  # times finer than the samples

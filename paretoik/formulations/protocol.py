@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
-from paretoik.front.front import Choice, Front, Preference
+from paretoik.front.front import Choice, Front, Preference, check_names
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
@@ -143,18 +143,21 @@ class Differentiable(Protocol):
 
 def check_formulation(problem: Any) -> None:
     """Raise InvalidInput unless something has genes and objectives, as pymoo's problems do."""
-    if not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
+    if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
         raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
+    if hasattr(problem, "names"):
+        check_names(problem.names, problem.units)
 
 
 def require_program(verb: str, problem: Any) -> Differentiable:
     """Return a formulation that has gradients; raise InvalidInput, naming the verb, for others."""
-    if not hasattr(problem, "program"):
+    if isinstance(problem, type) or not hasattr(problem, "program"):
         raise InvalidInput(
             f"{verb}: a problem with gradients wanted, such as Tracking, got {type(problem).__name__}, which offers no "
             "program()"
         )
     formulation: Differentiable = problem
+    check_names(formulation.names, formulation.units)
     return formulation
 
 

@@ -15,7 +15,13 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.base_motions import choose_bases, evaluate_motions, sample_rollouts
+from paretoik.formulations.base_motions import (
+    choose_bases,
+    evaluate_motions,
+    positions_on_path,
+    require_values,
+    sample_rollouts,
+)
 from paretoik.formulations.encoding import Encoding, encoding
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
@@ -40,7 +46,6 @@ from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 
 INFEASIBLE_SHARE = 0.3  # of parents: optima lie on the limits, and are found far sooner from both sides
-ON_PATH_TOLERANCE = 1e-6  # rad or m: motions that are farther from the path are none to start from
 
 
 class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -98,6 +103,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     ) -> None:
         check_size("coefficients", coefficients, 4)
         check_size("bases", bases, 1)
+        check_size("seed", seed, 0)
         self.task = motion_task(
             arm,
             path,
@@ -234,6 +240,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
     ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
+        require_values(self.task, self._rollouts)
         return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver, observe=observe)
 
     def plan(
@@ -246,20 +253,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         observe: Callable[[int, int, int], object] | None = None,
     ) -> Plan:
         """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
-        q = None if initial is None else self._initial_positions(initial)
+        require_values(self.task, self._rollouts)
+        q = None if initial is None else positions_on_path(self.task, initial)
         return find_optima(self.task, starts=starts, seed=seed, initial=q, solver=solver, observe=observe)
-
-    def _initial_positions(self, initial: Motion) -> Float[np.ndarray, "motions time dof"]:
-        q, task = np.array(initial.q if initial.q.ndim == 3 else initial.q[None]), self.task
-        if initial.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
-            raise InvalidInput(
-                f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {initial.arm.name} "
-                f"with {q.shape[1]}"
-            )
-        deviation = float(task.motion(q).tracking_error.max())
-        if deviation > ON_PATH_TOLERANCE:
-            raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
-        return q
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""

@@ -16,6 +16,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.indicators import non_dominated
 from paretoik.front.joint_motions import JointMotions
+from paretoik.inputs import file_path
 
 Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
 
@@ -139,6 +140,8 @@ class Front:
         """
         if len(self) == 0:
             raise Infeasible("select: wanted a front of at least one point, got none: no point was feasible")
+        if isinstance(preference, type) or not isinstance(preference, Preference):
+            raise InvalidInput(f"select: a preference wanted, such as Weights(...), got {preference!r}")
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
         return preference.choose(self) if select is None else select(self, preference)
 
@@ -146,7 +149,7 @@ class Front:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`."""
         from paretoik.front.storage import save
 
-        save(self, Path(folder))
+        save(self, file_path("folder", folder))
 
     @staticmethod
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
@@ -159,7 +162,7 @@ class Front:
         """
         from paretoik.front.storage import load
 
-        return load(Path(folder), build_motions=motions)
+        return load(file_path("folder", folder), build_motions=motions)
 
 
 def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: np.ndarray) -> None:
@@ -172,18 +175,23 @@ def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence
     for field_name, values in (("names", names), ("units", units), ("maximised", maximised)):
         if isinstance(values, str) or len(values) != n_obj:
             raise InvalidInput(f"front {field_name}: wanted one for each of {n_obj} objectives, got {values!r}")
-    if len(set(names)) != n_obj:
+    check_names(names, units)
+
+
+def check_names(names: Sequence[str], units: Sequence[str]) -> None:
+    """Raise InvalidInput for names or units that do not fit a table, or names that repeat."""
+    if len(set(names)) != len(names):
         raise InvalidInput(f"front names: wanted each objective named once, got {list(names)}")
     for name in names:
-        # A leading = + - @ makes a spreadsheet run the cell.
-        if not name.isprintable() or name.strip() != name or name[:1] in ("", "=", "+", "-", "@"):
+        printable = isinstance(name, str) and name.isprintable() and name.strip() == name
+        if not printable or name[:1] in ("", "=", "+", "-", "@"):  # these make a spreadsheet run the cell
             raise InvalidInput(
                 f"front names: wanted printable, without outer spaces or a leading = + - @, got {name!r}"
             )
         if name in RESERVED_NAMES:
             raise InvalidInput(f"front names: wanted none of {', '.join(RESERVED_NAMES)}, got {name!r}")
     for unit in units:
-        if not unit.isprintable():
+        if not isinstance(unit, str) or not unit.isprintable():
             raise InvalidInput(f"front units: wanted printable text, got {unit!r}")
 
 

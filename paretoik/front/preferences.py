@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -32,6 +33,8 @@ class Weights:
     weights: Mapping[str, float]
 
     def __init__(self, mapping: Mapping[str, float] | None = None, /, **weights: float) -> None:
+        if not isinstance(mapping, Mapping | None):
+            raise InvalidInput(f"weights: numbers by objective wanted, such as {{'energy': 0.3}}, got {mapping!r}")
         merged = dict(mapping or {})
         twice = sorted(merged.keys() & weights.keys())
         if twice:
@@ -39,7 +42,7 @@ class Weights:
         merged.update(weights)
         for name, weight in merged.items():
             if not _is_weight(weight):
-                raise InvalidInput(f"weights: wanted a finite number >= 0 for {name}, got {weight!r}")
+                raise InvalidInput(f"weights: wanted a finite number >= 0 for {name}, got {reprlib.repr(weight)}")
         if not any(merged.values()):
             raise InvalidInput(f"weights: wanted at least one above zero, got {merged}")
         object.__setattr__(self, "weights", MappingProxyType({name: float(weight) for name, weight in merged.items()}))
@@ -72,7 +75,10 @@ class Weights:
 
 
 def _is_weight(value: object) -> bool:
-    return isinstance(value, Real) and 0.0 <= float(value) < np.inf
+    try:
+        return isinstance(value, Real) and 0.0 <= float(value) < np.inf
+    except OverflowError:
+        return False
 
 
 def argmin_by_id(values: Values, front: Front) -> int:

@@ -46,7 +46,7 @@ class Terms:
 class EquationOfMotion:
     """M q̈ + n = Jᵀλ with J q̇ = ẋ; ``targets`` are splines of the targets and of their two derivatives in time.
 
-    ``sign`` is that of n, −1 where it is right; ``program`` computes what ``Terms`` hold.
+    ``sign`` is that of n, −1; Tringali & Cocuzza 2020 print 1 in Eq. 20; ``program`` computes what ``Terms`` hold.
     """
 
     task: MotionTask
@@ -84,8 +84,8 @@ class EquationOfMotion:
         )
 
 
-def equation_of_motion(task: MotionTask, *, as_printed: bool = False) -> EquationOfMotion:
-    """Return the equation of motion of a task; ``as_printed`` with the sign that Tringali & Cocuzza 2020 print.
+def equation_of_motion(task: MotionTask) -> EquationOfMotion:
+    """Return the equation of motion of a task.
 
     Raises InvalidInput for a cyclic task, and an arm with joints that move no mass.
     """
@@ -101,7 +101,7 @@ def equation_of_motion(task: MotionTask, *, as_printed: bool = False) -> Equatio
     return EquationOfMotion(
         task=task,
         targets=(spline, spline.derivative(), spline.derivative(2)),
-        sign=1.0 if as_printed else -1.0,
+        sign=-1.0,
         program=_terms_program(task, task.arm.mounted(gravity=(0.0, 0.0, 0.0))),
     )
 

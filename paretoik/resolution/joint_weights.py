@@ -9,8 +9,6 @@ import numpy as np
 
 from paretoik.compilation import compiled
 
-SLOPE_AT_LIMIT = 1e12  # of the criterion of the weighted least norm, which grows without bounds
-
 
 @compiled
 def buffer_depth(q, lower, upper, width):
@@ -58,16 +56,17 @@ def least_norm_weight(q, lower, upper, span, previous_slope, j):
     """
     if not span < np.inf:
         return 1.0
+    largest = 1e12  # slope at a limit, where the criterion grows without bounds
     above, below = upper - q, q - lower
     if above == np.inf:
         above = max(span - below, below)
     elif below == np.inf:
         below = max(span - above, above)
     if above <= 0.0 or below <= 0.0:
-        slope = SLOPE_AT_LIMIT
+        slope = largest
     else:
         derivative = span**2 * (below - above) / (4.0 * above * above * below * below)  # Eq. 11
-        slope = min(abs(derivative), SLOPE_AT_LIMIT)
+        slope = min(abs(derivative), largest)
     approaching = slope >= previous_slope[j]
     previous_slope[j] = slope
     return 1.0 / (1.0 + slope) if approaching else 1.0

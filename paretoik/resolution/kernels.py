@@ -13,7 +13,7 @@ from paretoik.autodiff.interpreter import run_first
 from paretoik.compilation import compiled
 from paretoik.resolution.joint_weights import buffer_depth, clamping_weight, criterion_weight, least_norm_weight
 from paretoik.resolution.matrices import cholesky, smallest_eigenvalue, solve_cholesky
-from paretoik.resolution.traces import DAMPED, DONE, HELD, SHORTENED, STEP_LIMIT
+from paretoik.resolution.traces import DAMPED, DONE, HELD, SHORTENED
 
 UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighted
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
@@ -231,11 +231,12 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
 @compiled
 def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
     """Shorten a step whose largest move is too long; take none where it is not finite."""
-    if largest < np.inf and largest <= STEP_LIMIT:
+    limit = 1.0  # rad or m that a joint moves in one step at most: a Jacobian says nothing farther away
+    if largest < np.inf and largest <= limit:
         return
     held = not largest < np.inf
     status[motion, k] = HELD if held else SHORTENED
-    share = 0.0 if held else STEP_LIMIT / largest
+    share = 0.0 if held else limit / largest
     for j in range(velocities.shape[2]):
         velocities[motion, k, j] = 0.0 if held else share * velocities[motion, k, j]
         repulsion[motion, k, j] = 0.0 if held else share * repulsion[motion, k, j]

@@ -6,15 +6,12 @@ import numpy as np
 
 from paretoik.compilation import compiled
 
-QL_ITERATIONS = 40  # for one eigenvalue, at most
-PIVOT_TOLERANCE = 1e-13  # share of the largest diagonal entry: a matrix with a smaller pivot counts as singular
-MACHINE_EPSILON = 2.2e-16
-
 
 @compiled
 def cholesky(A, factor):
     """Write the lower factor of A, its diagonal inverted; return whether A is positive definite."""
     rows, largest = A.shape[0], 0.0
+    tolerance = 1e-13  # share of the largest diagonal entry: a matrix with a smaller pivot counts as singular
     for i in range(rows):
         largest = max(largest, abs(A[i, i]))
     for i in range(rows):
@@ -24,7 +21,7 @@ def cholesky(A, factor):
                 total -= factor[i, c] * factor[m, c]
             if m < i:
                 factor[i, m] = total * factor[m, m]
-            elif total > PIVOT_TOLERANCE * largest:
+            elif total > tolerance * largest:
                 factor[i, i] = 1.0 / np.sqrt(total)
             else:
                 return False
@@ -93,11 +90,12 @@ def smallest_eigenvalue(A, work):
 @compiled
 def _implicit_ql(diagonal, off):
     """Overwrite the diagonal of a symmetric tridiagonal matrix with its eigenvalues; ``off`` are its off-diagonals."""
+    iterations, rounding = 40, 2.2e-16  # for one eigenvalue, at most; of an off-diagonal entry that counts as 0
     for low in range(diagonal.shape[0]):
-        for _ in range(QL_ITERATIONS):
+        for _ in range(iterations):
             high = low
             while high < diagonal.shape[0] - 1:
-                if abs(off[high]) <= MACHINE_EPSILON * (abs(diagonal[high]) + abs(diagonal[high + 1])):
+                if abs(off[high]) <= rounding * (abs(diagonal[high]) + abs(diagonal[high + 1])):
                     break
                 high += 1
             if high == low:

@@ -13,7 +13,6 @@ from paretoik.inputs import finite_array
 
 Number: TypeAlias = float | np.ndarray
 Scale = Literal["linear", "log", "integer"]
-INTEGER_MARGIN = 1e-9  # below the next whole number, so that the floor of an upper bound stays within the range
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,8 @@ class Parameter:
         """Lower and upper bound of the gene."""
         if self.scale == "log":
             return float(np.log10(self.lower)), float(np.log10(self.upper))
-        return float(self.lower), float(self.upper) + (1 - INTEGER_MARGIN if self.scale == "integer" else 0.0)
+        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # the floor of the upper bound is within the range
+        return float(self.lower), float(self.upper) + margin
 
     def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
         """Return the values that genes stand for."""

@@ -13,7 +13,6 @@ from paretoik.task.motion_task import MotionTask
 
 STATUS = np.array(["done", "damped", "shortened", "held"])
 DONE, DAMPED, SHORTENED, HELD = range(4)  # indices into STATUS
-STEP_LIMIT = 1.0  # rad or m: the largest move of a joint in one step; a Jacobian says nothing farther away
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +37,7 @@ class Traces:
     status: Shaped[np.ndarray, "*batch steps"]
 
     def __getitem__(self, index: Any) -> Traces:
-        return type(self)(**{each.name: getattr(self, each.name)[index] for each in fields(self)})
+        return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,105 +11,28 @@ of a redundant manipulator; Gelfand & Fomin 1963, Calculus of Variations, chapte
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.interpolate import CubicSpline
+from jaxtyping import Float
 
-from paretoik.arrays import JointPaths
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import InvalidInput
 from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
 from paretoik.resolution.integration import integrate
-from paretoik.robot import dynamics
-from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import START_TOLERANCE
 from paretoik.task.retraction import retract, row_space_basis, task_errors
-
-STEP_TOLERANCE = 1e-8  # of positions and velocities (relative past 1), each step
-TOLERANCE_RANGE = 1e-13, 1e-3  # finer ones are below rounding, coarser ones leave the path
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Extremal:
-    """Motions of stationary kinetic energy, and their velocities, which ``motion.dq`` only approximates.
-
-    ``minimum`` says which satisfy Jacobi's condition, and are therefore local minima; None where it was not tested.
-    """
-
-    motion: Motion
-    dq: JointPaths
-    minimum: Bool[np.ndarray, "*batch"] | None = None
-
-    @property
-    def energy(self) -> Float[np.ndarray, "*batch"]:
-        """∫ ½ q̇ᵀ M q̇ dt [J s] of the motion in continuous time, by a cubic spline through its samples."""
-        power = dynamics.kinetic_energy(self.motion.arm, self.motion.q, self.dq)
-        times = self.motion.tasks[0].path.times
-        return np.asarray(CubicSpline(times, power, axis=-1).integrate(times[0], times[-1]))
-
-
-def integrate_extremal(
-    task: MotionTask,
-    start: Float[np.ndarray, "*batch dof"] | None = None,
-    *,
-    rates: Float[np.ndarray, "*batch dof"] | None = None,
-    tolerance: float = STEP_TOLERANCE,
-    as_printed: bool = False,
-) -> Extremal:
-    """Return the motions of stationary kinetic energy that leave postures on the path's first sample.
-
-    Parameters
-    ----------
-    task
-        An open motion task of an arm with masses; its objectives and limits do not count.
-    start
-        Postures (*batch, dof) at sample 0; by default the task's own start.
-    rates
-        Joint velocities (*batch, dof) there; by default those of least kinetic energy, as free starts want them.
-    tolerance
-        Of every integration step, by Dormand & Prince's fifth-order pair; each motion has its own steps.
-    as_printed
-        Whether to take the sign of Eq. 20 as printed, to see what it does.
-
-    Raises
-    ------
-    InvalidInput
-        For a cyclic task, a massless arm, starts off the path, or rates that don't follow it.
-    Infeasible
-        Where a motion ends in a singularity, with sample and time.
-    """
-    check_tolerance(tolerance)
-    equation = equation_of_motion(task, as_printed=as_printed)
-    q = starts_on_path(task, start)
-    flat = q.reshape(-1, task.arm.dof)
-    dq = equation.initial_rates(flat) if rates is None else _checked_rates(equation, flat, q.shape, rates)
-    return follow_equation(equation, flat, dq, tolerance, q.shape[:-1])
 
 
 def extremal_paths(
     task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: Float[np.ndarray, " motions"]
 ) -> tuple[Float[np.ndarray, "motions time dof"], Float[np.ndarray, "motions time dof"]]:
-    """Return positions and velocities of ``integrate_extremal``, NaN from where a motion runs into a singularity.
+    """Return positions and velocities of stationary kinetic energy, NaN from where a motion runs into a singularity.
 
     Raises InvalidInput for a cyclic task, a massless arm, starts off the path and tolerances out of range.
     """
     check_tolerance(tolerance)
     equation = equation_of_motion(task)
     q = starts_on_path(task, start)
-    return _paths(equation, q, equation.initial_rates(q), tolerance)
-
-
-def follow_equation(
-    equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float, shape: tuple[int, ...]
-) -> Extremal:
-    """Return the motions from postures and velocities (motions, dof); raise Infeasible where one is incomplete."""
-    task = equation.task
-    paths, rates = _paths(equation, q, dq, tolerance)
-    _check_complete(task, paths)
-    whole = (*shape, len(task.times), task.arm.dof)
-    return Extremal(motion=task.motion(paths.reshape(whole)), dq=rates.reshape(whole))
+    return integrate_paths(equation, q, equation.initial_rates(q), tolerance)
 
 
 def retract_nearest(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
@@ -121,7 +44,7 @@ def retract_nearest(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.
 
 def check_tolerance(tolerance: float | np.ndarray) -> None:
     """Raise InvalidInput for a tolerance out of range."""
-    lowest, highest = TOLERANCE_RANGE
+    lowest, highest = 1e-13, 1e-3  # finer ones are below rounding, coarser ones leave the path
     for value in np.ravel(tolerance):
         if not lowest <= value <= highest:
             raise InvalidInput(f"variational: tolerance must be {lowest:g} to {highest:g}, got {value:g}")
@@ -147,7 +70,7 @@ def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
     return np.where(np.isfinite(retracted), retracted, flat).reshape(q.shape)
 
 
-def _paths(
+def integrate_paths(
     equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return positions and velocities (motions, time, dof), retracted onto the path sample by sample."""
@@ -163,30 +86,3 @@ def _project_rates(equation: EquationOfMotion, paths: np.ndarray, rates: np.ndar
     with np.errstate(invalid="ignore"):
         projected = equation.project(np.tile(equation.task.times, count), paths, rates)
     return projected.reshape(count, -1, paths.shape[1])
-
-
-def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> None:
-    complete = np.isfinite(q).all(axis=2)
-    if complete.all():
-        return
-    motion = int(np.argmin(complete.all(axis=1)))
-    sample = max(0, int(np.argmin(complete[motion])) - 1)
-    where = f"motion {motion} runs into a singularity past sample {sample} ({task.times[sample]:.3g} s)"
-    jacobian = task_errors(task.arm, task.tasks, q[motion, [sample]], task.targets[[sample]])[1][..., 0]
-    condition = f"{np.linalg.cond(jacobian):.3g}" if np.isfinite(jacobian).all() else "infinite"
-    raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {condition}")
-
-
-def _checked_rates(equation: EquationOfMotion, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray) -> np.ndarray:
-    """Return velocities (motions, dof) that follow the path; raise InvalidInput where they don't."""
-    dq = np.asarray(rates, dtype=float)
-    if dq.shape != shape or not np.isfinite(dq).all():
-        raise InvalidInput(f"variational: rates want finite numbers of the starts' shape {shape}, got {dq.shape}")
-    flat = dq.reshape(q.shape)
-    terms = equation.terms(np.zeros(len(q)), q, flat)
-    residual = np.abs((terms.jacobian @ flat[..., None])[..., 0] - terms.velocity).max(initial=0.0)
-    if residual > START_TOLERANCE:
-        raise InvalidInput(
-            f"variational: rates must follow the path, but lead {residual:.3g} m/s (or rad/s) away from it"
-        )
-    return flat

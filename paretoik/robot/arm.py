@@ -12,11 +12,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike
+from paretoik.inputs import ArrayLike, file_path, finite_array
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.pose import Pose
+from paretoik.robot.pose import Pose, check_pose
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
@@ -216,7 +216,7 @@ class Arm:
         """
         from paretoik.robot.urdf import from_urdf  # here, because reading a URDF builds on this class
 
-        return from_urdf(Path(file), base=base, tip=tip, fixed=fixed, zero_limits=zero_limits)
+        return from_urdf(file_path("file", file), base=base, tip=tip, fixed=fixed, zero_limits=zero_limits)
 
     def with_tool(
         self, pose: Pose, *, mass: float = 0.0, center: object = (0.0, 0.0, 0.0), inertia: object = None
@@ -226,6 +226,7 @@ class Arm:
         ``mass`` [kg], ``center`` (3,) [m] and barycentric ``inertia`` (3, 3) [kg m²] are given in the present tool
         frame.
         """
+        check_pose("pose", pose)
         return replace(self.with_payload(mass, center=center, inertia=inertia), tool=self.tool @ pose)
 
     def with_payload(self, mass: float, *, center: object = (0.0, 0.0, 0.0), inertia: object = None) -> Arm:
@@ -239,10 +240,10 @@ class Arm:
 
     def mounted(self, *, base: Pose | None = None, gravity: object = None) -> Arm:
         """Return the arm mounted at ``base`` in the world, under ``gravity`` (3,) [m/s²] given in world axes."""
-        vector = self.gravity if gravity is None else np.asarray(gravity, dtype=float)
-        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-            raise InvalidInput(f"gravity wants three finite numbers, got {gravity!r}")
-        return replace(self, base=self.base if base is None else base, gravity=vector.copy())
+        vector = self.gravity.copy() if gravity is None else finite_array("gravity", gravity, (3,))
+        if base is not None:
+            check_pose("base", base)
+        return replace(self, base=self.base if base is None else base, gravity=vector)
 
     def fixed(self, positions: Mapping[str, float] | None = None, /, **joints: float) -> Arm:
         """Return the arm with joints frozen at values [rad or m], by name: ``arm.fixed(joint2=0.3)``.

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput
+from paretoik.inputs import real_array
 from paretoik.robot.pose import Pose
 
 INERTIA_TOLERANCE = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
@@ -29,8 +30,9 @@ class Body:
         Raises InvalidInput where the mass is negative, a number not finite, or the inertia not that of a real body (not
         symmetric, not positive, or against the triangle inequality).
         """
-        position = np.asarray(center, dtype=float)
-        tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float)
+        mass = float(real_array(f"{name}: mass", mass))
+        position = real_array(f"{name}: centre of gravity", center)
+        tensor = np.zeros((3, 3)) if inertia is None else real_array(f"{name}: inertia", inertia)
         if not np.isfinite(mass) or mass < 0:
             raise InvalidInput(f"{name}: mass must be a finite number, not negative, got {mass}")
         if position.shape != (3,) or not np.all(np.isfinite(position)):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_number
 from paretoik.robot.arm import Arm, Frame, JointType
 from paretoik.robot.body import combine_bodies, transform_body
 from paretoik.robot.pose import Pose
@@ -19,12 +20,14 @@ def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
     """
     if joint not in arm.joint_names:
         raise InvalidInput(f"joint {joint!r} is not on {arm.name}; its joints: {', '.join(arm.joint_names)}")
-    if not np.isfinite(value):
-        raise InvalidInput(f"joint {joint}: wants a finite value to be fixed at, got {value}")
+    value = finite_number(f"joint {joint}", value)
     if arm.dof == 1:
         raise InvalidInput(f"joint {joint}: the last moving joint of {arm.name} cannot be fixed")
     i = arm.joint_names.index(joint)
-    fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], float(value))
+    lower, upper = arm.position_limits[i]
+    if not lower <= value <= upper:
+        raise InvalidInput(f"joint {joint}: a value from {lower:g} to {upper:g} wanted, got {value:g}")
+    fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], value)
     placements, bodies, tool = list(arm.placements), list(arm.bodies), arm.tool
     if i + 1 < arm.dof:
         placements[i + 1] = fixed @ placements[i + 1]

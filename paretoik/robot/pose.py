@@ -204,3 +204,9 @@ def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.nda
     """Return the unit quaternions (w, x, y, z) of rotation vectors [rad]: the exponential, continuous in the vector."""
     half_angles = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True)) / 2
     return np.concatenate([np.cos(half_angles), 0.5 * np.sinc(half_angles / np.pi) * vectors], axis=-1)
+
+
+def check_pose(name: str, pose: object) -> None:
+    """Raise InvalidInput unless ``pose`` is a Pose."""
+    if not isinstance(pose, Pose):
+        raise InvalidInput(f"{name}: a Pose wanted, got {pose!r}")

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRobot
+from paretoik.inputs import file_path
 from paretoik.robot.arm import Arm
 from paretoik.robot.urdf_builder import build_arm
 from paretoik.robot.urdf_chain import find_zero_limits, select_chain
@@ -32,22 +33,23 @@ def check_robot(file: str | Path, base: str | None = None, tip: str | None = Non
 
     Never opens a mesh. Raises InvalidInput where there is no such file, or for links that it has not.
     """
+    file = file_path("file", file)
     try:
-        robot = read_robot(Path(file))
+        robot = read_robot(file)
     except InvalidRobot as error:
-        return RobotReport(file=Path(file), faults=error.faults, warnings=(), summary=())
+        return RobotReport(file=file, faults=error.faults, warnings=(), summary=())
     summary = [f"robot {robot.name}: {len(robot.links)} links, {len(robot.joints)} joints"]
     if robot.faults:
-        return RobotReport(file=Path(file), faults=robot.faults, warnings=robot.warnings, summary=tuple(summary))
+        return RobotReport(file=file, faults=robot.faults, warnings=robot.warnings, summary=tuple(summary))
     summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
     if tip is None and len(robot.leaves) > 1:
         summary.append("several leaves: name one as tip to see its chain")
-        return RobotReport(file=Path(file), faults=(), warnings=robot.warnings, summary=tuple(summary))
+        return RobotReport(file=file, faults=(), warnings=robot.warnings, summary=tuple(summary))
     chain = select_chain(str(file), robot, base, tip, {})
     summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
     summary += [_summarise(joint) for joint in chain.moving]
     return RobotReport(
-        file=Path(file),
+        file=file,
         faults=chain.faults,
         warnings=(*robot.warnings, *chain.notices, *find_zero_limits(chain)),
         summary=tuple(summary),
@@ -66,6 +68,8 @@ def from_urdf(
 
     Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
     """
+    if not isinstance(fixed, Mapping | None):
+        raise InvalidInput(f"fixed: values by joint wanted, such as {{'joint1': 0.3}}, got {fixed!r}")
     robot = read_robot(file)
     if robot.faults:
         raise InvalidRobot(str(file), robot.faults)

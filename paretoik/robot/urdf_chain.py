@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_number
 from paretoik.robot.urdf_description import JOINT_TYPES, JointDescription, RobotDescription
 
 
@@ -103,12 +102,13 @@ def _path(source: str, below: list[JointDescription], base: str, tip: str) -> li
 
 
 def _check_fixed(source: str, below: list[JointDescription], fixed: Mapping[str, float]) -> None:
-    names = [joint.name for joint in below if joint.type in JOINT_TYPES]
+    joints = {joint.name: joint for joint in below if joint.type in JOINT_TYPES}
     for name, value in fixed.items():
-        if name not in names:
-            raise InvalidInput(f"{source}: joint {name!r} cannot be fixed; joints that move: {', '.join(names)}")
-        if not np.isfinite(value):
-            raise InvalidInput(f"{source}: joint {name!r} wants a finite value to be fixed at, got {value}")
+        if name not in joints:
+            raise InvalidInput(f"{source}: joint {name!r} cannot be fixed; joints that move: {', '.join(joints)}")
+        lower, upper = joints[name].lower, joints[name].upper
+        if not lower <= finite_number(f"{source}: joint {name!r}", value) <= upper:
+            raise InvalidInput(f"{source}: joint {name!r}: a value from {lower:g} to {upper:g} wanted, got {value:g}")
 
 
 def _frozen_value(name: str, others: Mapping[str, JointDescription], fixed: Mapping[str, float]) -> float:

@@ -85,6 +85,8 @@ class Search:
                 "algorithm: its own sampling and offspring wanted, got initial=, offspring= or anchors= beside it"
             )
         self.problem = problem
+        if algorithm is not None and not hasattr(algorithm, "setup"):
+            raise InvalidInput(f"algorithm: a pymoo algorithm wanted, such as MaxiMinNSGA2(), got {algorithm!r}")
         self._given = algorithm
         self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
         self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives to be anchored

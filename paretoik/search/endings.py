@@ -6,7 +6,6 @@ of past generations whose fronts it wants to see.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
@@ -15,6 +14,7 @@ import numpy as np
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput, check_size
+from paretoik.inputs import finite_number, real_array
 from paretoik.search.progress import Progress, ideal_and_range, normalised_hypervolume
 
 
@@ -68,7 +68,7 @@ class TimeLimit:
     memory: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.seconds > 0:
+        if not finite_number("time limit", self.seconds) > 0:
             raise InvalidInput(f"time limit: more than 0 seconds wanted, got {self.seconds}")
 
     def reached(self, progress: Progress) -> str | None:
@@ -124,7 +124,7 @@ class Target:
     memory: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if any(math.isnan(value) for value in self.values):
+        if np.isnan(real_array("target", self.values)).any():
             raise InvalidInput(f"target: a number an objective wanted, got {tuple(self.values)}")
 
     def reached(self, progress: Progress) -> str | None:

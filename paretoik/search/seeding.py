@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from paretoik.errors import InvalidInput, check_size
+from paretoik.inputs import real_array
 from paretoik.search.constraints import Floats
 
 SMALLEST_POPULATION = 4
@@ -16,6 +17,8 @@ ROUNDING = 1e-12  # of a gene's range: what lies outside by no more was meant to
 
 def check_problem(problem: Any) -> None:
     """Raise InvalidInput unless the problem has real genes within finite, ordered bounds, and an objective."""
+    if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
+        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
     check_size("problem.n_var", problem.n_var, 1)
     check_size("problem.n_obj", problem.n_obj, 1)
     if getattr(problem, "vars", None) is not None or problem.vtype not in (None, float):
@@ -41,7 +44,7 @@ def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Floa
     InvalidInput
         A wrong shape, a NaN, or a gene outside its bounds by more than rounding, with row and gene.
     """
-    X = np.array(genes, dtype=float, ndmin=2)
+    X = np.atleast_2d(real_array(name, genes))
     if X.ndim != 2 or X.shape[1] != problem.n_var:
         raise InvalidInput(f"{name}: rows of {problem.n_var} genes wanted, got shape {X.shape}")
     slack = np.maximum(ROUNDING * (problem.xu - problem.xl), 4 * np.spacing(np.maximum(-problem.xl, problem.xu)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.self_motion.starts import LONGEST_JUMP
+from paretoik.self_motion.starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 
@@ -42,7 +42,7 @@ class Charts:
         )
         q, on_path = retracted.q.reshape(start.shape), retracted.on_path.reshape(start.shape[:2])
         base_step = np.abs(np.diff(start, axis=1)).max(axis=2)
-        on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= LONGEST_JUMP + base_step
+        on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= STARTS.longest_jump + base_step
         return q, on_path
 
     def coordinates(

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
 from paretoik.self_motion.postures import reach_error, sample_postures, wrap_difference
-from paretoik.self_motion.starts import LONGEST_JUMP
+from paretoik.self_motion.starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, task_errors
 
@@ -51,7 +51,7 @@ def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[lis
         for i in direction:
             retracted = retract(task.arm, task.tasks, q, *self_motion_frames(task, np.full(len(q), i), q)[1:])
             moved = np.abs(retracted.q - q).max(axis=1)
-            on_path = retracted.on_path & (moved <= LONGEST_JUMP)
+            on_path = retracted.on_path & (moved <= STARTS.longest_jump)
             q = retracted.q[on_path] if on_path.any() else sample_postures(task, OPTIONS.seeds, rng, sample=i)
             if not len(q):
                 raise reach_error(task, rng, i)
@@ -117,8 +117,8 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
 def node_spacing(curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
     """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
     length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
-    shares, most = OPTIONS.pair_nodes if second else OPTIONS.nodes
-    return float(max(windows[1:].max() / shares, length / most))
+    shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
+    return float(max(windows[1:].max() / shares, length / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:

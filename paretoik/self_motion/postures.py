@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import NEWTON_TOLERANCE, ON_PATH_TOLERANCE, solve_small_systems, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, solve_small_systems, task_errors
+from paretoik.task.retraction import OPTIONS as RETRACTION
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,7 @@ def _solve_from_random_starts(
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
         step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error.T)[0][..., None])[..., 0]
         q[active] += step_taken / np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
-        active = active[size > NEWTON_TOLERANCE]
+        active = active[size > RETRACTION.tolerance]
         if len(active) == 0:
             break
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
@@ -109,8 +110,8 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
     errors, row, column = [], 0, 0
     for part in task.tasks:
         size = 2 if part.axes in ("xy", "xy+angle") else 3
-        target, left = task.targets[sample, column : column + size], error[row : row + part.rows]
-        errors.append((float(np.linalg.norm(left)), target, left[:size], left[size:]))
+        target, rest = task.targets[sample, column : column + size], error[row : row + part.rows]
+        errors.append((float(np.linalg.norm(rest)), target, rest[:size], rest[size:]))
         row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
     turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""

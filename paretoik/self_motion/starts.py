@@ -11,20 +11,20 @@ from paretoik.self_motion.postures import reach_error, sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
 
-LONGEST_JUMP = 0.7  # rad or m: no joint of a start moves further than this from one sample to the next
-
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
     """How far starts move: ``travel`` [rad or m], all joints together along the self-motion, at most.
 
     Half of that falls into a share of the path between ``travel_width``. ``perturbation`` [rad or m] is the RMS change
-    of joints where the path leaves them free.
+    of joints where the path leaves them free. From one sample to the next no joint moves further than
+    ``longest_jump`` [rad or m].
     """
 
     travel: float = 9.0
     travel_width: tuple[float, float] = (0.3, 1.0)
     perturbation: float = 1.0
+    longest_jump: float = 0.7
 
 
 OPTIONS = StartOptions()
@@ -133,7 +133,7 @@ def _integrate(
             heading[alive] = _project_to_self_motion(row_space_basis(slopes), heading[alive])
             move += pace[alive, i - 1, None] * heading[alive]
         q[alive, i] = here + move
-        alive[alive] = np.abs(move).max(axis=1) <= LONGEST_JUMP
+        alive[alive] = np.abs(move).max(axis=1) <= OPTIONS.longest_jump
         if not alive.any():
             return q[:0], i
     return q[alive], len(task.times) - 1
@@ -171,5 +171,5 @@ def _retract_to_path(
     q_on_path, on_path = retracted.q.reshape(q.shape), retracted.on_path.reshape(q.shape[:2])
     if task.cyclic:
         q_on_path[:, -1] = q_on_path[:, 0]
-    on_path[:, 1:] &= np.abs(np.diff(q_on_path, axis=1)).max(axis=2) <= LONGEST_JUMP
+    on_path[:, 1:] &= np.abs(np.diff(q_on_path, axis=1)).max(axis=2) <= OPTIONS.longest_jump
     return q_on_path, on_path

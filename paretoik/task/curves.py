@@ -16,7 +16,7 @@ from paretoik.task.timing import progress
 Samples: TypeAlias = tuple[Float[np.ndarray, "time axes"], Float[np.ndarray, "time 4"] | None]
 Curve: TypeAlias = Callable[[np.ndarray], Samples]
 
-CLOSURE_TOLERANCE = 1e-9  # m or rad: points of a path that are nearer than this are the same
+CLOSURE_TOLERANCE = 1e-9  # m or rad: points of a path, and ends of a cyclic motion, that are nearer are the same
 
 
 @dataclass(frozen=True, eq=False)

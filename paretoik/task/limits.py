@@ -10,10 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_number, real_array
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
+LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
 LIMIT_UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
 Bounds = Float[np.ndarray, "#time dof 2"]
 
@@ -46,9 +48,8 @@ class Limits:
 
         Raises InvalidInput, naming limit and joint, for wrong shapes, NaN, or a lower limit above the upper.
         """
-        if not np.isfinite(self.clearance):
-            raise InvalidInput(f"clearance limit wants a distance in m, got {self.clearance}")
-        if not 0 <= self.margin < 0.5:
+        finite_number("clearance limit", self.clearance)
+        if not 0 <= finite_number("margin", self.margin) < 0.5:
             raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {self.margin}")
         declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
         every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMIT_UNITS}
@@ -173,10 +174,7 @@ def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, sam
 
 
 def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"{kind} limit wants numbers, got {values!r}") from None
+    array = real_array(f"{kind} limit", values)
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
             f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "

@@ -13,15 +13,15 @@ from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths, Rotations, Series
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.inputs import real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import Differences, first_derivative, quadrature_weights, second_derivative
 from paretoik.task.distances import clearance
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 from paretoik.task.task import Task
-
-CLOSURE_TOLERANCE = 1e-9  # rad or m: the largest distance of the ends of a cyclic motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +49,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         """Check the samples, broadcast the times over the batch and make both read-only."""
-        q, time = np.array(self.q, dtype=float), np.array(self.time, dtype=float)
+        q, time = real_array("motion: q", self.q), real_array("motion: time", self.time)
         if q.ndim < 2 or q.shape[-1] != self.arm.dof:
             raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
         if q.shape[-2] < 3 or time.shape not in (q.shape[-2:-1], q.shape[:-1]):
@@ -181,7 +181,7 @@ class Motion:
 
         Raises InvalidInput for times outside the motion, Infeasible where it cannot be projected.
         """
-        instants = np.atleast_1d(np.asarray(t, dtype=float))
+        instants = np.atleast_1d(real_array("at: times", t))
         first, last = self.time[..., 0].max(), self.time[..., -1].min()
         outside = instants[~((instants >= first - 1e-12) & (instants <= last + 1e-12))]
         if len(outside):

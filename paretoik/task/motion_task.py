@@ -19,9 +19,6 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 
-TIE_TOLERANCE = 1e-3  # violations that are smaller than the largest by less than this fraction are named with it
-MIN_CLEARANCE_RANGE = 0.01  # m: violations of a smaller clearance limit are divided by this
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
@@ -129,14 +126,16 @@ class MotionTask:
         batch = motion.q.shape[:-2]
         if self.obstacles:
             smallest = motion.clearance.min(axis=-1)
-            columns.append(((self.min_clearance - smallest) / max(self.min_clearance, MIN_CLEARANCE_RANGE))[..., None])
+            clearance_range = max(self.min_clearance, 0.01)  # m
+            columns.append(((self.min_clearance - smallest) / clearance_range)[..., None])
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
 
-    def describe_violation(self, motion: Motion) -> str:
+    def describe_violation(self, motion: Motion, *, tie: float = 1e-3) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
 
-        Limits that are violated as much are named too: of the least-violating motion, those that contradict each other.
+        Limits that are violated as much, but for the share ``tie``, are named too: of the least-violating motion, those
+        that contradict each other.
         """
         violations = self.violations(motion)
         if not len(violations) or violations.max() <= 0:
@@ -148,7 +147,7 @@ class MotionTask:
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
             message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"
-        others = np.flatnonzero(violations >= (1 - TIE_TOLERANCE) * violations[worst]).tolist()
+        others = np.flatnonzero(violations >= (1 - tie) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._where(i, motion)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 

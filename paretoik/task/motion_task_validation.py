@@ -20,8 +20,6 @@ from paretoik.task.retraction import task_errors
 from paretoik.task.task import Task
 
 START_TOLERANCE = 1e-6  # m and rad: a start this near the path is moved onto it
-REST_STEP = 1e-4  # fraction of the duration over which a path's final speed is measured
-REST_SPEED = 0.01  # fraction of its mean speed below which a path is at rest
 
 
 def motion_task(
@@ -127,13 +125,14 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
 
 
-def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
+def _check_paths_end_at_rest(tasks: tuple[Task, ...], *, interval: float = 1e-4, rest: float = 0.01) -> None:
+    """Raise InvalidInput unless speeds over the last ``interval`` of paths are below ``rest``, both as shares."""
     for task in tasks:
         path = task.path
-        instants = np.array([1.0 - REST_STEP, 1.0]) * path.duration
+        instants = np.array([1.0 - interval, 1.0]) * path.duration
         end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
         mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
-        if end > REST_SPEED * mean:
+        if end > rest * mean:
             raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, but it ends at {end:.3g} m/s")
 
 

@@ -18,9 +18,8 @@ import numpy as np
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
+from paretoik.inputs import check_flag, check_function
 from paretoik.task.motion import Motion
-
-MIN_LIMIT_DISTANCE = 1e-3  # fraction of a joint's range: nearer to a limit, joint_limit_nearness stays the same
 
 Form = Literal["integral", "peak", "terminal", "general"]
 Function = Callable[[Motion], np.ndarray]
@@ -81,7 +80,13 @@ def objective(
     """
     check_form(form)
 
+    check_flag("maximise", maximise)
+    for label, text in (("unit", unit), ("name", "" if name is None else name)):
+        if not isinstance(text, str) or not text.isprintable():
+            raise InvalidInput(f"{label}: printable text wanted, got {text!r}")
+
     def wrap(function: Function) -> Objective:
+        check_function("objective", function)
         return Objective(function=function, name=name or function.__name__, unit=unit, form=form, maximise=maximise)
 
     return wrap
@@ -95,6 +100,8 @@ def check_form(form: str) -> None:
 
 def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
     """Return a function's values after checking shape and type; errors begin with ``name``."""
+    if not hasattr(motion, "q"):
+        raise InvalidInput(f"{name}: a Motion wanted, got {type(motion).__name__}")
     shape = motion.q.shape[:-1] if form in ("integral", "peak") else motion.q.shape[:-2]
     values = function(motion)
     if values is None:
@@ -219,6 +226,6 @@ def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.nd
     if not limited.any():
         raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
     lower, upper = lower[limited], upper[limited]
-    edge = MIN_LIMIT_DISTANCE * (upper - lower)
+    edge = 1e-3 * (upper - lower)  # nearer to a limit it stays the same
     inside = np.clip(values[..., limited], lower + edge, upper - edge)
     return np.sum((upper - lower) ** 2 / (4 * (upper - inside) * (inside - lower)), axis=-1)

@@ -18,8 +18,6 @@ from paretoik.task.curves import CLOSURE_TOLERANCE, Curve
 Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 
-MIN_SAMPLES = 3
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Path:
@@ -130,8 +128,8 @@ def sample_count(samples: int) -> int:
         count = index(samples)
     except TypeError:
         raise InvalidInput(f"samples: must be a whole number, got {samples!r}") from None
-    if count < MIN_SAMPLES:
-        raise InvalidInput(f"samples: must be at least {MIN_SAMPLES}, got {count}")
+    if count < 3:
+        raise InvalidInput(f"samples: must be at least 3, got {count}")
     return count
 
 

@@ -17,14 +17,14 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.task import Task
 
-NEWTON_TOLERANCE = 1e-12  # m and rad: where Newton's method stops; its last step squares the error
-ON_PATH_TOLERANCE = 1e-10  # m and rad: rounding may keep a long arm from NEWTON_TOLERANCE, but not from this
+ON_PATH_TOLERANCE = 1e-10  # m and rad: rounding may keep a long arm from Newton's tolerance, but not from this
 
 
 @dataclass(frozen=True, kw_only=True)
 class RetractionOptions:
     """Settings of Newton's method onto the path."""
 
+    tolerance: float = 1e-12  # m and rad: its last step squares the error
     max_iterations: int = 12
     max_step: float = 1.0  # rad or m, along any one direction
     cache_size: int = 64  # evaluators in memory: one for every arm and set of frames and axes
@@ -68,7 +68,7 @@ def retract(
     they count as not on the path.
     """
     q, error, same_sheet = start.copy(), np.empty(len(start)), np.empty(len(start), dtype=bool)
-    settings = NEWTON_TOLERANCE, OPTIONS.max_step, OPTIONS.max_iterations
+    settings = OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations
     arrays = (np.ascontiguousarray(array, dtype=float) for array in (targets, directions))
     _compiled().newton(_error_evaluator(arm, tasks).arrays, *arrays, settings, q, error, same_sheet)
     return Retraction(q=q, error=error, on_path=same_sheet & (error <= ON_PATH_TOLERANCE))

@@ -54,9 +54,11 @@ class Task:
 
     def __post_init__(self) -> None:
         """Check the axes against the path."""
+        if not isinstance(self.path, Path):
+            raise InvalidInput(f"path: a Path wanted, such as pk.line(...), got {self.path!r}")
         if self.axes is None:
             return
-        if self.axes not in ROWS:
+        if self.axes not in list(ROWS):
             raise InvalidInput(f"axes must be one of {', '.join(ROWS)}, got {self.axes!r}")
         if self.axes in ("xy+angle", "xyz+z-axis", "pose") and self.path.quaternions is None:
             raise InvalidInput(f"axes {self.axes!r} wants a path of poses, got a path of points")

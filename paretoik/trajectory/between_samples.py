@@ -8,11 +8,9 @@ from jaxtyping import Float
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
-FINER = 4  # times as many samples: the grid that limits are checked on
 
-
-def violation_between(task: MotionTask, motions: Motion) -> Float[np.ndarray, " points"]:
-    """Return the worst violation of the interpolated and projected motions on a grid four times finer."""
-    fine = task.resample(FINER * (len(task.times) - 1) + 1)
+def violation_between(task: MotionTask, motions: Motion, *, refinement: int = 4) -> Float[np.ndarray, " points"]:
+    """Return the worst violation of the interpolated and projected motions on a grid ``refinement`` times finer."""
+    fine = task.resample(refinement * (len(task.times) - 1) + 1)
     between = fine.motion(motions.at(fine.times))
     return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)

@@ -3,7 +3,7 @@
 A motion runs within cells: between two neighbouring nodes at every sample. Let every sample be rounded, by itself, to
 one of its two nodes, with the chances that make the mean the motion's own place. The mean cost of what comes out is the
 sum of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own cost by no
-more than the interpolation's error. Some rounding costs no more than the mean. So the best way through the grid, with
+more than the interpolation's error. Some rounding costs no more than the mean. So the best path through the grid, with
 that error taken off every transition and limits relaxed by what they change within a cell, is a bound from below.
 
 The error is taken from second differences D between neighbouring transitions, those of all cells around one: where
@@ -18,13 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.grid_terms import LIMIT_TOLERANCE, Terms, evaluate_at
+from paretoik.trajectory.grid_terms import OPTIONS, Terms, evaluate_at
 from paretoik.trajectory.layered_graph import shortest_path
 from paretoik.trajectory.posture_grid import PostureGrid, build_graph, transitions
-
-CELL_NODES = 2  # by so many nodes are steps between the corners of a cell longer than those of a motion in it
-MARGIN_NODES = 4  # so far beyond windows and ranges of joints transitions are evaluated
 
 
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
@@ -32,7 +30,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
 
     ``grid`` is of all nodes, those that do not keep the limits included, a few beyond the joints' ranges.
     """
-    wide = replace(grid, windows=grid.windows + MARGIN_NODES * spacing)
+    wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing)
     pairs, edge = transitions(task, wide)
     counts = [len(sources) for sources, _ in pairs]
     costs = evaluate_at(task, terms.sample_costs, counts, edge)
@@ -44,7 +42,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
         around = _neighbouring_transitions(sources, ends, grid.next_node[i - 1], grid.next_node[i])
         costs[i] -= sum(_interpolation_error(_second_difference(costs[i], pair), around) for pair in around)
         steps = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources]))
-        near = steps <= grid.windows[i] + CELL_NODES * spacing
+        near = steps <= grid.windows[i] + OPTIONS.cell * spacing
         masks.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_satisfy(rates[i], around))
     layers = build_graph(grid, pairs, costs).prune(masks, np.where(nodes[0], 0.0, np.inf))
     return shortest_path(layers, task.cyclic)[0]
@@ -56,8 +54,8 @@ Pair = tuple[np.ndarray, np.ndarray]  # where the neighbours on either side are,
 def _neighbours(ahead: np.ndarray) -> Pair:
     """Return the nodes after and before each on its curve."""
     behind = np.full(len(ahead), -1)
-    known = np.flatnonzero(ahead >= 0)
-    behind[ahead[known]] = known
+    inner = np.flatnonzero(ahead >= 0)
+    behind[ahead[inner]] = inner
     return ahead, behind
 
 
@@ -81,10 +79,10 @@ def _neighbouring_transitions(
 
 
 def _interpolation_error(second_differences: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the most that interpolation can exceed what lies within the cells around, by second differences."""
-    known = np.maximum(second_differences, 0.0)  # of NaN: NaN
-    most, least = _neighbourhood_max(known, around), -_neighbourhood_max(-known, around)
-    return np.where(most >= least, most / 8 + 3 / 8 * (most - least), 0.0)
+    """Return the largest error of interpolation within the cells around, by second differences."""
+    convex = np.maximum(second_differences, 0.0)  # of NaN: NaN
+    largest, smallest = _neighbourhood_max(convex, around), -_neighbourhood_max(-convex, around)
+    return np.where(largest >= smallest, largest / 8 + 3 / 8 * (largest - smallest), 0.0)
 
 
 def _second_difference(values: np.ndarray, pair: Pair) -> np.ndarray:

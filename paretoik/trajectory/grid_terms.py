@@ -1,4 +1,4 @@
-"""What motions over a grid of postures cost and what they may not do, by how many consecutive samples it takes."""
+"""Costs and limits of motions over a grid of postures, by the number of consecutive samples that they depend on."""
 
 from __future__ import annotations
 
@@ -8,22 +8,44 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import Constraint, relative_violation
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
-
-MAX_TRANSITIONS = 40_000_000  # more do not fit the memory of a small machine
-BLOCK_SIZE = 200_000  # samples evaluated at once
-LIMIT_TOLERANCE = 1e-9  # of a limit's range
 
 Series = Callable[[Motion], np.ndarray]
 At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some of a sample's
 
 
+@dataclass(frozen=True, kw_only=True)
+class GridOptions:
+    """How a grid is laid and what it returns.
+
+    Joints without velocity limit may go ``pace`` times as fast as the path itself asks for. A quick grid has at most
+    ``quick_nodes``. Where accelerations count, it has at least ``coarsest`` samples. Paths nearer than ``distinct``
+    [rad or m, RMS] to a better one are not told from it.
+
+    Terms of at most ``transitions`` are evaluated (more do not fit the memory of a small machine), ``block`` samples at
+    once. For the bound, steps between the corners of a cell are longer by ``cell`` nodes than those of a motion in it;
+    transitions are evaluated ``margin`` nodes beyond windows and ranges of joints.
+    """
+
+    pace: float = 2.5
+    quick_nodes: int = 30_000
+    coarsest: int = 26
+    distinct: float = 0.15
+    transitions: int = 40_000_000
+    block: int = 200_000
+    cell: int = 2
+    margin: int = 4
+
+
+OPTIONS = GridOptions()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """What is summed and what may not exceed 0 at every sample; ``second`` where one of them looks at accelerations."""
+    """The cost, and limits that may not exceed 0 at any sample; ``second`` where one depends on accelerations."""
 
     cost: Series
     postures: list[Series]
@@ -50,7 +72,7 @@ class Terms:
 
 
 def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
-    """Return objectives and limits, sorted by what they look at."""
+    """Return objectives and limits, sorted by what they depend on."""
     shares = [1.0] * len(task.objectives) if weights is None else list(weights)
     if len(shares) != len(task.objectives):
         raise InvalidInput(f"weights: one an objective wanted, {len(task.objectives)} in all, got {len(shares)}")
@@ -88,7 +110,7 @@ def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.nda
 
 
 def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
-    """Return the highest derivative that a function of motions looks at, by what becomes of it without them."""
+    """Return the highest derivative that a function of motions depends on: NaN in higher ones does not change it."""
     for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
         with np.errstate(all="ignore"):
             try:
@@ -113,14 +135,14 @@ def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq
 
 def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
     """Return ``term`` of so many instants of every sample; ``at`` gives some of a sample's: (q, dq, ddq)."""
-    if sum(counts) > MAX_TRANSITIONS:
+    if sum(counts) > OPTIONS.transitions:
         raise InvalidInput(
-            f"resolution: at most {MAX_TRANSITIONS:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
+            f"resolution: at most {OPTIONS.transitions:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
         )
     values_at = [np.empty(count) for count in counts]
-    rows, most = max(1, BLOCK_SIZE // len(counts)), max(counts)
-    for first in range(0, most, rows):
-        picks = [np.minimum(np.arange(first, min(first + rows, most)), max(count - 1, 0)) for count in counts]
+    rows, longest = max(1, OPTIONS.block // len(counts)), max(counts)
+    for first in range(0, longest, rows):
+        picks = [np.minimum(np.arange(first, min(first + rows, longest)), max(count - 1, 0)) for count in counts]
         parts = [at(i, pick) for i, pick in enumerate(picks)]
         values = term(instant_motions(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))
         for i, count in enumerate(counts):

@@ -11,9 +11,10 @@ from scipy.spatial import cKDTree
 
 from paretoik.self_motion.curves import Curve, resample_curve, self_motion_frames, unwrap_nodes, unwrapped_ranges
 from paretoik.self_motion.postures import wrap_difference
+from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract
-from paretoik.trajectory.grid_terms import LIMIT_TOLERANCE, At
+from paretoik.trajectory.grid_terms import At
 from paretoik.trajectory.layered_graph import LayeredGraph
 
 

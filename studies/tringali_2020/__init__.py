@@ -9,6 +9,8 @@ number is not reproduced its row shows it.
 ============== ========================================================================================================
 simulations    the five problems with either arm, planned; Tables 5 and 6 and what section 4.2 says of them
 validation     the calculus of variations beside the planner; Table 4
+extremals      the calculus of variations, from given postures
+shooting       the same, both ends free
 candidates     what more candidates are worth; Figure 1
 trade_off      kinetic energy against torque norm; Figure 14
 pictures       Figures 1 and 3 to 14

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 import paretoik as pk
-from paretoik.resolution.shooting import shoot_extremals
-from paretoik.resolution.variational import Extremal, integrate_extremal
 from paretoik.self_motion.branches import branch_labels
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.plan import Optimum
 from studies.reporting import Row
+from studies.tringali_2020.extremals import Extremal, integrate_extremal
 from studies.tringali_2020.reported import beside, paper
+from studies.tringali_2020.shooting import shoot_extremals
 from studies.tringali_2020.simulations import Simulation
 
 TABLE = "Table 4"

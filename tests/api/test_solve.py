@@ -137,7 +137,7 @@ def test_standing_still_ends_a_run_unless_told_otherwise():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"target": (1.0,)}, "target: wants 2 numbers, one an objective, got 1"),
+        ({"target": (1.0,)}, r"target: wants 2 numbers, one an objective, got \(1.0,\)"),
         ({"population": 3}, "population: an integer of at least 4 wanted, got 3"),
         ({"generations": 0}, "generations: an integer of at least 1 wanted, got 0"),
         ({"points": 0}, "points: an integer of at least 1 wanted, got 0"),

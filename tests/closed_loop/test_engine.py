@@ -12,6 +12,7 @@ from paretoik.closed_loop.objectives import joint_displacement, position_error
 from paretoik.closed_loop.workspace import allocate
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
+from paretoik.search.compiled import sorted_points
 from paretoik.search.maximin import survivors
 from problems import marcos_2012
 from studies.benchmarks.closed_loop.step_problem import StepProblem
@@ -29,6 +30,8 @@ def selected(F, parents):
         made.children[0] = np.arange(number, number + N)
         number += N
         made.F[:, N:] = F[points].T
+        if single_rank:
+            sorted_points.locate(made.F, N, new, made.selection.places, made.selection.dominated)
         return engine.survive(made, new, single_rank)
 
     made.F[:, :N] = np.inf

@@ -11,7 +11,7 @@ import paretoik as pk
 from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import tringali_3r
-from paretoik.self_motion.starts import LONGEST_JUMP
+from paretoik.self_motion.starts import OPTIONS
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)
@@ -258,4 +258,4 @@ def test_feasible_motions_never_jump_from_sample_to_sample():
     whole = on_path.all(axis=1)
     assert whole.sum() > 500
     assert way[whole].max() < 2.0
-    assert np.abs(np.diff(problem.encoding.charts.base, axis=1)).max() <= LONGEST_JUMP
+    assert np.abs(np.diff(problem.encoding.charts.base, axis=1)).max() <= OPTIONS.longest_jump

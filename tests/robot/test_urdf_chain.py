@@ -22,7 +22,7 @@ from tests.robot.urdf_text import LIMIT, chain_of_three, joint, link
         ({"base": "foot", "tip": "panda_hand"}, "base 'foot' is not a link"),
         ({"base": "panda_hand", "tip": "panda_link3"}, "link 'panda_link3' does not hang on link 'panda_hand'"),
         ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "joint 'elbow' cannot be fixed; joints that move: panda_j"),
-        ({"tip": "panda_hand", "fixed": {"panda_joint1": np.nan}}, "joint 'panda_joint1' wants a finite value"),
+        ({"tip": "panda_hand", "fixed": {"panda_joint1": np.nan}}, "joint 'panda_joint1': must be finite"),
         ({"tip": "panda_hand", "zero_limits": "ignore"}, "zero_limits must be 'unlimited' or None, got 'ignore'"),
     ],
 )

@@ -12,12 +12,11 @@ from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
 from paretoik.self_motion.postures import sample_postures
-from paretoik.self_motion.starts import LONGEST_JUMP, perturbed_starts, rollout_starts, travelling_starts
+from paretoik.self_motion.starts import OPTIONS, perturbed_starts, rollout_starts, travelling_starts
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; test_tracking makes them checked
 REACH = 0.4895  # m, of the paper's arm, 0.176 + 0.176 + 0.1375
 WITHIN = (0.3, 0.1)
 
@@ -88,7 +87,7 @@ def test_candidates_are_continuous_motions_on_the_path(make):
     q = rollout_starts(task, 60, chance())
     assert len(q) > 20
     assert task.motion(q).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(q, axis=1)).max() <= LONGEST_JUMP
+    assert np.abs(np.diff(q, axis=1)).max() <= OPTIONS.longest_jump
 
 
 def test_candidates_repeat_with_their_seed_and_differ_without():
@@ -115,7 +114,7 @@ def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
     away = perturbed_starts(task, q, chance(1))
     assert len(away) > 5
     assert task.motion(away).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(away, axis=1)).max() <= LONGEST_JUMP
+    assert np.abs(np.diff(away, axis=1)).max() <= OPTIONS.longest_jump
     apart = np.abs(away[:, None] - q[None]).max(axis=(2, 3)).min(axis=1)
     assert np.median(apart) > 0.1
 
@@ -126,7 +125,7 @@ def test_swept_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
     rolled, far = rollout_starts(task, 200, chance()), travelling_starts(task, 200, chance(1))
     assert len(far) > 5
     assert task.motion(far).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(far, axis=1)).max() <= LONGEST_JUMP
+    assert np.abs(np.diff(far, axis=1)).max() <= OPTIONS.longest_jump
     way = [np.linalg.norm(np.diff(q, axis=1), axis=2).sum(axis=1) for q in (rolled, far)]
     assert np.quantile(way[1], 0.8) > 1.5 * np.quantile(way[0], 0.8)
 
@@ -303,7 +302,7 @@ def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
     task = task_of(tringali_3r(), line([-0.3, 0.0], [0.3, 0.0], duration=1.0, samples=41))
     q = rollout_starts(task, 60, chance())
     assert task.motion(q).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(q, axis=1)).max() <= LONGEST_JUMP
+    assert np.abs(np.diff(q, axis=1)).max() <= OPTIONS.longest_jump
 
 
 def test_a_cycle_that_only_closes_after_a_whole_turn_is_refused():

@@ -76,7 +76,7 @@ def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
             r"power limit wants one number, 3 \(one a joint\) or an array \(9, 3\), got shape \(2,\)",
         ),
         ({"acceleration": np.ones((4, 3))}, r"an array \(9, 3\), got shape \(4, 3\)"),
-        ({"velocity": "fast"}, "velocity limit wants numbers, got 'fast'"),
+        ({"velocity": "fast"}, "velocity limit: must hold real numbers, got text"),
         (
             {"velocity": {"elbow": 1.0}},
             "velocity limit: no joint 'elbow' on planar arm; its joints: joint1, joint2, joint3",
@@ -85,7 +85,7 @@ def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
         ({"velocity": {"joint2": (3.0, 1.0)}}, "velocity limit of joint2: wants lower ≤ upper"),
         ({"velocity": {"joint2": "fast"}}, r"velocity limit of joint2: wants a number or \(lower, upper\), got 'fast'"),
         ({"velocity": {"joint2": (1.0, 2.0, 3.0)}}, r"velocity limit of joint2: wants a number or \(lower, upper\)"),
-        ({"clearance": np.nan}, "clearance limit wants a distance in m, got nan"),
+        ({"clearance": np.nan}, "clearance limit: must be finite, got nan"),
     ],
 )
 def test_what_is_no_limit_is_refused_with_its_kind_and_joint(given, words):
@@ -189,5 +189,5 @@ def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
 
 @pytest.mark.parametrize("margin", [-0.1, 0.5, np.nan])
 def test_a_margin_that_leaves_nothing_is_refused(margin):
-    with pytest.raises(pk.InvalidInput, match="margin wants"):
+    with pytest.raises(pk.InvalidInput, match="margin"):
         pk.Limits(velocity=1.0, margin=margin).bounds(pk.arms.tringali_3r(), 5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +25,6 @@ from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.layered_graph import LayeredGraph, shortest_path
 from tests.formulations.problems import panda
 
-pytestmark = pytest.mark.usefixtures("unchecked")
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
 ROUND = circle([0.4178, 0.0], 0.05, duration=1.0, samples=26)
 POSITION = np.deg2rad([90.0, 120.0, 120.0])
@@ -327,7 +327,7 @@ def test_a_resolution_that_is_no_distance_is_refused(resolution):
 
 
 def test_a_grid_too_large_for_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(grid_terms, "MAX_TRANSITIONS", 1000)
+    monkeypatch.setattr(grid_terms, "OPTIONS", replace(grid_terms.OPTIONS, transitions=1000))
     with pytest.raises(InvalidInput, match="make it coarser"):
         grid_oracle(task_of(short()), resolution=0.01)
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from paretoik.compilation import compiled, inlined
+from paretoik.compilation import compiled
 from paretoik.nlp.compiled.array_loops import clear, dot, finite_indices
 from paretoik.nlp.compiled.bordered_cholesky import factorise, solve
 from paretoik.nlp.compiled.elastic import (
@@ -49,6 +49,7 @@ from paretoik.nlp.compiled.kernel_steps import (
     restore,
     retract,
 )
+from paretoik.nlp.compiled.references import keep, refer
 from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
 
 
@@ -102,17 +103,32 @@ def minimise(kernel, x, weights, rows, upper, options):
     Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
     x, weights = x.copy(), weights.copy()
-    size, band, border, inequalities = dimensions(kernel, x)
-    work = allocate_workspace(kernel, x)
+    problem = refer(kernel)
+    size, band, border, inequalities = dimensions(problem, x)
+    work = allocate_workspace(problem, x)
     it = _allocate(size, band, border, inequalities, len(weights), finite_indices(upper), options.iterations)
+    scale = objective_scale(problem, weights)
+    for k in range(len(weights)):
+        weights[k] /= scale
+    x, status, iteration, stationarity, violation = _iterate(
+        problem, refer(work), refer(it), refer(options), x, weights, rows, upper, border
+    )
+    for i in range(len(it.z)):
+        it.z[i] *= scale
+    keep(kernel)
+    keep(work)
+    keep(options)
+    return x, status, iteration, it.objectives, it.z, stationarity, violation
+
+
+@compiled
+def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
+    """Iterate from x; return (x, status, iterations, stationarity, worst violation)."""
     penalty = kernel.penalty * options.penalty
     barrier = Barrier(options.barrier, penalty, np.inf, penalty)
     trial, dx = x.copy(), np.zeros(x.shape)
     delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
-    status, iteration, stationarity, violation = ITERATION_LIMIT, 0, np.inf, np.inf
-    scale = objective_scale(kernel, weights)
-    for k in range(len(weights)):
-        weights[k] /= scale
+    status, iteration, stationarity, violation, least = ITERATION_LIMIT, 0, np.inf, np.inf, np.inf
     error = restore(kernel, work, x)
     _evaluate(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
     if not _all_finite(it.objectives, it.c):
@@ -135,6 +151,7 @@ def minimise(kernel, x, weights, rows, upper, options):
         if iteration == options.iterations:
             break
         if solved:
+            stalled = 0
             hopeless, barrier = _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options)
             entries = 0
             if hopeless:
@@ -156,7 +173,7 @@ def minimise(kernel, x, weights, rows, upper, options):
         )  # fmt: skip
         if accepted:
             gained = after < before - options.merit_rounding * abs(before)
-            stalled = 0 if gained or barrier.mu > options.last_barrier else stalled + 1
+            stalled = 0 if gained or theta > 0.0 else stalled + 1
             step_multipliers(it.dz, it.trial_s, it.trial_t, barrier.mu, barrier.penalty, options, it.z)
             x, trial = trial, x
             _accept(it)
@@ -165,17 +182,15 @@ def minimise(kernel, x, weights, rows, upper, options):
                 status = NO_PROGRESS
                 break
         else:
-            restorations, delta = restorations + 1, 0.0
+            restorations, least, delta = (0, theta, 0.0) if theta < 0.5 * least else (restorations + 1, least, 0.0)
             if entries == 0:
                 reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
                 central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
             entries = 0
-    for i in range(len(it.z)):
-        it.z[i] *= scale
-    return x, status, iteration, it.objectives, it.z, stationarity, violation
+    return x, status, iteration, stationarity, violation
 
 
-@inlined
+@compiled
 def _allocate(size, band, border, inequalities, objectives, bounds, iterations):
     constraints, borders = inequalities + len(bounds), border + len(bounds)
     by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
@@ -196,7 +211,7 @@ def _allocate(size, band, border, inequalities, objectives, bounds, iterations):
     )  # fmt: skip
 
 
-@inlined
+@compiled
 def _all_finite(F, c):
     total = 0.0
     for k in range(len(F)):
@@ -206,7 +221,7 @@ def _all_finite(F, c):
     return np.isfinite(total)
 
 
-@inlined
+@compiled
 def _begin_slacks(kernel, barrier, it, options):
     """Write the first slacks and multipliers; return the sum of the residuals."""
     if kernel.implied_slacks:
@@ -227,7 +242,7 @@ def _residual_sum(r, options):
     return 0.0 if total <= options.residual_tolerance else total - options.residual_tolerance
 
 
-@inlined
+@compiled
 def _multiplier_scale(kernel, z):
     """Return what errors are relative to: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
     total = 0.0
@@ -236,7 +251,7 @@ def _multiplier_scale(kernel, z):
     return max(1.0, total / (kernel.large_multiplier * max(1, len(z))))
 
 
-@inlined
+@compiled
 def _evaluate(kernel, work, x, rows, upper, bounds, F, c):
     """Write objectives and constraint values at x."""
     evaluate(kernel, work, x, F, c)
@@ -248,7 +263,7 @@ def _evaluate(kernel, work, x, rows, upper, bounds, F, c):
         c[inequalities + e] = upper[bounds[e]] - value
 
 
-@inlined
+@compiled
 def _accept(it):
     """Take the trial values."""
     for k in range(len(it.objectives)):
@@ -257,7 +272,7 @@ def _accept(it):
         it.c[i], it.s[i], it.t[i], it.r[i] = it.trial_c[i], it.trial_s[i], it.trial_t[i], it.trial_r[i]
 
 
-@inlined
+@compiled
 def _weigh_objectives(weights, rows, bounds, multipliers, out):
     """Write weights + rowsᵀ · multipliers of the bounds, the last of all multipliers."""
     inequalities = len(multipliers) - len(bounds)
@@ -267,7 +282,7 @@ def _weigh_objectives(weights, rows, bounds, multipliers, out):
             out[k] += rows[bounds[e], k] * multipliers[inequalities + e]
 
 
-@inlined
+@compiled
 def _stationarity(kernel, work, weights, rows, it):
     """Return the length of the reduced gradient of the Lagrangian."""
     _weigh_objectives(weights, rows, it.bounds, it.z, it.objective_weights)
@@ -276,7 +291,7 @@ def _stationarity(kernel, work, weights, rows, it):
     return residual_norm(kernel, it.residual)
 
 
-@inlined
+@compiled
 def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
     """Wächter & Biegler 2006, Eq. 5; where nothing more can be gained, rounding is all that is left."""
     tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
@@ -286,18 +301,18 @@ def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options
     return (flat or stationarity <= max(tolerance, options.tolerance)) and complementarity <= tolerance and feasible
 
 
-@inlined
+@compiled
 def _soft_violation(barrier, options):
     """Return up to which a violation only says that the barrier is not yet low."""
     return options.soft_violation * barrier.mu / barrier.penalty
 
 
-@inlined
+@compiled
 def _final_status(barrier, violation, options):
     return CONVERGED if violation <= max(options.tolerance, _soft_violation(barrier, options)) else VIOLATED
 
 
-@inlined
+@compiled
 def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options):
     """Return whether the constraints cannot all hold, and the next subproblem: a higher penalty or a lower barrier."""
     mu, penalty, before, helpful = barrier
@@ -318,13 +333,13 @@ def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, 
     return False, Barrier(mu, penalty, before, helpful)
 
 
-@inlined
+@compiled
 def _next_barrier(mu, options):
     """Wächter & Biegler 2006, Eq. 7."""
     return max(options.last_barrier, min(options.barrier_factor * mu, mu**options.barrier_power))
 
 
-@inlined
+@compiled
 def _newton_step(kernel, work, weights, rows, barrier, border, delta, it):
     """Write Newton's step; return what was added to the diagonal last, inf where no matrix serves."""
     unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
@@ -351,7 +366,7 @@ def _newton_step(kernel, work, weights, rows, barrier, border, delta, it):
     return delta
 
 
-@inlined
+@compiled
 def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
     """Factorise with the least of growing multiples of the identity that gives the right inertia; return that.
 
@@ -372,7 +387,7 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
     return added if added > 0 else delta / 16
 
 
-@inlined
+@compiled
 def _direction(kernel, work, weights, rows, barrier, options, dx, it):
     """Write the step in x and what changes along it; return how far it may go and the merit function's slope."""
     largest = expand_step(kernel, work, it.step, dx)
@@ -396,7 +411,7 @@ def _direction(kernel, work, weights, rows, barrier, options, dx, it):
     return length, min(slope, 0.0) if kernel.implied_slacks else slope
 
 
-@inlined
+@compiled
 def _search(
     kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries, options,
     trial, it

@@ -1,6 +1,6 @@
 """The steps of the interior-point method that depend on what is minimised; every class of kernels implements all.
 
-A kernel is a NamedTuple of arrays that describes one program to compiled code:
+A kernel is a NamedTuple of arrays, passed by reference, that describes one program to compiled code:
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
@@ -19,8 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import types
 from numba.extending import overload
+
+from paretoik.nlp.compiled.references import Reference
 
 JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -30,7 +31,7 @@ def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callabl
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         def choose(kernel: Any, *others: Any) -> Callable[..., Any] | None:
-            suits = isinstance(kernel, types.NamedTuple) and kernel.instance_class is kernel_class
+            suits = isinstance(kernel, Reference) and kernel.target.instance_class is kernel_class
             return function if suits else None
 
         overload(step, strict=False, jit_options=JIT_OPTIONS)(choose)

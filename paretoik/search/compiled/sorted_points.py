@@ -15,36 +15,48 @@ ZERO, ONE = np.uint64(0), np.uint64(1)
 
 
 @compiled
-def locate(F, parents, x, y):
-    """Return how many of the sorted parents precede a point, and whether the last of them weakly dominates it."""
-    first, length = np.uint64(0), np.uint64(parents)  # unsigned: an index needs no check for negative numbers
-    while length > ONE:
-        half = length >> ONE
-        u, v = F[0, first + half - ONE], F[1, first + half - ONE]
-        first += half * np.uint64((u < x) | ((u == x) & (v <= y)))
-        length -= half
-    u, v = F[0, first], F[1, first]
-    first += np.uint64((u < x) | ((u == x) & (v <= y)))
-    before = first - np.uint64(first > ZERO)
-    u, v = F[0, before], F[1, before]
-    return first, (first > ZERO) & ((v < y) | ((v == y) & (u <= x)))
+def locate(F, parents, children, places, dominated):
+    """Write how many of the sorted parents precede each child, and whether the last of them weakly dominates it."""
+    u, v, x, y = F[0], F[1], F[0, parents : parents + children], F[1, parents : parents + children]
+    count, level = np.uint64(parents), ZERO  # unsigned: an index has no sign to check
+    while count >> (level + ONE) > ZERO:
+        level += ONE
+    middle, beyond = u[(ONE << level) - ONE], count - (ONE << level)
+    for k in range(children):
+        places[k] = beyond if middle < x[k] else ZERO
+    while level > ZERO:  # bisections of all children at once; a product with a condition would become a branch
+        level -= ONE
+        for k in range(children):
+            places[k] += np.uint64(u[places[k] + (ONE << level) - ONE] < x[k]) << level
+    for k in range(children):
+        place = places[k] + np.uint64(u[places[k]] < x[k])
+        if x[k] < np.inf:
+            place += np.uint64((place < count) & (u[place] == x[k]) & (v[place] <= y[k]))
+            while place < count and u[place] == x[k] and v[place] <= y[k]:
+                place += ONE
+        else:
+            place = count
+        last = place - np.uint64(place > ZERO)
+        places[k] = place
+        dominated[k] = np.uint64((place > ZERO) & ((v[last] < y[k]) | ((v[last] == y[k]) & (u[last] <= x[k]))))
 
 
 @compiled
-def merge_children(F, parents, children, single_rank, bucket, begins, child, points, values):
+def merge_children(F, parents, children, single_rank, s):
     """Write the sorted parents and so many children in order of (first, second objective); return how many.
 
-    ``points`` are their numbers, the first two rows of ``values`` their objectives. Children are sorted in buckets
-    between the parents. Where the parents are of a ``single_rank``, children that one weakly dominates are left out.
-    Random decisions are arithmetic instead of branches.
+    ``s`` is the workspace of the selection: ``points`` are their numbers, the first two rows of ``values`` their
+    objectives. Children, which ``locate`` has placed, are sorted in buckets between the parents. Where the parents are
+    of a ``single_rank``, children that one weakly dominates are left out. Random decisions are arithmetic instead of
+    branches.
     """
+    bucket, begins, child, points, values = s.spare, s.begins, s.chosen, s.points, s.values
     for k in range(parents + 2):
         begins[k] = 0
     found = 0
-    for k in range(parents, parents + children):
-        first, dominated = locate(F, parents, F[0, k], F[1, k])
-        bucket[found], child[found] = np.int64(first), k
-        found += np.int64((not single_rank) | ((F[0, k] < np.inf) & (not dominated)))
+    for k in range(children):
+        bucket[found], child[found] = np.int64(s.places[k]), parents + k
+        found += np.int64((not single_rank) | ((F[0, parents + k] < np.inf) & (s.dominated[k] == ZERO)))
     for k in range(found):
         begins[bucket[k] + 1] += 1
     for k in range(parents + 1):

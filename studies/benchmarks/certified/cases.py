@@ -14,7 +14,6 @@ import numpy as np
 import paretoik as pk
 from paretoik.front.certificates import Certificates
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.between_samples import FINER as BETWEEN
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 from problems import panda, tringali_2020
@@ -158,7 +157,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
     counts = Counter(said.status.tolist())
     off = float(task.motion(subject.q).tracking_error.max())
     at = int(said.violation_between.argmax())
-    fine = task.resample(BETWEEN * (len(task.times) - 1) + 1)
+    fine = task.resample(4 * (len(task.times) - 1) + 1)
     between = fine.motion(task.motion(subject.q[at]).at(fine.times))
     weak = f"{np.count_nonzero(said.weak)} weak: an objective without weight"
     statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())

@@ -8,7 +8,7 @@ import numpy as np
 
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.self_motion.starts import LONGEST_JUMP
+from paretoik.self_motion.starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS
@@ -34,7 +34,7 @@ def optima(
     for asked, each in found.items():
         label = LABELS[asked.solver]
         ended = distinct(task, [s for s in each if s.solved])
-        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= LONGEST_JUMP]
+        theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= STARTS.longest_jump]
         if not theirs:
             continue
         below = plan.best.objective / theirs[0].value - 1
@@ -70,7 +70,7 @@ def optima(
         )
         lost, jumps = len(plan.optima) < len(theirs) and row.startswith(COUNTED), len(ended) - len(theirs)
         left_out = (
-            f"{jumps} of theirs left out: a joint jumps by more than {LONGEST_JUMP} rad between samples"
+            f"{jumps} of theirs left out: a joint jumps by more than {STARTS.longest_jump} rad between samples"
             if jumps
             else ""
         )

@@ -13,18 +13,12 @@ from jaxtyping import Bool, Float
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
 from paretoik.resolution.integration import integrate
-from paretoik.resolution.variational import (
-    STEP_TOLERANCE,
-    Extremal,
-    check_tolerance,
-    follow_equation,
-    retract_nearest,
-    starts_on_path,
-)
+from paretoik.resolution.variational import check_tolerance, retract_nearest, starts_on_path
 from paretoik.robot import dynamics
 from paretoik.self_motion.charts import build_charts
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
+from studies.tringali_2020.extremals import Extremal, follow_equation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +37,7 @@ class ShootingOptions:
 OPTIONS = ShootingOptions()
 
 
-def shoot_extremals(
-    task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, tolerance: float = STEP_TOLERANCE
-) -> Extremal:
+def shoot_extremals(task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *, tolerance: float = 1e-8) -> Extremal:
     """Return the distinct motions of stationary kinetic energy with both ends free, by Newton's method from postures.
 
     It looks for the posture at sample 0 from which no momentum is left in the self-motion at the end. The motions

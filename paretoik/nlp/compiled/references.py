@@ -1,0 +1,64 @@
+"""Tuples of many arrays passed to compiled functions by reference: by value each is hundreds of arguments.
+
+LLVM code for that is slow to write and to optimise, again in every function that takes the tuple. A reference has the
+tuple's attributes, to be read. It counts no references: whoever makes one keeps the tuple (``keep``) while it is used.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import cgutils, types
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
+
+
+class Reference(types.Type):
+    """A pointer to a named tuple."""
+
+    def __init__(self, target: Any) -> None:
+        self.target = target
+        super().__init__(name=f"Reference({target})")
+
+
+@register_model(Reference)
+class _ReferenceModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, reference: Any) -> None:
+        super().__init__(manager, reference, manager.lookup(reference.target).get_value_type().as_pointer())
+
+
+@infer_getattr
+class _ReferenceAttributes(AttributeTemplate):
+    key = Reference
+
+    def generic_resolve(self, reference: Any, name: str) -> Any:
+        target = reference.target
+        return target[target.fields.index(name)] if name in target.fields else None
+
+
+@lower_getattr_generic(Reference)
+def _load(context: Any, builder: Any, reference: Any, pointer: Any, name: str) -> Any:
+    position = reference.target.fields.index(name)
+    value = builder.load(cgutils.gep_inbounds(builder, pointer, 0, position))
+    return impl_ret_borrowed(context, builder, reference.target[position], value)
+
+
+@intrinsic
+def refer(typing_context: Any, target: Any) -> Any:
+    """Return a reference to a named tuple, valid in the function that makes it and in those that it calls."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return cgutils.alloca_once_value(builder, arguments[0])
+
+    return Reference(target)(target), generate
+
+
+@intrinsic
+def keep(typing_context: Any, target: Any) -> Any:
+    """Do nothing with a tuple that has to exist until here."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.get_dummy_value()
+
+    return types.void(target), generate
