@@ -57,7 +57,10 @@ class Timing:
 
 def time_case(case: str, checkout: Path, cache: Path) -> Timing:
     """Run a case of a checkout in a new process with a folder for caches; raise RuntimeError where it fails."""
-    record = run_in(checkout, TIMED.format(case=CASES[case]), cache=cache)
+    try:
+        record = run_in(checkout, TIMED.format(case=CASES[case]), cache=cache)
+    except RuntimeError as error:
+        raise RuntimeError(f"{case} in {error}") from None
     return Timing(processor=record["processor"], clock=record["clock"], result=tuple(record["result"]))
 
 

@@ -64,7 +64,7 @@ def test_derivatives_are_those_of_the_functions(task, start, nlp):
 
 def test_a_dense_program_for_scipy_is_ours():
     problem = pk.PointToPoint(
-        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), kim_2021.START, kim_2021.TARGET, samples=5
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), kim_2021.START, kim_2021.TARGET, samples=9
     )
     program, weights = problem.program(), np.ones(2)
     z = problem.points(problem.sample_starts(1, np.random.default_rng(0)))[0]
