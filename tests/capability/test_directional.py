@@ -167,7 +167,7 @@ def test_planar_arms_of_any_length_and_spatial_arms_are_served():
     many = sample_postures_at(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
     assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
     arm = pk.arms.wan_7r()
-    solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
+    solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, starts=100)
     assert np.linalg.norm(solid.directions, axis=1) == pytest.approx(np.ones(5))
     columns = kinematics.jacobian(arm, solid.q)[:, :3]
     assert np.einsum("kaj,kj->ka", columns, solid.dq) == pytest.approx(solid.vertices, abs=1e-9)
