@@ -22,14 +22,18 @@ import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
 import paretoik.task.compiled
 import paretoik.trajectory.compiled.motion_kernel  # noqa: F401  before the hook, as all that is compiled
-import tests.shape_checks  # noqa: F401  the hook knows it by name
+import tests.shape_checks  # the hook knows it by name
 
-# In production nobody looks at annotations; in tests every call and every field is held against them.
+# In production nobody looks at annotations; in tests calls and fields are held against them.
 jaxtyping.install_import_hook("paretoik", "tests.shape_checks.checked")
 
 hypothesis.settings.register_profile("local", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+def pytest_runtest_setup() -> None:
+    tests.shape_checks.restart()
 
 
 @pytest.fixture

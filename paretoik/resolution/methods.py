@@ -6,7 +6,7 @@ differ in D, in ρ and in z. A method's numbers and the gains of criteria may be
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar, get_args
 
@@ -99,7 +99,7 @@ class GradientProjection(DampedLeastSquares):
     and numbers out of range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
     """
 
-    criteria: Sequence[Criterion | Objective] | Criterion | Objective = ()
+    criteria: Iterable[Criterion | Objective] | Criterion | Objective = ()
 
     def __post_init__(self) -> None:
         """Check numbers and criteria."""

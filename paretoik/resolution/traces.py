@@ -37,7 +37,7 @@ class Traces:
     status: Shaped[np.ndarray, "*batch steps"]
 
     def __getitem__(self, index: Any) -> Traces:
-        return type(self)(**{each.name: getattr(self, each.name)[index] for each in fields(self)})
+        return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

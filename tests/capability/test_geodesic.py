@@ -15,8 +15,6 @@ from paretoik.capability import geodesic as module
 from paretoik.capability.geodesic import fastest_path, path_time
 from paretoik.errors import InvalidInput, SolverFailed
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; those of test_time_optimal are checked
-
 
 @dataclass(frozen=True)
 class Even:
@@ -280,6 +278,7 @@ def test_a_path_that_cannot_be_timed_is_refused_by_name(points, message):
         path_time(HalfPlane(), points)
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("intervals", [0, -1, 2.5, True])
 def test_a_path_has_one_interval_at_least(intervals):
     with pytest.raises(InvalidInput, match="intervals: an integer of at least 1"):

@@ -15,8 +15,6 @@ from paretoik.capability.time_optimal import time_optimal_control
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; one test below makes them checked
-
 
 @pytest.mark.parametrize("task", [2, 3])
 def test_at_even_speed_a_plan_is_exact(task):
@@ -173,6 +171,7 @@ WRONG = {
 }
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("message", WRONG)
 def test_what_cannot_be_used_is_refused_by_name(message):
     with pytest.raises(InvalidInput, match=message):

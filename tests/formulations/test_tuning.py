@@ -18,7 +18,6 @@ from paretoik.robot.arms import tringali_3r, wan_7r
 from tests.capability.test_geodesic import Even
 from tests.resolution.test_resolve import BENT, begun
 
-pytestmark = pytest.mark.usefixtures("unchecked")
 PATH = line([0.4, 0.05], [0.3, 0.15], duration=1.0, samples=41)
 BOTH = [pk.joint_limit_nearness, pk.manipulability]
 ARM = pk.Arm.planar(
@@ -354,6 +353,7 @@ def test_fingerprints_tell_problems_from_each_other():
     assert len({same[0], *map(fingerprint, others)}) == 7
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -411,6 +411,7 @@ def test_what_cannot_be_used_is_refused_by_name(changed, message):
         tuning(**changed)
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "message"),
     [

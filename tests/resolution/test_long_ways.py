@@ -12,7 +12,6 @@ from paretoik.errors import Infeasible
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r, wan_7r
 
-pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
 BENT = np.array([0.3, -0.4, 0.5, -0.9, 0.4, 0.7, -0.3])
 DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=101)

@@ -22,7 +22,6 @@ from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda
 from tests.resolution.test_resolve import begun
 
-pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
 HOME = np.array([0.1, -0.6, 0.2, -2.2, 0.1, 1.7, 0.5])
 FIRST = kinematics.forward_kinematics(tringali_3r(), START)[1][:2]
@@ -215,6 +214,7 @@ def test_an_arm_without_masses_has_no_kinetic_energy_to_look_ahead_for():
         pk.resolve(arm, path, pk.methods.PredictiveKineticEnergy())
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "said"),
     [

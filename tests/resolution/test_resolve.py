@@ -16,7 +16,6 @@ from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r, wan_7r
 from tests.resolution.plainly import Plainly, coefficient, damping, repulsions, weights_of_clamping
 
-pytestmark = pytest.mark.usefixtures("unchecked")
 START = np.array([0.0, 0.327, -0.754])
 DOWN = line([0.468, 0.0], [0.368, 0.0], duration=1.0, samples=41)
 FEEDBACK = 20.0
@@ -426,6 +425,7 @@ def test_more_redundancy_and_several_tasks():
     assert motion.tracking_error.max() < 1e-3
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
@@ -467,6 +467,7 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
         pk.resolve(tringali_3r(), DOWN, **given)
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "said"),
     [

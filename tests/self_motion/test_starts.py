@@ -17,7 +17,6 @@ from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; test_tracking makes them checked
 REACH = 0.4895  # m, of the paper's arm, 0.176 + 0.176 + 0.1375
 WITHIN = (0.3, 0.1)
 

@@ -21,7 +21,6 @@ from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda
 from tests.self_motion.test_starts import task_of
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls; one test below makes them checked
 FROM, TO = [0.4678, 0.0], [0.0983, 0.1526]  # m, the paper's line
 BEST = (-0.387576, 0.516724, 0.195441)  # rad, near where the best optimum starts
 
@@ -270,6 +269,7 @@ def test_tasks_and_arms_that_have_no_such_motion_are_refused():
         integrate_extremal(paper(), np.array(BEST), tolerance=1.0)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_starts_that_cannot_be_used_are_refused():
     start = best().motion.q[0]
     with pytest.raises(InvalidInput, match="the task has no start of its own"):

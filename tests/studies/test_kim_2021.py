@@ -29,8 +29,6 @@ from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, trajectory
 from studies.kim_2021.without_jumps import straight_rows
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of small calls
-
 
 @pytest.fixture(scope="module")
 def corners():

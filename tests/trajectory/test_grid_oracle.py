@@ -25,7 +25,6 @@ from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.layered_graph import LayeredGraph, shortest_path
 from tests.formulations.problems import panda
 
-pytestmark = pytest.mark.usefixtures("unchecked")
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
 ROUND = circle([0.4178, 0.0], 0.05, duration=1.0, samples=26)
 POSITION = np.deg2rad([90.0, 120.0, 120.0])

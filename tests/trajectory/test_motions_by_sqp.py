@@ -19,8 +19,6 @@ from problems import tringali_2020
 from problems.panda import across_the_table
 from tests.pareto.motions import certify_motions
 
-pytestmark = pytest.mark.usefixtures("unchecked")
-
 LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
 
 

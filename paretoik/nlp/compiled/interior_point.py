@@ -128,7 +128,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
     barrier = Barrier(options.barrier, penalty, np.inf, penalty)
     trial, dx = x.copy(), np.zeros(x.shape)
     delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
-    status, iteration, stationarity, violation = ITERATION_LIMIT, 0, np.inf, np.inf
+    status, iteration, stationarity, violation, least = ITERATION_LIMIT, 0, np.inf, np.inf, np.inf
     error = restore(kernel, work, x)
     _evaluate(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
     if not _all_finite(it.objectives, it.c):
@@ -151,6 +151,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
         if iteration == options.iterations:
             break
         if solved:
+            stalled = 0
             hopeless, barrier = _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options)
             entries = 0
             if hopeless:
@@ -172,7 +173,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
         )  # fmt: skip
         if accepted:
             gained = after < before - options.merit_rounding * abs(before)
-            stalled = 0 if gained or barrier.mu > options.last_barrier else stalled + 1
+            stalled = 0 if gained or theta > 0.0 else stalled + 1
             step_multipliers(it.dz, it.trial_s, it.trial_t, barrier.mu, barrier.penalty, options, it.z)
             x, trial = trial, x
             _accept(it)
@@ -181,7 +182,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
                 status = NO_PROGRESS
                 break
         else:
-            restorations, delta = restorations + 1, 0.0
+            restorations, least, delta = (0, theta, 0.0) if theta < 0.5 * least else (restorations + 1, least, 0.0)
             if entries == 0:
                 reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
                 central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)

@@ -32,8 +32,6 @@ from studies.benchmarks.certified.racing import race_rows, solved_by, solved_by_
 from studies.benchmarks.planner.verdicts import LOSS
 from tests.pareto.motions import certify_motions
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
-
 
 def small():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
