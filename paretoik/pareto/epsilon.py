@@ -19,7 +19,7 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.cold_search import ColdSearch
-from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, known, spread_rows
 from paretoik.pareto.ranges import objective_sizes, ranges_of
 
 Observe = Callable[[int, int], object]
@@ -152,7 +152,7 @@ def _ends(program: Program, best: Points, solver: Solver, options: EpsilonOption
     for barrier in (options.near, options.cold):
         again = minimise(program, best, factors, options=barrier, solver=solver)
         merits = [np.where(each.converged, np.sum(factors * each.objectives, axis=1), np.inf) for each in (ends, again)]
-        better = merits[1] < merits[0] - SAME
+        better = merits[1] < merits[0] - POINT_TOLERANCE
         ends = ends.replace_rows(better, again[better])
     if not ends.converged.all():
         failed = program.objective_names[int(np.argmin(ends.converged))]
@@ -292,7 +292,7 @@ class _Sweep:
             solutions = self._minimise(x[near.ravel()], factors, upper, self.options.warm)
             before = np.repeat(values.sum(axis=1), near.shape[1])
             gain = before - solutions.objectives[:, : self.n_obj].sum(axis=1)
-            better = solutions.converged & (gain > 10 * SAME)
+            better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
             if not better.any():
                 return
             self.add(solutions[better])
