@@ -14,11 +14,9 @@ from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.task.motion import Motion
 
-ENCODING_TOLERANCE = 1e-6  # rad or m: genes that miss a motion by more do not stand for it
 
-
-def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
-    """Return genes (rows, n_var) of solutions to start from; warn of motions that genes can only come near.
+def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:
+    """Return genes (rows, n_var) of solutions to start from; warn of motions that they miss by more [rad, m].
 
     Raises
     ------
@@ -36,7 +34,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
     if not hasattr(initial, "q"):
         raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
     genes, deviation = encode(problem, initial)
-    inexact = deviation > ENCODING_TOLERANCE
+    inexact = deviation > tolerance
     if inexact.any():
         warnings.warn(
             f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "

@@ -23,8 +23,6 @@ from paretoik.pareto.refine import refine as refine_points
 from paretoik.search.ask_tell import Search
 from paretoik.search.progress import Progress
 
-TOLERANCE = 1e-6  # of an objective's range: what a refined point may be worse by
-
 
 def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observe: Observer | None = None) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
@@ -121,9 +119,15 @@ def certified_front(
 
 
 def _no_worse(
-    formulation: Differentiable, individuals: Individuals, before: Front, ranges: Float[np.ndarray, " n_obj"]
+    formulation: Differentiable,
+    individuals: Individuals,
+    before: Front,
+    ranges: Float[np.ndarray, " n_obj"],
+    *,
+    tolerance: float = 1e-6,
 ) -> Individuals:
-    worse = (individuals.objectives > before.minimised + TOLERANCE * ranges).any(axis=1)
+    """Return individuals, those that are worse by more than a share of a range as they were before."""
+    worse = (individuals.objectives > before.minimised + tolerance * ranges).any(axis=1)
     if not worse.any():
         return individuals
     x = individuals.x.copy()

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
     from paretoik.front.front import Choice, Front
 
-RATE_TOLERANCE = 1e-3  # relative width up to which an interval of exchange rates is printed as one rate
-
 
 def result_text(front: Front, out: Path) -> str:
     """Return a summary of a front, or of a closed loop's motion, and the commands that choose from it and replay it."""
@@ -119,7 +117,7 @@ def _exchange_rates(front: Front, certificate: Certificates) -> list[str]:
     for i, j in permutations(range(len(front.names)), 2):
         low, high = np.sort(np.abs(certificate.exchange_intervals[0, i, j]))
         if np.isfinite(high):
-            rate = f"{low:.4g}" if np.isclose(low, high, rtol=RATE_TOLERANCE, atol=0.0) else f"{low:.4g} to {high:.4g}"
+            rate = f"{low:.4g}" if np.isclose(low, high, rtol=1e-3, atol=0.0) else f"{low:.4g} to {high:.4g}"
             gain, cost = ("more" if front.maximised[i] else "less"), ("less" if front.maximised[j] else "more")
             lines.append(
                 f"  1 {front.units[i]} {gain} of {front.names[i]} costs {rate} {front.units[j]} {cost} of "

@@ -63,7 +63,7 @@ def directional_maxima(
     directions: object = 16,
     *,
     quantity: Quantity = "velocity",
-    samples: int = 20_000,
+    starts: int = 20_000,
     seed: int = 0,
 ) -> PerformancePolygon:
     """Return the most that the arm can do along each direction while its tool is at a position.
@@ -75,7 +75,7 @@ def directional_maxima(
 
     Postures of planar arms with three joints are looked at on every branch, all around, at 360 places on each curve and
     wherever limits begin or end to be kept, and searched by golden sections from there: what has two maxima within a
-    degree may be missed. Other arms start from ``samples`` postures and climb, over posture, sliders and speeds at
+    degree may be missed. Other arms start from ``starts`` postures and climb, over posture, sliders and speeds at
     once, by interior points from several of them, until the most was reached often: the best of what was found, no
     proof. An arm without redundancy has few postures, and is as welcome.
 
@@ -93,7 +93,7 @@ def directional_maxima(
         How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task), however long.
     quantity
         "velocity" or "force".
-    samples, seed
+    starts, seed
         Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
         three joints need none.
 
@@ -112,13 +112,13 @@ def directional_maxima(
     check_actuation(actuation, arm)
     if quantity not in get_args(Quantity):
         raise InvalidInput(f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}")
-    check_size("samples", samples, 1)
+    check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     task = 2 if arm.is_planar else 3
     place = finite_array("position", position, (task,))
     ways = unit_directions(directions, task)
     rng = np.random.default_rng(seed)
-    q = best_postures(arm, actuation, place, ways, quantity, samples=samples, rng=rng)
+    q = best_postures(arm, actuation, place, ways, quantity, samples=starts, rng=rng)
     return _polygon(arm, actuation, quantity, place, ways, q)
 
 

@@ -65,7 +65,7 @@ class DirectionalProgram:
         }
 
     @cached_property
-    def begins(self) -> dict[str, slice]:
+    def slices(self) -> dict[str, slice]:
         """Where every part stands among the unknowns."""
         ends = np.cumsum([0, *(int(np.prod(shape)) for shape in self.sizes.values())]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
@@ -73,27 +73,27 @@ class DirectionalProgram:
     @property
     def unknowns(self) -> int:
         """Number of unknowns."""
-        return int(self.begins["power"].stop)
+        return int(self.slices["power"].stop)
 
     def scale(self, size: float) -> Float[np.ndarray, " unknowns"]:
         """Return how much one of each unknown is."""
         found = np.ones(self.unknowns)
         if isinstance(self.actuation, DistributedActuation):
-            found[self.begins["front"]] = self.actuation.rod
+            found[self.slices["front"]] = self.actuation.rod
         fastest = np.stack([curve.fastest for curve in self.curves])
-        found[self.begins["motors"]] = np.broadcast_to(fastest, self.sizes["motors"]).ravel()
-        found[self.begins["values"]] = size
+        found[self.slices["motors"]] = np.broadcast_to(fastest, self.sizes["motors"]).ravel()
+        found[self.slices["values"]] = size
         return found
 
     def parts(self, z: Float[np.ndarray, " unknowns"], size: float) -> dict[str, np.ndarray]:
         """Return the unknowns by name and in their units."""
         known = z * self.scale(size)
-        return {name: known[place].reshape(self.sizes[name]) for name, place in self.begins.items()}
+        return {name: known[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
 
     def initial_point(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
         """Return the unknowns of a posture, all at rest, sliders at their best."""
         z = np.zeros(self.unknowns)
-        z[self.begins["q"]] = q
+        z[self.slices["q"]] = q
         if isinstance(self.actuation, DistributedActuation):
             load = dynamics.inverse_dynamics(self.arm, q, np.zeros_like(q), np.zeros_like(q))
             moving = self.quantity == "velocity"
@@ -102,7 +102,7 @@ class DirectionalProgram:
                 known = joint_speeds(self.actuation, q, load)
                 front = np.where(np.isnan(known.high), front, known.front_high)
             front = np.where(np.isnan(capacity), self.actuation.front_bounds.mean(axis=1), front)
-            z[self.begins["front"]] = front / self.actuation.rod
+            z[self.slices["front"]] = front / self.actuation.rod
         return z
 
     def program(
@@ -123,10 +123,10 @@ def _transcribe(settings: DirectionalProgram) -> Smooth:
         position, size = known[:task], known[-1]
         directions = np.array(known[task:-1], dtype=object).reshape(settings.count, task)
         scale: Any = settings.scale(1.0).astype(object)
-        scale[settings.begins["values"]] = size
+        scale[settings.slices["values"]] = size
         at = {
             name: (np.array(z, dtype=object) * scale)[place].reshape(settings.sizes[name])
-            for name, place in settings.begins.items()
+            for name, place in settings.slices.items()
         }
         q = list(at["q"])
         links = kinematics.link_frames(arm, q)

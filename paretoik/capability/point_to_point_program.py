@@ -45,7 +45,7 @@ class PointToPointProgram:
         return 2 if isinstance(self.actuation, DistributedActuation) else 1
 
     @cached_property
-    def begins(self) -> dict[str, slice]:
+    def slices(self) -> dict[str, slice]:
         """Where every part stands among the unknowns."""
         intervals, size = len(self.spline) - 1, self.spline.shape[1] * self.arm.dof
         sizes = {"q": size, "front": size * (self.motors - 1), "times": intervals}
@@ -56,14 +56,14 @@ class PointToPointProgram:
     @property
     def count(self) -> int:
         """Number of unknowns."""
-        return int(self.begins["work"].stop)
+        return int(self.slices["work"].stop)
 
     @cached_property
     def costs(self) -> Float[np.ndarray, "2 unknowns"]:
         """What duration [s] and energy [J] are of the unknowns."""
         found = np.zeros((2, self.count))
-        found[0, self.begins["times"]] = self.pace
-        found[1, self.begins["work"]] = self.work_unit
+        found[0, self.slices["times"]] = self.pace
+        found[1, self.slices["work"]] = self.work_unit
         return found
 
     def unknowns(
@@ -82,10 +82,10 @@ class PointToPointProgram:
     def coefficients(self, z: Float[np.ndarray, "points unknowns"]) -> tuple[np.ndarray, np.ndarray]:
         """Return the coefficients of joints and front sliders (points, coefficients, dof)."""
         shape = (len(z), self.spline.shape[1], self.arm.dof)
-        q = z[:, self.begins["q"]].reshape(shape)
+        q = z[:, self.slices["q"]].reshape(shape)
         if not isinstance(self.actuation, DistributedActuation):
             return q, np.zeros_like(q)
-        return q, z[:, self.begins["front"]].reshape(shape) * self.actuation.rod
+        return q, z[:, self.slices["front"]].reshape(shape) * self.actuation.rod
 
     @cached_property
     def program(self) -> Assembled:
@@ -97,8 +97,8 @@ class PointToPointProgram:
         near = first[:, None] + np.arange(reach)
         weights = np.take_along_axis(self.spline, near, axis=1)
         after = np.take_along_axis(self.spline[1:], near[:-1], axis=1)
-        times = self.begins["times"].start + np.arange(steps)[:, None]
-        work = self.begins["work"].start + np.arange(steps * self.motors * self.arm.dof).reshape(steps, -1)
+        times = self.slices["times"].start + np.arange(steps)[:, None]
+        work = self.slices["work"].start + np.arange(steps * self.motors * self.arm.dof).reshape(steps, -1)
         moving = Part(
             program=_interval(self.arm, self.actuation, reach, self.pace, self.work_unit),
             where=np.concatenate([self._where(near[:-1]), times, work], axis=1),
@@ -114,7 +114,7 @@ class PointToPointProgram:
         """Return which unknowns hold coefficients (batch, reach) of all joints, then of all sliders."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
-        return np.concatenate([joints + self.begins["front"].start * k for k in range(self.motors)], axis=1)
+        return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
 
     def _ends(self) -> Part:
         dof, last = self.arm.dof, self.spline.shape[1] - 1

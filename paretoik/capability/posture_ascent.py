@@ -140,7 +140,7 @@ def ascend(
     points may leave.
     """
     cost = np.zeros((1, program.unknowns))
-    cost[0, program.begins["values"]] = -1.0
+    cost[0, program.slices["values"]] = -1.0
     dense = DenseProgram(rows=program.program(position, direction[None], size), costs=cost)
     first, weight = program.initial_point(start)[None], np.ones((1, 1))
     try:

@@ -19,8 +19,6 @@ from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
-BASE_DISTANCE = 0.1  # rad or m: postures nearer than this are one base
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configuration:
@@ -48,12 +46,12 @@ class Configurations:
     still: MotionTask
     directions: Float[np.ndarray, "directions task"]
 
-    def bases(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "bases dof"]:
-        """Return postures that are not too near each other, each beside its neighbours."""
+    def bases(self, q: Float[np.ndarray, "postures dof"], *, distance: float = 0.1) -> Float[np.ndarray, "bases dof"]:
+        """Return postures no nearer to each other than a distance [rad or m], each beside its neighbours."""
         bases = list[np.ndarray]()
         for posture in q:
             distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
-            if distances.max(axis=1).min(initial=np.inf) > BASE_DISTANCE:
+            if distances.max(axis=1).min(initial=np.inf) > distance:
                 bases.append(posture)
         return order_by_neighbour(np.array(bases), self.arm.periodic)
 

@@ -10,6 +10,7 @@ posture serves several, and that power is weighed against speed, is new.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -36,8 +37,18 @@ from paretoik.robot.arm import Arm
 from paretoik.self_motion.postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
-SELF_MOTION_RANGE = 1.0  # rad or m: how far from its base a posture may be, along each direction of self-motion
-SPEED_RANGE = 1.0  # of the mean range of joint speeds: how far joints may move along the self-motion meanwhile
+
+@dataclass(frozen=True, kw_only=True)
+class GeneRanges:
+    """How far genes reach."""
+
+    self_motion: float = 1.0
+    """How far from its base a posture may be along each direction of self-motion [rad, m]."""
+    speed: float = 1.0
+    """How fast joints may move along the self-motion meanwhile, as a share of the mean range of joint speeds."""
+
+
+RANGES = GeneRanges()
 
 
 class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -45,8 +56,8 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     Objectives: ``speed_1``, ``speed_2``, ..., how fast the tool can go along each direction from one posture with its
     sliders where they are [m/s], maximised; with ``power``, ``joint_power``, the most power that joints give or take
-    meanwhile, the sum over them without signs [W]. ``pk.refine`` polishes them by the convex subproblem and exact
-    gradients over posture, sliders and speeds.
+    meanwhile, the sum over them without signs [W]. ``pk.refine`` refines them by exact gradients over posture,
+    sliders and speeds.
 
     Parameters
     ----------
@@ -56,7 +67,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         Vectors (directions, task), or how many evenly around or over the sphere; at least one.
     power
         Whether power is an objective.
-    samples, seed
+    starts, seed
         Postures that bases are taken from, and the seed of their chance; part of the problem.
 
     Genes: place among the bases, self-motion about it, a share of each front slider's way, for each direction the pace
@@ -79,11 +90,11 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         directions: object,
         *,
         power: bool = True,
-        samples: int = 400,
+        starts: int = 400,
         seed: int = 0,
     ) -> None:
         check_actuation(actuation, arm)
-        check_size("samples", samples, 1)
+        check_size("starts", starts, 1)
         check_size("seed", seed, 0)
         if not isinstance(power, bool):
             raise InvalidInput(f"power: True or False wanted, got {power!r}")
@@ -97,11 +108,11 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
         self.still = stationary_task(arm, self.position)
         self.configurations = Configurations(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
-        found = sample_holdable_postures(arm, actuation, self.position, samples, np.random.default_rng(seed))
-        self.bases = self.configurations.bases(found)
+        postures = sample_holdable_postures(arm, actuation, self.position, starts, np.random.default_rng(seed))
+        self.bases = self.configurations.bases(postures)
         free = self.still.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
-        beside, mixed = np.full(free, SELF_MOTION_RANGE), np.full(count * free, SPEED_RANGE)
+        beside, mixed = np.full(free, RANGES.self_motion), np.full(count * free, RANGES.speed)
         low = np.concatenate([[0.0], -beside, np.zeros(slides + count), -mixed])
         high = np.concatenate([[1.0], beside, np.ones(slides + count), mixed])
         super().__init__(
@@ -127,26 +138,28 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         part = self._parts(genes)
         which = np.minimum((part["place"][:, 0] * len(self.bases)).astype(int), len(self.bases) - 1)
         across, along = (each[which] for each in self.frames)
-        begun = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
-        led = retract(self.arm, self.still.tasks, begun, np.repeat(self.still.targets[:1], len(genes), axis=0), across)
-        front = np.zeros_like(led.q)
+        base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
+        targets = np.repeat(self.still.targets[:1], len(genes), axis=0)
+        retracted = retract(self.arm, self.still.tasks, base, targets, across)
+        front = np.zeros_like(retracted.q)
         if isinstance(self.actuation, DistributedActuation):
             low, high = self.actuation.front_bounds.T
             front = low + part["front"] * (high - low)
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
-        return self.configurations.with_speeds(led.q, front, part["pace"], mixed, led.error > ON_PATH_TOLERANCE)
+        off_path = retracted.error > ON_PATH_TOLERANCE
+        return self.configurations.with_speeds(retracted.q, front, part["pace"], mixed, off_path)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
-        asked = self._asked
-        costs = np.zeros((self.n_obj, asked.unknowns))
+        program = self._unscaled
+        costs = np.zeros((self.n_obj, program.unknowns))
         count = len(self.directions)
-        costs[np.arange(count), np.arange(asked.unknowns)[asked.begins["values"]]] = -self.size
+        costs[np.arange(count), np.arange(program.unknowns)[program.slices["values"]]] = -self.size
         if self.power:
-            costs[count, asked.begins["power"]] = 1.0
+            costs[count, program.slices["power"]] = 1.0
         divisors = np.ones(self.n_obj) if scales is None else scales
         return DenseProgram(
-            rows=asked.program(self.position, self.directions, self.size),
+            rows=program.program(self.position, self.directions, self.size),
             costs=costs / divisors[:, None],
             objective_names=tuple(self.names),
         )
@@ -173,34 +186,34 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
     @cached_property
     def size(self) -> float:
         """The highest speed of the bases along any direction [m/s]."""
-        found = values_at(self.arm, self.actuation, self.directions, "velocity", self.bases)
-        return float(np.nanmax(found))
+        speeds = values_at(self.arm, self.actuation, self.directions, "velocity", self.bases)
+        return float(np.nanmax(speeds))
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
-        at, asked = self.configuration(genes), self._asked
-        z = np.zeros((len(genes), asked.unknowns))
-        z[:, asked.begins["q"]] = at.q
+        at, program = self.configuration(genes), self._unscaled
+        z = np.zeros((len(genes), program.unknowns))
+        z[:, program.slices["q"]] = at.q
         torque = gravity_torques(self.arm, at.q)
         motors = at.dq[:, :, None]
         if isinstance(self.actuation, DistributedActuation):
-            z[:, asked.begins["front"]] = at.front
+            z[:, program.slices["front"]] = at.front
             motors = self.configurations.slider_speeds(at, torque)
-        z[:, asked.begins["motors"]] = motors.reshape(len(genes), -1)
-        z[:, asked.begins["values"]] = at.speeds
+        z[:, program.slices["motors"]] = motors.reshape(len(genes), -1)
+        z[:, program.slices["values"]] = at.speeds
         if self.power:
             work = np.abs(torque[:, None] * at.dq)
-            z[:, asked.begins["work"]] = work.reshape(len(genes), -1)
-            z[:, asked.begins["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
-        return z / asked.scale(self.size)
+            z[:, program.slices["work"]] = work.reshape(len(genes), -1)
+            z[:, program.slices["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
+        return z / program.scale(self.size)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
-        parts = [self._asked.parts(one, self.size) for one in x]
+        parts = [self._unscaled.parts(one, self.size) for one in x]
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
-        apart = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
-        which = np.linalg.norm(apart, axis=2).argmin(axis=1)
-        beside = np.einsum("pjr,pj->pr", self.frames[1][which], apart[np.arange(len(q)), which])
+        differences = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
+        which = np.linalg.norm(differences, axis=2).argmin(axis=1)
+        beside = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
         genes, front = [((which + 0.5) / len(self.bases))[:, None], beside], np.zeros_like(q)
         motors = np.array([part["motors"] for part in parts])
         dq = motors[:, :, 0]
@@ -210,12 +223,12 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             genes.append(np.clip((front - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0))
             ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
             dq = (ratios[:, None] * motors).sum(axis=2)
-        most, span, free = self.configurations.fastest(q, front)
-        pace = np.clip(speeds / np.where(most.speeds > 0, most.speeds, 1.0), 0.0, 1.0)
-        left = (dq - pace[..., None] * most.dq) / span[:, None, None]
-        genes += [pace, np.einsum("pjr,pkj->pkr", free, left).reshape(len(q), -1)]
-        found: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
-        return found
+        fastest, ranges, free = self.configurations.fastest(q, front)
+        pace = np.clip(speeds / np.where(fastest.speeds > 0, fastest.speeds, 1.0), 0.0, 1.0)
+        along = (dq - pace[..., None] * fastest.dq) / ranges[:, None, None]
+        genes += [pace, np.einsum("pjr,pkj->pkr", free, along).reshape(len(q), -1)]
+        clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
+        return clipped
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return 0 (points,): a posture has nothing between samples."""
@@ -225,15 +238,15 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
         arm = self.arm
         bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
-        known = [self.actuation.table, self.position, self.directions, self.bases, self.names, arm.position_limits]
-        return [*known, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
+        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names, arm.position_limits]
+        return [*parts, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
         return explain_worst(self.constraint_names, self.constraint_units, self.configuration(genes).excess)
 
     @cached_property
-    def _asked(self) -> DirectionalProgram:
+    def _unscaled(self) -> DirectionalProgram:
         return DirectionalProgram(
             arm=self.arm,
             actuation=self.actuation,

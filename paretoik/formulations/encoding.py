@@ -12,8 +12,16 @@ from paretoik.arrays import Genes
 from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask
 
-RADII = np.array([0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6])  # rad or m, tried from the base outwards
-DEGREE = 3
+
+@dataclass(frozen=True, kw_only=True)
+class EncodingOptions:
+    """``degree`` of the splines; ``radii`` [rad or m] of charts, tried from the base outwards."""
+
+    degree: int = 3
+    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)
+
+
+OPTIONS = EncodingOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,21 +89,21 @@ def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coeffi
 
 def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
     t = task.times / task.times[-1]
-    given = task.start is not None
+    has_start = task.start is not None
     if task.cyclic:
-        basis = _periodic(t, coefficients + given)
-        return _vanishing_at_start(basis) if given else basis
-    inner = np.linspace(0, 1, coefficients + given + task.ends_at_rest - DEGREE + 1)
-    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
-    basis = BSpline.design_matrix(t, knots, DEGREE).toarray()
+        basis = _periodic(t, coefficients + has_start)
+        return _vanishing_at_start(basis) if has_start else basis
+    inner = np.linspace(0, 1, coefficients + has_start + task.ends_at_rest - OPTIONS.degree + 1)
+    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
+    basis = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
     if task.ends_at_rest:
         basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    return _vanishing_at_start(basis) if given else basis
+    return _vanishing_at_start(basis) if has_start else basis
 
 
 def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:
-    knots = np.arange(-DEGREE, coefficients + DEGREE + 1) / coefficients
-    wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, DEGREE).toarray()
+    knots = np.arange(-OPTIONS.degree, coefficients + OPTIONS.degree + 1) / coefficients
+    wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, OPTIONS.degree).toarray()
     basis: np.ndarray = wide[:, :coefficients].copy()
     basis[:, : wide.shape[1] - coefficients] += wide[:, coefficients:]
     basis[-1] = basis[0]
@@ -118,9 +126,9 @@ def _reach(task: MotionTask, around: Charts) -> np.ndarray:
         corners = np.random.default_rng(0).choice([-1.0, 1.0], size=(2 * redundancy, redundancy))
         rays = np.concatenate([rays, corners])
     fine = np.ones((bases, times), dtype=bool)
-    reach = np.full((bases, times), RADII[0])
+    reach = np.full((bases, times), OPTIONS.radii[0])
     which = np.repeat(np.arange(bases), len(rays))
-    for radius in RADII:
+    for radius in OPTIONS.radii:
         y = np.tile((radius * rays)[:, None, :], (bases, times, 1))
         on_path = around.at(task, which, y)[1].reshape(bases, len(rays), times)
         fine &= on_path.all(axis=1)

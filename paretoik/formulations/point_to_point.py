@@ -11,6 +11,7 @@ weighed against energy is new.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -39,10 +40,22 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
-COEFFICIENT_RANGE = 1.5  # rad or m: how far from its base a coefficient may be
-SLIDER_OVERSHOOT = 0.5  # of a slider's way: how far a coefficient may be past it, where samples are within
-SHORTEST_INTERVAL = 1e-6  # s: an interval in which nothing moves
-REFINEMENT = 8  # times finer than the samples
+
+@dataclass(frozen=True, kw_only=True)
+class PointToPointOptions:
+    """Settings of genes and of what is checked between samples."""
+
+    coefficient_range: float = 1.5
+    """How far from its base a coefficient may be [rad, m]."""
+    slider_overshoot: float = 0.5
+    """How far a coefficient may be past a slider's range, as a share of it, where samples are within."""
+    shortest_interval: float = 1e-6
+    """An interval in which nothing moves [s]."""
+    refinement: int = 8
+    """Times that the check between samples is finer than these."""
+
+
+OPTIONS = PointToPointOptions()
 
 
 class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -50,7 +63,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     Objectives: ``duration`` [s], the least time in which motors can follow, each within its curve under the load of
     gravity; ``energy`` [J], the work of all motors, given or taken. Inertia is not counted (quasi-static). Every
-    motion of the front has its own times. ``pk.refine`` polishes them by the convex subproblem and exact gradients.
+    motion of the front has its own times. ``pk.refine`` refines them by exact gradients.
 
     Parameters
     ----------
@@ -105,65 +118,66 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             raise InvalidInput(
                 f"{arm.name}: more than {task} joints wanted, so that there are paths to choose, got {arm.dof}"
             )
-        given: dict[str, Any] = {"start": start, "target": target}
-        ends = [finite_array(name, place, (task,)) for name, place in given.items()]
+        ends = [finite_array(name, place, (task,)) for name, place in (("start", start), ("target", target))]
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
             raise InvalidInput(f"target: another place than the start wanted, got {ends[1].tolist()} m twice")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
-        self.ways: InitialPaths = find_initial_paths(
+        self.initial_paths: InitialPaths = find_initial_paths(
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
-        slides = self.ways.size * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(self.ways.size, -COEFFICIENT_RANGE), np.full(slides, -SLIDER_OVERSHOOT)])
-        high = np.concatenate(
-            [[1.0], np.full(self.ways.size, COEFFICIENT_RANGE), np.full(slides, 1.0 + SLIDER_OVERSHOOT)]
-        )
+        size, beyond = self.initial_paths.size, OPTIONS.slider_overshoot
+        slides = size * isinstance(actuation, DistributedActuation)
+        low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -beyond)])
+        high = np.concatenate([[1.0], np.full(size, OPTIONS.coefficient_range), np.full(slides, 1.0 + beyond)])
         super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
         """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off [m]."""
-        known, count = self.ways, len(genes)
-        which = np.minimum((genes[:, 0] * len(known.q)).astype(int), len(known.q) - 1)
-        q = known.q[which] + genes[:, 1 : 1 + known.size].reshape(count, *known.q.shape[1:])
-        missed = np.zeros(count)
+        paths, count = self.initial_paths, len(genes)
+        which = np.minimum((genes[:, 0] * len(paths.q)).astype(int), len(paths.q) - 1)
+        q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
+        error = np.zeros(count)
         for end, still in zip((0, -1), self._ends, strict=True):
-            across = known.across[which, end]
+            across = paths.across[which, end]
             targets = np.repeat(still.targets[:1], count, axis=0)
-            led = retract(self.arm, still.tasks, np.ascontiguousarray(q[:, end]), targets, across)
-            q[:, end] = led.q
-            missed = np.maximum(missed, led.error)
+            retracted = retract(self.arm, still.tasks, np.ascontiguousarray(q[:, end]), targets, across)
+            q[:, end] = retracted.q
+            error = np.maximum(error, retracted.error)
         front = np.zeros_like(q)
         if isinstance(self.actuation, DistributedActuation):
             low, high = self.actuation.front_bounds.T
-            front = low + genes[:, 1 + known.size :].reshape(q.shape) * (high - low)
-        return q, front, missed
+            front = low + genes[:, 1 + paths.size :].reshape(q.shape) * (high - low)
+        return q, front, error
 
     def timing(self, genes: Genes) -> Timing:
         """Return the least times and the work of genes (points, n_var)."""
+        paths = self.initial_paths
         q, front, _ = self.profiles(genes)
-        return minimum_timing(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
+        return minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
         """Return front and back sliders at the samples [m]; None without any."""
+        paths = self.initial_paths
         if not isinstance(self.actuation, DistributedActuation):
             return None
         q, front, _ = self.profiles(genes)
-        places = self.ways.spline @ front
-        return np.stack([places, self.actuation.gears(self.ways.spline @ q, places)[0]], axis=2)
+        places = paths.spline @ front
+        return np.stack([places, self.actuation.gears(paths.spline @ q, places)[0]], axis=2)
 
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, time, dof) of genes, each with its own times."""
+        paths = self.initial_paths
         q, front, _ = self.profiles(genes)
-        q, front = self.ways.spline @ q, self.ways.spline @ front
+        q, front = paths.spline @ q, paths.spline @ front
         steps = np.nan_to_num(minimum_timing(self.arm, self.actuation, q, front).intervals, nan=1.0)
-        time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(np.maximum(steps, SHORTEST_INTERVAL), axis=1)], axis=1)
-        return Motion(arm=self.arm, time=time, q=q)
+        ends = np.cumsum(np.maximum(steps, OPTIONS.shortest_interval), axis=1)
+        return Motion(arm=self.arm, time=np.concatenate([np.zeros((len(q), 1)), ends], axis=1), q=q)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of coefficients, intervals and work, its objectives divided by ``scales``."""
         divisors = np.ones(self.n_obj) if scales is None else scales
-        costs = self._journey.costs / divisors[:, None]
-        return DenseProgram(rows=self._journey.program, costs=costs, objective_names=tuple(self.names))
+        costs = self._unscaled.costs / divisors[:, None]
+        return DenseProgram(rows=self._unscaled.program, costs=costs, objective_names=tuple(self.names))
 
     def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
         """Return the points of a front's genes."""
@@ -175,7 +189,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
         """Return the number of the base that each point is nearest to."""
-        return [str(int(place * len(self.ways.q))) for place in self.genes(x)[:, 0]]
+        return [str(int(place * len(self.initial_paths.q))) for place in self.genes(x)[:, 0]]
 
     def cold_search(
         self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
@@ -186,22 +200,24 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
+        paths = self.initial_paths
         q, front, _ = self.profiles(genes)
-        timing = minimum_timing(self.arm, self.actuation, self.ways.spline @ q, self.ways.spline @ front)
-        return self._journey.unknowns(q, front, timing.intervals, timing.work)
+        timing = minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
+        return self._unscaled.unknowns(q, front, timing.intervals, timing.work)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
-        q, front = self._journey.coefficients(x)
-        away = q[:, None] - self.ways.q
-        which = np.abs(away).max(axis=(2, 3)).argmin(axis=1)
-        genes = [((which + 0.5) / len(self.ways.q))[:, None], away[np.arange(len(q)), which].reshape(len(q), -1)]
+        paths = self.initial_paths
+        q, front = self._unscaled.coefficients(x)
+        difference = q[:, None] - paths.q
+        which = np.abs(difference).max(axis=(2, 3)).argmin(axis=1)
+        genes = [((which + 0.5) / len(paths.q))[:, None], difference[np.arange(len(q)), which].reshape(len(q), -1)]
         if isinstance(self.actuation, DistributedActuation):
             low, high = self.actuation.front_bounds.T
             share = (front - low) / np.where(high > low, high - low, 1.0)
             genes.append(share.reshape(len(q), -1))
-        found: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
-        return found
+        clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
+        return clipped
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return how much longer than an interval motors need for it, over the mean one, or how overloaded they are.
@@ -209,32 +225,34 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
         """
         q, front, _ = self.profiles(genes)
-        fine = self.ways.finer(REFINEMENT)
-        given = self.timing(genes).intervals
-        again = minimum_timing(self.arm, self.actuation, fine @ q, fine @ front)
-        least = again.intervals.reshape(*given.shape, REFINEMENT).sum(axis=2)
-        late = np.nan_to_num(least - given, nan=0.0).max(axis=1) / given.mean(axis=1)
-        found: np.ndarray = np.maximum(np.maximum(late, again.overload), 0.0)
-        return found
+        fine = self.initial_paths.finer(OPTIONS.refinement)
+        intervals = self.timing(genes).intervals
+        retimed = minimum_timing(self.arm, self.actuation, fine @ q, fine @ front)
+        shortest = retimed.intervals.reshape(*intervals.shape, OPTIONS.refinement).sum(axis=2)
+        late = np.nan_to_num(shortest - intervals, nan=0.0).max(axis=1) / intervals.mean(axis=1)
+        violation: np.ndarray = np.maximum(np.maximum(late, retimed.overload), 0.0)
+        return violation
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of the bases, as they are and a little away."""
+        """Return genes of the bases, as they are and at a small distance."""
+        paths = self.initial_paths
         rows = np.zeros((count, self.n_var))
-        which = np.arange(count) % len(self.ways.q)
-        rows[:, 0] = (which + 0.5) / len(self.ways.q)
-        away = np.where(np.arange(count) < len(self.ways.q), 0.0, 0.1)[:, None]
-        rows[:, 1 : 1 + self.ways.size] = away * rng.normal(size=(count, self.ways.size))
+        which = np.arange(count) % len(paths.q)
+        rows[:, 0] = (which + 0.5) / len(paths.q)
+        distance = np.where(np.arange(count) < len(paths.q), 0.0, 0.1)[:, None]
+        rows[:, 1 : 1 + paths.size] = distance * rng.normal(size=(count, paths.size))
         if isinstance(self.actuation, DistributedActuation):
-            own = self.ways.shares[which].reshape(count, -1)
-            rows[:, 1 + self.ways.size :] = np.clip(own + away * rng.normal(size=own.shape), 0.0, 1.0)
+            shares = paths.shares[which].reshape(count, -1)
+            rows[:, 1 + paths.size :] = np.clip(shares + distance * rng.normal(size=shares.shape), 0.0, 1.0)
         return np.clip(rows, self.xl, self.xu)
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, ends and bases."""
+        paths = self.initial_paths
         arm = self.arm
         bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
-        known = [self.actuation.table, self.start, self.target, self.ways.q, self.ways.spline, arm.position_limits]
-        return [*known, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
+        parts = [self.actuation.table, self.start, self.target, paths.q, paths.spline, arm.position_limits]
+        return [*parts, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual which limit is violated most, in words; "" where none is."""
@@ -245,27 +263,28 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         return stationary_task(self.arm, self.start), stationary_task(self.arm, self.target)
 
     @cached_property
-    def _journey(self) -> PointToPointProgram:
-        known = self.ways
+    def _unscaled(self) -> PointToPointProgram:
+        paths = self.initial_paths
         return PointToPointProgram(
             arm=self.arm,
             actuation=self.actuation,
             start=self.start,
             target=self.target,
-            spline=known.spline,
-            pace=known.pace,
-            work_unit=known.work_unit,
+            spline=paths.spline,
+            pace=paths.pace,
+            work_unit=paths.work_unit,
         )
 
     def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:
-        q, front, missed = self.profiles(X)
-        q, front = self.ways.spline @ q, self.ways.spline @ front
+        q, front, error = self.profiles(X)
+        paths = self.initial_paths
+        q, front = paths.spline @ q, paths.spline @ front
         with np.errstate(invalid="ignore"):
             timing = minimum_timing(self.arm, self.actuation, q, front)
-            past = self.ways.past(q, front)
+            past = paths.past(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
         G = np.stack(
-            [missed / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - LIMIT_TOLERANCE)],
+            [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - LIMIT_TOLERANCE)],
             axis=1,
         )
         bad = ~np.isfinite(F).all(axis=1)

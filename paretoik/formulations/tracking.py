@@ -39,7 +39,6 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-from paretoik.trajectory.between_samples import violation_between
 from paretoik.trajectory.cold_search import MotionColdSearch
 from paretoik.trajectory.plan import Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
@@ -56,7 +55,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     arm, path
         The arm, and a Path, a Task or several of them with the same times.
     objectives
-        Functions decorated with ``@objective``, the library's or your own; at least one.
+        Functions decorated with ``@objective``, the library's (``pk.kinetic_energy``, ...) or your own; at least one.
     limits, constraints
         Joint limits (None: the arm's own), and functions decorated with ``@constraint``.
     obstacles, link_radius
@@ -229,7 +228,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             objectives=np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1),
             genes=None,
             motions=motions,
-            violation_between=violation_between(self.task, motions),
+            violation_between=self.task.violation_between(motions),
         )
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:

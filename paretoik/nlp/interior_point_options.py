@@ -27,9 +27,9 @@ class InteriorPointOptions(NamedTuple):
     multiplier_range: float = 1e8  # by which a multiplier may differ from μ over its slack; Wächter & Biegler, Eq. 16
     flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
     merit_rounding: float = 1e-14  # of the merit function, relative
-    stalled_steps: int = 5  # at the last barrier whose decrease is rounding, after which it stops
+    stalled_steps: int = 5  # whose decrease is rounding, after which a subproblem counts as solved
     least_slack: float = 1e-2  # that unknown slacks begin with, or √μ where that is less
     residual_tolerance: float = 1e-10  # of the sum of residuals
     filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18
     filter_infeasible: float = 1e-4  # of the first residual, up to which the merit alone may decide; ibid., Eq. 21
-    restorations: int = 12  # at most: the filter is cleared, or slacks follow c again
+    restorations: int = 12  # without half the residuals: the filter is cleared, or slacks follow c again

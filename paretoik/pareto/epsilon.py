@@ -19,7 +19,7 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.pareto.cold_search import ColdSearch
-from paretoik.pareto.gap_filling import SAME, fill_gaps, front_rows, known, spread_rows
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, known, spread_rows
 from paretoik.pareto.ranges import objective_sizes, ranges_of
 
 Observe = Callable[[int, int], object]
@@ -152,7 +152,7 @@ def _ends(program: Program, best: Points, solver: Solver, options: EpsilonOption
     for barrier in (options.near, options.cold):
         again = minimise(program, best, factors, options=barrier, solver=solver)
         merits = [np.where(each.converged, np.sum(factors * each.objectives, axis=1), np.inf) for each in (ends, again)]
-        better = merits[1] < merits[0] - SAME
+        better = merits[1] < merits[0] - POINT_TOLERANCE
         ends = ends.replace_rows(better, again[better])
     if not ends.converged.all():
         failed = program.objective_names[int(np.argmin(ends.converged))]
@@ -174,14 +174,14 @@ def _inner(program: Program, cold: ColdSearch, ends: Solutions, options: Epsilon
     """Return the optima that cold starts lead to below some ε: a branch may belong to no objective's own optimum."""
     count = len(ends)
     ideal, nadir = ends.objectives[:, :count].min(axis=0), ends.objectives[:, :count].max(axis=0)
-    found = []
+    batches = []
     for share in options.inner if count == 2 else options.inner[1:2]:
         for main in range(count):
             upper = np.where(np.arange(count) == main, np.inf, nadir + share * (ideal - nadir))
             solutions = cold.optima_below(program, main, upper, options.weight)
             if solutions is not None:
-                found.append(solutions[solutions.converged][: options.pool])
-    return found
+                batches.append(solutions[solutions.converged][: options.pool])
+    return batches
 
 
 class _Sweep:
@@ -254,9 +254,9 @@ class _Sweep:
 
         Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
         """
-        own = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
+        second = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
         falling, rising = levels[:, None], levels[::-1, None]
-        within = own >= falling, own <= rising
+        within = second >= falling, second <= rising
         joins = [np.where(each.any(axis=0), each.argmax(axis=0), len(levels)) for each in within]
         x = [self.pool[:0], self.pool[:0]]
         options = self.options.warm._replace(iterations=self.options.branch_iterations)
@@ -292,7 +292,7 @@ class _Sweep:
             solutions = self._minimise(x[near.ravel()], factors, upper, self.options.warm)
             before = np.repeat(values.sum(axis=1), near.shape[1])
             gain = before - solutions.objectives[:, : self.n_obj].sum(axis=1)
-            better = solutions.converged & (gain > 10 * SAME)
+            better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
             if not better.any():
                 return
             self.add(solutions[better])

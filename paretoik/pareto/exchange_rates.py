@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog
 
 from paretoik.nlp.conic import Constraints
 
-COUNTS = 1e-6  # share of all objectives' weight from which on one counts
-ACTIVE = 1e-7  # of a limit's range: nearer than that it is reached
-DEPENDENT = 1e-7  # singular value, of rows of length one, that is none
-PIVOTS = 5000  # of a linear program: where nearly all rows are reached, simplex may go round in circles
-BALANCED = 1e-7  # what may be left of a gradient that multipliers should cancel, as a share of the longest
+
+@dataclass(frozen=True, kw_only=True)
+class ExchangeRateOptions:
+    """Tolerances of multipliers, all without unit.
+
+    ``weight`` is the share of all objectives' weight from which on one counts; ``active`` the slack, of a limit's
+    range, up to which it is active; ``singular`` the singular value, of rows of length one, that counts as none;
+    ``balance`` what may be left of a gradient that multipliers cancel, as a share of the longest. A linear program ends
+    after so many ``pivots``: where nearly all rows are active, the simplex method may cycle.
+    """
+
+    weight: float = 1e-6
+    active: float = 1e-7
+    singular: float = 1e-7
+    balance: float = 1e-7
+    pivots: int = 5000
+
+
+OPTIONS = ExchangeRateOptions()
 
 
 def exchange_rates(
     weights: Float[np.ndarray, "points n_obj"], ranges: Float[np.ndarray, " n_obj"], signs: Float[np.ndarray, " n_obj"]
 ) -> Float[np.ndarray, "points n_obj n_obj"]:
     """Return ∂f_j/∂f_i = −λ_i/λ_j, the others held, in natural units and the objectives' own signs; diagonal 1."""
-    counts = np.where(weights >= COUNTS, weights, np.nan)
+    counts = np.where(weights >= OPTIONS.weight, weights, np.nan)
     natural = ranges * signs
     rates = -weights[:, :, None] / counts[:, None, :] * natural[None, None, :] / natural[None, :, None]
     i = np.arange(len(ranges))
@@ -48,35 +64,35 @@ def weight_ratios(
     Where gradients of objectives and of limits that are reached depend on each other in more than one way, multipliers
     are not unique: two linear programs, scaled to λ_j = 1, give the ends. With cones they are taken for unique.
     """
-    counts = np.where(weights >= COUNTS, weights, np.nan)
+    counts = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = weights[:, None] / counts[None, :]
-    found = np.stack([ratios, ratios], axis=-1)
-    reached = constraints.jacobian[constraints.values <= ACTIVE].toarray()
-    rows = np.concatenate([gradients, -reached])
+    intervals = np.stack([ratios, ratios], axis=-1)
+    active = constraints.jacobian[constraints.values <= OPTIONS.active].toarray()
+    rows = np.concatenate([gradients, -active])
     lengths = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
     rows = rows[lengths > 1e-12] / lengths[lengths > 1e-12, None]
-    if constraints.cones or len(rows) - np.linalg.matrix_rank(rows, tol=DEPENDENT) <= 1:
-        return found
-    return np.stack([_ends(gradients, reached, found[:, j], j) for j in range(len(weights))], axis=1)
+    if constraints.cones or len(rows) - np.linalg.matrix_rank(rows, tol=OPTIONS.singular) <= 1:
+        return intervals
+    return np.stack([_ends(gradients, active, intervals[:, j], j) for j in range(len(weights))], axis=1)
 
 
-def _ends(gradients: np.ndarray, reached: np.ndarray, known: np.ndarray, j: int) -> np.ndarray:
-    """Return the ends (n_obj, 2) of λ_i where λ_j is 1; those ``known`` where the programs have none."""
-    if np.isnan(known[j]).any():
-        return known
-    table = np.concatenate([gradients, -reached]).T / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
+def _ends(gradients: np.ndarray, active: np.ndarray, unique: np.ndarray, j: int) -> np.ndarray:
+    """Return the ends (n_obj, 2) of λ_i where λ_j is 1; those that are ``unique`` where the programs have none."""
+    if np.isnan(unique[j]).any():
+        return unique
+    table = np.concatenate([gradients, -active]).T / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     within = np.concatenate([table, -table])
     others = [k for k in range(table.shape[1]) if k != j]
-    right = np.concatenate([BALANCED - table[:, j], BALANCED + table[:, j]])
-    found = known.copy()
+    right = np.concatenate([OPTIONS.balance - table[:, j], OPTIONS.balance + table[:, j]])
+    ends = unique.copy()
     for i in range(len(gradients)):
         for side, sign in enumerate((1.0, -1.0)):
             cost = np.zeros(len(others))
             if i != j:
                 cost[others.index(i)] = sign
-            end = linprog(cost, A_ub=within[:, others], b_ub=right, method="highs", options={"maxiter": PIVOTS})
+            end = linprog(cost, A_ub=within[:, others], b_ub=right, method="highs", options={"maxiter": OPTIONS.pivots})
             if i != j and end.status == 0:
-                found[i, side] = max(sign * end.fun, 0.0)
+                ends[i, side] = max(sign * end.fun, 0.0)
             elif i != j and end.status == 3:  # λ_j may vanish beside λ_i
-                found[i, side] = np.inf
-    return found
+                ends[i, side] = np.inf
+    return ends

@@ -7,30 +7,29 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float, Int
 
-NARROWED = 0.95  # of a gap: what is left of it and counts as the same
-SAME = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
+POINT_TOLERANCE = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 
 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " kept"]:
-    """Return which points, as shares of the ranges, no other dominates or repeats within ``SAME``, by the first.
+    """Return which points, as shares of the ranges, no other dominates or repeats, in the order of the first share.
 
-    Those with the least sum are asked first: what dominates another has the lesser sum.
+    Those with the least sum come first: what dominates another has the lesser sum.
     """
-    kept: list[int] = []
+    rows: list[int] = []
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
-        if not (shares[kept] <= shares[i] + SAME).all(axis=1).any():
-            kept.append(i)
-    found = np.array(kept, dtype=int)
-    return found[np.argsort(shares[found, 0], kind="stable")]
+        if not (shares[rows] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
+            rows.append(i)
+    front = np.array(rows, dtype=int)
+    return front[np.argsort(shares[front, 0], kind="stable")]
 
 
-def spread_rows(shares: Float[np.ndarray, "points n_obj"], most: int) -> Int[np.ndarray, " kept"]:
-    """Return points well apart: the best of every objective, however many, then always the farthest, up to ``most``."""
-    kept = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
-    while len(kept) < min(most, len(shares)):
-        gaps = np.linalg.norm(shares[:, None] - shares[None, kept], axis=2).min(axis=1)
-        kept.append(int(gaps.argmax()))
-    return np.array(sorted(kept), dtype=int)
+def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " kept"]:
+    """Return the rows of the best of every objective, however many, then always of the farthest, up to ``count``."""
+    rows = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
+    while len(rows) < min(count, len(shares)):
+        gaps = np.linalg.norm(shares[:, None] - shares[None, rows], axis=2).min(axis=1)
+        rows.append(int(gaps.argmax()))
+    return np.array(sorted(rows), dtype=int)
 
 
 def fill_gaps(
@@ -40,8 +39,8 @@ def fill_gaps(
 ) -> None:
     """Add points where neighbours on the front are farthest apart, until it has so many or no gap yields one.
 
-    ``add`` minimises an objective below caps (inf for its own), and says whether that was a new point. Across a jump of
-    the front it gives points at either edge for ever: a gap that stays as wide is left alone.
+    ``add`` minimises an objective below upper bounds (inf for its own), and says whether that was a new point. Across a
+    jump of the front it would give points at either edge without end: a gap that stays as wide is closed.
     """
     closed: set[tuple[float, ...]] = set()
     while True:
@@ -56,37 +55,31 @@ def fill_gaps(
         mains = np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist()
         middle = ends.mean(axis=0)
         for main in mains:
-            if add(main, np.where(np.arange(len(middle)) == main, np.inf, middle)) and not _left(front(), ends):
+            if add(main, np.where(np.arange(len(middle)) == main, np.inf, middle)) and not _wide_gaps(front(), ends):
                 break
         else:
-            closed.update({tuple(ends.ravel().tolist()), *_left(front(), ends)})
+            closed.update({tuple(ends.ravel().tolist()), *_wide_gaps(front(), ends)})
 
 
-def _left(values: np.ndarray, ends: np.ndarray) -> list[tuple[float, ...]]:
-    """Return what is left of the gap between two points that is nearly as wide, as pairs of points."""
+def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> list[tuple[float, ...]]:
+    """Return the gaps between two points, as pairs, that are still at least ``share`` as wide as these are apart."""
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
     pairs = [(i, j) for i, j in _gaps(values) if inside[i] and inside[j]]
-    wide = [pair for pair in pairs if np.linalg.norm(values[pair[0]] - values[pair[1]]) >= NARROWED * size]
+    wide = [pair for pair in pairs if np.linalg.norm(values[pair[0]] - values[pair[1]]) >= share * size]
     return [tuple(np.concatenate([values[i], values[j]]).tolist()) for i, j in wide]
-
-
-def widest_gap(values: Float[np.ndarray, "points n_obj"]) -> tuple[int, int]:
-    """Return the two neighbours that are farthest apart; of points that are all one, the first two."""
-    found = _gaps(values)
-    return found[0] if found else (0, min(1, len(values) - 1))
 
 
 def known(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
     """Return whether a point is one of others."""
-    return bool((np.abs(others - value).max(axis=1) <= 10 * SAME).any())
+    return bool((np.abs(others - value).max(axis=1) <= 10 * POINT_TOLERANCE).any())
 
 
 def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
     """Return pairs of neighbours, the farthest apart first: no other point lies in the ball between the two."""
     square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
     inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): k between i and j
-    first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * SAME) ** 2), 1))
+    first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * POINT_TOLERANCE) ** 2), 1))
     order = np.argsort(-square[first, second], kind="stable")
     return list(zip(first[order].tolist(), second[order].tolist(), strict=True))

@@ -51,42 +51,37 @@ class MotionScene:
     def _log_axes_and_path(self, recording: rr.RecordingStream) -> None:
         links, tool = self._on_view(self.motion.links), self._on_view(self.motion.tool)
         ghosts = links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))]
-        thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
         if self.motion.arm.is_planar:
             self._canvas().log(recording, "arm/axes", static=True)
-            recording.log(
-                "arm/ghosts", rr.LineStrips2D(ghosts, colors=SCREEN.ghost, radii=thin, draw_order=0.0), static=True
-            )
-            recording.log(
-                "arm/path", rr.LineStrips2D([tool], colors=SCREEN.path, radii=thick, draw_order=1.0), static=True
-            )
         else:
             recording.log("arm", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            recording.log("arm/ghosts", rr.LineStrips3D(ghosts, colors=SCREEN.ghost, radii=thin), static=True)
-            recording.log("arm/path", rr.LineStrips3D([tool], colors=SCREEN.path, radii=thick), static=True)
+        strips, _ = self._archetypes
+        thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
+        recording.log("arm/ghosts", strips(ghosts, colors=SCREEN.ghost, radii=thin, **self._order(0.0)), static=True)
+        recording.log("arm/path", strips([tool], colors=SCREEN.path, radii=thick, **self._order(1.0)), static=True)
 
     def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
         links = self._on_view(self.motion.links)
         samples, nodes, _ = links.shape
         rod, colours = rr.Radius.ui_points(3.5), [SCREEN.arm] * (nodes - 1) + [SCREEN.tool]
         sizes = rr.Radius.ui_points([5.0] * (nodes - 1) + [6.5])
-        flat, lengths = links.reshape(samples * nodes, -1), [nodes] * samples
-        rods: rr.LineStrips2D | rr.LineStrips3D
-        knots: rr.Points2D | rr.Points3D
-        if self.motion.arm.is_planar:
-            rods = rr.LineStrips2D.from_fields(colors=SCREEN.arm, radii=rod, draw_order=5.0)
-            knots = rr.Points2D.from_fields(colors=colours, radii=sizes, draw_order=6.0)
-            strips = rr.LineStrips2D.columns(strips=list(links))
-            points = rr.Points2D.columns(positions=flat).partition(lengths)
-        else:
-            rods = rr.LineStrips3D.from_fields(colors=SCREEN.arm, radii=rod)
-            knots = rr.Points3D.from_fields(colors=colours, radii=sizes)
-            strips = rr.LineStrips3D.columns(strips=list(links))
-            points = rr.Points3D.columns(positions=flat).partition(lengths)
+        strips, points = self._archetypes
+        rods = strips.from_fields(colors=SCREEN.arm, radii=rod, **self._order(5.0))
+        knots = points.from_fields(colors=colours, radii=sizes, **self._order(6.0))
+        positions = points.columns(positions=links.reshape(samples * nodes, -1)).partition([nodes] * samples)
         recording.log("arm/links", rods, static=True)
         recording.log("arm/joints", knots, static=True)
-        recording.send_columns("arm/links", columns, strips)
-        recording.send_columns("arm/joints", columns, points)
+        recording.send_columns("arm/links", columns, strips.columns(strips=list(links)))
+        recording.send_columns("arm/joints", columns, positions)
+
+    @property
+    def _archetypes(self) -> tuple[Any, Any]:
+        """The kinds of strips and points, in the plane or in space."""
+        return (rr.LineStrips2D, rr.Points2D) if self.motion.arm.is_planar else (rr.LineStrips3D, rr.Points3D)
+
+    def _order(self, order: float) -> dict[str, float]:
+        """Return what is drawn above what, which only the plane knows."""
+        return {"draw_order": order} if self.motion.arm.is_planar else {}
 
     def _charts(self) -> list[Chart]:
         motion, joints = self.motion, self.motion.arm.joint_names

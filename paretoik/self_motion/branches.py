@@ -39,11 +39,13 @@ def branch_labels(motion: Motion) -> list[str]:
     One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed
     by the sign it ends with.
     """
-    found = bend_signs(motion.arm, motion.q)
-    constant = np.logical_or((found >= 0).all(axis=-2), (found <= 0).all(axis=-2))
+    signs = bend_signs(motion.arm, motion.q)
+    constant = np.logical_or((signs >= 0).all(axis=-2), (signs <= 0).all(axis=-2))
     return [
-        "".join(("" if kept else "~") + "-0+"[sign + 1] for sign, kept in zip(ends, kept_all, strict=True))
-        for ends, kept_all in zip(found[..., -1, :], np.atleast_2d(constant), strict=True)
+        "".join(
+            ("" if is_constant else "~") + "-0+"[sign + 1] for sign, is_constant in zip(ends, constant_all, strict=True)
+        )
+        for ends, constant_all in zip(signs[..., -1, :], np.atleast_2d(constant), strict=True)
     ]
 
 

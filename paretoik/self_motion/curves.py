@@ -117,8 +117,8 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
 def node_spacing(curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
     """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
     length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
-    shares, most = OPTIONS.pair_nodes if second else OPTIONS.nodes
-    return float(max(windows[1:].max() / shares, length / most))
+    shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
+    return float(max(windows[1:].max() / shares, length / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:

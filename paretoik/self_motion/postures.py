@@ -110,8 +110,8 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
     errors, row, column = [], 0, 0
     for part in task.tasks:
         size = 2 if part.axes in ("xy", "xy+angle") else 3
-        target, left = task.targets[sample, column : column + size], error[row : row + part.rows]
-        errors.append((float(np.linalg.norm(left)), target, left[:size], left[size:]))
+        target, rest = task.targets[sample, column : column + size], error[row : row + part.rows]
+        errors.append((float(np.linalg.norm(rest)), target, rest[:size], rest[size:]))
         row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
     turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""

@@ -131,6 +131,12 @@ class MotionTask:
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
 
+    def violation_between(self, motions: Motion, *, refinement: int = 4) -> Float[np.ndarray, " points"]:
+        """Return the worst violation of the interpolated motions on a grid ``refinement`` times finer, 0 at least."""
+        fine = self.resample(refinement * (len(self.times) - 1) + 1)
+        between = fine.motion(motions.at(fine.times))
+        return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)
+
     def describe_violation(self, motion: Motion, *, tie: float = 1e-3) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
 

@@ -42,34 +42,6 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
     return covered
 
 
-def speed(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
-    """Rate of :func:`progress` [1/s] at times ``t`` in [0, duration] [s]."""
-    fraction = np.asarray(t, dtype=float) / duration
-    from_nearer_end = np.minimum(fraction, 1 - fraction)
-    if check_law(law) == "uniform":
-        rate = np.ones_like(fraction)
-    elif law == "quintic":
-        rate = 30 * (from_nearer_end * (1 - from_nearer_end)) ** 2
-    else:
-        rate = 4 * from_nearer_end - np.sin(4 * np.pi * from_nearer_end) / np.pi
-    scaled: np.ndarray = rate / duration
-    return scaled
-
-
-def acceleration(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
-    """Second derivative of :func:`progress` [1/s²] at times ``t`` in [0, duration] [s]."""
-    fraction = np.asarray(t, dtype=float) / duration
-    from_nearer_end = np.minimum(fraction, 1 - fraction)
-    if check_law(law) == "uniform":
-        magnitude = np.zeros_like(fraction)
-    elif law == "quintic":
-        magnitude = 60 * from_nearer_end * (1 - from_nearer_end) * (1 - 2 * from_nearer_end)
-    else:
-        magnitude = 8 * np.sin(2 * np.pi * from_nearer_end) ** 2
-    scaled: np.ndarray = np.where(fraction <= 0.5, magnitude, -magnitude) / duration**2
-    return scaled
-
-
 def check_law(law: str) -> TimeLaw:
     """Return ``law`` if it is one of ``TIME_LAWS``, else refuse it with their names."""
     for valid in TIME_LAWS:

@@ -17,15 +17,11 @@ import numpy as np
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput
-from paretoik.robot.arm import Arm
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, link_frames, node_components
-from paretoik.task.differences import Differences
 from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Obstacle
-from paretoik.task.task import Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +40,8 @@ class TracedMotion:
     duration: float
 
     def __getattr__(self, name: str) -> Any:
+        if name in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic", "weights"):
+            return getattr(self.task, name)
         if name.startswith("__"):  # protocols that Python probes
             raise AttributeError(name)
         raise InvalidInput(f"motion.{name} has no derivative here")
@@ -55,44 +53,9 @@ class TracedMotion:
         raise InvalidInput("motion[...] has no derivative here: functions must take all motions of a batch at once")
 
     @property
-    def arm(self) -> Arm:
-        """The arm."""
-        return self.task.arm
-
-    @property
-    def tasks(self) -> tuple[Task, ...]:
-        """The tasks that the motion follows."""
-        return self.task.tasks
-
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """The obstacles."""
-        return self.task.obstacles
-
-    @property
-    def link_radius(self) -> float:
-        """Radius of the links [m]."""
-        return self.task.link_radius
-
-    @property
-    def differences(self) -> Differences:
-        """The scheme of finite differences and quadrature."""
-        return self.task.differences
-
-    @property
-    def cyclic(self) -> bool:
-        """Whether the motion ends as it starts."""
-        return self.task.cyclic
-
-    @property
     def time(self) -> np.ndarray:
         """Sample times (time,) [s]."""
         return self.task.times
-
-    @property
-    def weights(self) -> np.ndarray:
-        """Weights (time,) [s] of integrals over the samples."""
-        return self.task.weights
 
     @cached_property
     def torque(self) -> TracedArray:

@@ -3,7 +3,7 @@
 A motion runs within cells: between two neighbouring nodes at every sample. Let every sample be rounded, by itself, to
 one of its two nodes, with the chances that make the mean the motion's own place. The mean cost of what comes out is the
 sum of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own cost by no
-more than the interpolation's error. Some rounding costs no more than the mean. So the best way through the grid, with
+more than the interpolation's error. Some rounding costs no more than the mean. So the best path through the grid, with
 that error taken off every transition and limits relaxed by what they change within a cell, is a bound from below.
 
 The error is taken from second differences D between neighbouring transitions, those of all cells around one: where
@@ -54,8 +54,8 @@ Pair = tuple[np.ndarray, np.ndarray]  # where the neighbours on either side are,
 def _neighbours(ahead: np.ndarray) -> Pair:
     """Return the nodes after and before each on its curve."""
     behind = np.full(len(ahead), -1)
-    known = np.flatnonzero(ahead >= 0)
-    behind[ahead[known]] = known
+    inner = np.flatnonzero(ahead >= 0)
+    behind[ahead[inner]] = inner
     return ahead, behind
 
 
@@ -79,10 +79,10 @@ def _neighbouring_transitions(
 
 
 def _interpolation_error(second_differences: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the most that interpolation can exceed what lies within the cells around, by second differences."""
-    known = np.maximum(second_differences, 0.0)  # of NaN: NaN
-    most, least = _neighbourhood_max(known, around), -_neighbourhood_max(-known, around)
-    return np.where(most >= least, most / 8 + 3 / 8 * (most - least), 0.0)
+    """Return the largest error of interpolation within the cells around, by second differences."""
+    convex = np.maximum(second_differences, 0.0)  # of NaN: NaN
+    largest, smallest = _neighbourhood_max(convex, around), -_neighbourhood_max(-convex, around)
+    return np.where(largest >= smallest, largest / 8 + 3 / 8 * (largest - smallest), 0.0)
 
 
 def _second_difference(values: np.ndarray, pair: Pair) -> np.ndarray:

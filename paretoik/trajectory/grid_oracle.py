@@ -2,7 +2,7 @@
 
 The postures that reach a sample lie on a few curves. They are traced and cut into nodes evenly spaced, and the nodes of
 consecutive samples are joined wherever no joint goes too far. Where objectives and limits look at positions and
-velocities only (backward differences), the best way through is exact on that grid, and ``grid_bound`` says how much
+velocities only (backward differences), the best path through is exact on that grid, and ``grid_bound`` says how much
 better any motion between its nodes can be. Where they look at accelerations, states are pairs of consecutive nodes, on
 fewer samples: what comes out, led back to all samples, is a source of starts and bounds nothing.
 
@@ -36,7 +36,7 @@ class GridOracle:
     ``labels`` are those of ``branches``, ``values`` the sums of objectives (minimised), ``violations`` the worst of the
     limits, ``resolution`` [rad, m] the distance of nodes, ``samples`` how many of the motion the grid has.
 
-    Where ``exact``, no way through the grid is better than the first, and no motion on the curves traced, its joints
+    Where ``exact``, no path through the grid is better than the first, and no motion on the curves traced, its joints
     within the same pace, has a value below ``lower_bound``, which comes nearer as the resolution is refined: with its
     square, or in proportion to it where limits are active. Where accelerations count it is NaN, as where
     it was not asked for.
@@ -66,7 +66,7 @@ def grid_oracle(
     seed: int = 0,
     quick: bool = False,
 ) -> GridOracle:
-    """Return the best ways through a grid of all postures, one of each class, for one degree of redundancy.
+    """Return the best paths through a grid of all postures, one of each class, for one degree of redundancy.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def grid_oracle(
         Naming redundancy where it is not one, and whatever else is not supported; OutOfReach where the path is. With
         ``quick`` also where accelerations count, or there are very many postures.
     Infeasible
-        Where there is no way through the grid.
+        Where there is no path through the grid.
     """
     _check(task, resolution)
     rng = np.random.default_rng(seed)
@@ -101,14 +101,14 @@ def grid_oracle(
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
     level = task.subsample(_coarse_samples(len(task.times))) if terms.second else task
-    kept = np.searchsorted(task.times, level.times)
+    sample_index = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
-    curves = trace_curves(level, [seeds[i] for i in kept])
+    curves = trace_curves(level, [seeds[i] for i in sample_index])
     spacing = resolution or node_spacing(curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
     if quick and count_nodes(task, curves, spacing) > OPTIONS.quick_nodes:
-        most = OPTIONS.quick_nodes
-        raise InvalidInput(f"grid_oracle: quick=True wants at most {most} nodes, {spacing:g} rad apart there are more")
+        limit = OPTIONS.quick_nodes
+        raise InvalidInput(f"grid_oracle: quick=True wants at most {limit} nodes, {spacing:g} rad apart there are more")
     while True:
         grid = _feasible_grid(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pair_graph if terms.second else _node_graph)(level, grid, terms)
@@ -125,12 +125,12 @@ def grid_oracle(
     selection = _select_paths(task, level, grid, terms, motions, classes)
     if not terms.second and not np.isclose(selection["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
-    least = np.nan
+    bound = np.nan
     if not quick and not terms.second:
         every = posture_grid(level, curves, spacing, windows, unrolled, beyond=OPTIONS.margin * spacing)
-        least = lower_bound(level, every, terms, spacing)
+        bound = lower_bound(level, every, terms, spacing)
     return GridOracle(
-        **selection, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=least
+        **selection, resolution=spacing, samples=len(level.times), exact=not terms.second, lower_bound=bound
     )
 
 
@@ -138,8 +138,8 @@ def _check(task: MotionTask, resolution: float | None) -> None:
     if task.redundancy != 1:
         raise InvalidInput(f"grid_oracle: redundancy 1 wanted, got {task.redundancy}")
     if task.differences != "backward" or task.ends_at_rest:
-        found = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
-        raise InvalidInput(f"grid_oracle: backward differences and a free end wanted, got {found}")
+        wrong = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
+        raise InvalidInput(f"grid_oracle: backward differences and a free end wanted, got {wrong}")
     if resolution is not None and not resolution > 0:
         raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")
 
@@ -208,45 +208,45 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
             satisfied[:, 0] &= terms.satisfied(motion, terms.rates)[:, 0]  # a motion begins at rest
         return satisfied
 
-    kept = [there > 0 for there in evaluate_at(task, satisfies, [len(there) for there in grid.nodes], grid.at_rest)]
+    feasible = [there > 0 for there in evaluate_at(task, satisfies, [len(there) for there in grid.nodes], grid.at_rest)]
     if task.cyclic:
-        kept[0] = kept[-1] = kept[0] & kept[-1]
-    for i, k in enumerate(kept):
+        feasible[0] = feasible[-1] = feasible[0] & feasible[-1]
+    for i, k in enumerate(feasible):
         if not k.any():
-            raise Infeasible(f"no posture keeps the limits at sample {i} of {len(kept)} ({task.times[i]:.3g} s)")
-    return grid.select(kept)
+            raise Infeasible(f"no posture keeps the limits at sample {i} of {len(feasible)} ({task.times[i]:.3g} s)")
+    return grid.select(feasible)
 
 
 def _select_paths(
-    task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, ways: np.ndarray, classes: int
+    task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, paths: np.ndarray, classes: int
 ) -> dict[str, Any]:
     """Return the best motion of every class, by its objective value on the grid, and what is far from them."""
     if task.cyclic:
-        ways = ways[np.abs(ways[:, -1] - ways[:, 0]).max(axis=1) < 1e-6]
-    motions = level.motion(ways)
+        paths = paths[np.abs(paths[:, -1] - paths[:, 0]).max(axis=1) < 1e-6]
+    motions = level.motion(paths)
     cost, kinds = motions.integral(terms.cost(motions)), branch_labels(motions)
-    change = ways[:, -1] - ways[:, 0]
-    turns = np.round((change - grid.step(ways[:, -1], ways[:, 0])) / (2 * np.pi)).astype(int)
-    found: dict[int, np.ndarray] = {}
+    change = paths[:, -1] - paths[:, 0]
+    turns = np.round((change - grid.step(paths[:, -1], paths[:, 0])) / (2 * np.pi)).astype(int)
+    selected: dict[int, np.ndarray] = {}
     for far in (False, True):  # classes first: none is left out for what is only far
         for k in np.argsort(cost, kind="stable").tolist():
-            kept = list(found)
-            known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in kept)
-            square = np.sum(grid.step(ways[k], ways[kept]) ** 2, axis=-1)
+            indices = list(selected)
+            is_known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in indices)
+            square = np.sum(grid.step(paths[k], paths[indices]) ** 2, axis=-1)
             distance = np.sqrt(np.mean(square, axis=-1)).min(initial=np.inf)
-            chosen = distance > OPTIONS.distinct if far else not known
-            q = _resample(task, motions[k]) if len(kept) < classes and chosen else None
+            chosen = distance > OPTIONS.distinct if far else not is_known
+            q = _resample(task, motions[k]) if len(indices) < classes and chosen else None
             if q is not None:
-                found[int(k)] = q
-    kept = sorted(found, key=lambda k: cost[k])
-    if not kept:
-        raise Infeasible(f"every way through the grid of {len(level.times)} samples leaves the path between them")
-    final = task.motion(np.stack([found[k] for k in kept]))
+                selected[int(k)] = q
+    order = sorted(selected, key=lambda k: cost[k])
+    if not order:
+        raise Infeasible(f"every path through the grid of {len(level.times)} samples leaves the path between them")
+    final = task.motion(np.stack([selected[k] for k in order]))
     return {
         "q": final.q,
         "values": final.integral(terms.cost(final)),
         "violations": task.violations(final).max(axis=1, initial=0.0),
-        "labels": tuple(kinds[k] for k in kept),
+        "labels": tuple(kinds[k] for k in order),
     }
 
 
@@ -264,12 +264,12 @@ def _resample(task: MotionTask, motion: Motion) -> np.ndarray | None:
 
 
 def _no_path_error(task: MotionTask, layers: LayeredGraph, spacing: float) -> Infeasible:
-    """Return the error that says how far ways through the grid come."""
+    """Return the error that says how far paths through the grid come."""
     reached = [np.isfinite(value).any() for value in layers.forward(layers.start)]
     if all(reached):
-        return Infeasible("no way through the grid is closed: every one that keeps the limits ends in another posture")
+        return Infeasible("no path through the grid is closed: every one that keeps the limits ends in another posture")
     i = len(task.times) - len(reached) + reached.index(False)
     return Infeasible(
-        f"no way through the grid, its nodes {spacing:.3g} rad apart, comes to sample {i} of {len(task.times)} "
+        f"no path through the grid, its nodes {spacing:.3g} rad apart, comes to sample {i} of {len(task.times)} "
         f"({task.times[i]:.3g} s) within the limits"
     )

@@ -1,4 +1,4 @@
-"""What motions over a grid of postures cost and what they may not do, by how many consecutive samples it takes."""
+"""Costs and limits of motions over a grid of postures, by the number of consecutive samples that they depend on."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ OPTIONS = GridOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """What is summed and what may not exceed 0 at every sample; ``second`` where one of them looks at accelerations."""
+    """The cost, and limits that may not exceed 0 at any sample; ``second`` where one depends on accelerations."""
 
     cost: Series
     postures: list[Series]
@@ -72,7 +72,7 @@ class Terms:
 
 
 def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
-    """Return objectives and limits, sorted by what they look at."""
+    """Return objectives and limits, sorted by what they depend on."""
     shares = [1.0] * len(task.objectives) if weights is None else list(weights)
     if len(shares) != len(task.objectives):
         raise InvalidInput(f"weights: one an objective wanted, {len(task.objectives)} in all, got {len(shares)}")
@@ -110,7 +110,7 @@ def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.nda
 
 
 def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
-    """Return the highest derivative that a function of motions looks at, by what becomes of it without them."""
+    """Return the highest derivative that a function of motions depends on: NaN in higher ones does not change it."""
     for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
         with np.errstate(all="ignore"):
             try:
@@ -140,9 +140,9 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
             f"resolution: at most {OPTIONS.transitions:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
         )
     values_at = [np.empty(count) for count in counts]
-    rows, most = max(1, OPTIONS.block // len(counts)), max(counts)
-    for first in range(0, most, rows):
-        picks = [np.minimum(np.arange(first, min(first + rows, most)), max(count - 1, 0)) for count in counts]
+    rows, longest = max(1, OPTIONS.block // len(counts)), max(counts)
+    for first in range(0, longest, rows):
+        picks = [np.minimum(np.arange(first, min(first + rows, longest)), max(count - 1, 0)) for count in counts]
         parts = [at(i, pick) for i, pick in enumerate(picks)]
         values = term(instant_motions(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))
         for i, count in enumerate(counts):

@@ -1,4 +1,4 @@
-"""Motions that a plan starts from: roll-outs, motions that travel along the self-motion, ways through a grid.
+"""Motions that a plan starts from: roll-outs, motions that travel along the self-motion, paths through a grid.
 
 Source: Tringali & Cocuzza 2020, sections 3.1.2 and 3.1.3.
 """
@@ -25,8 +25,8 @@ from paretoik.trajectory.levels import coarsest_level
 class InitialMotionOptions:
     """How many roll-outs are tried for each start (``rollouts``), and how coarse a grid of postures is.
 
-    ``spacing`` [rad or m] is that of its nodes, so that it takes as long as many starts; ``classes`` the most ways that
-    it returns.
+    ``spacing`` [rad or m] is that of its nodes, so that it takes as long as many starts; it returns at most ``classes``
+    paths.
     """
 
     rollouts: int = 4
@@ -43,7 +43,7 @@ def _squared_velocity(motion: Any) -> Any:
 
 
 def initial_motions(task: MotionTask, *, starts: int, seed: int) -> Float[np.ndarray, "starts samples dof"]:
-    """Return what is started from over the coarsest level, ``starts`` for every degree of redundancy.
+    """Return starts over the coarsest level, ``starts`` for every degree of redundancy.
 
     Half are the most promising of many roll-outs, half travel along the self-motion, which roll-outs hardly do.
     """
@@ -59,20 +59,20 @@ def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Fl
     return np.concatenate([_most_promising(level, rollouts[: OPTIONS.rollouts * rest], rest), travelling])
 
 
-def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "ways samples dof"]:
-    """Return the best ways of every class through a coarse grid of postures; none where that would take long.
+def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples dof"]:
+    """Return the best paths of every class through a coarse grid of postures; none where that would take long.
 
     Where the objective asks for accelerations, as torques do, what moves least is taken for the best instead.
     """
     for objectives in (level.objectives, (_squared_velocity,)):
-        with suppress(InvalidInput, Infeasible):  # there is no grid of such a task, or no way through one so coarse
-            own = replace(level, objectives=objectives)
-            return grid_oracle(own, resolution=OPTIONS.spacing, classes=OPTIONS.classes, quick=True).q
+        with suppress(InvalidInput, Infeasible):  # there is no grid of such a task, or no path through one so coarse
+            grid_task = replace(level, objectives=objectives)
+            return grid_oracle(grid_task, resolution=OPTIONS.spacing, classes=OPTIONS.classes, quick=True).q
     return np.empty((0, len(level.times), dof))
 
 
 def _most_promising(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"], most: int
+    task: MotionTask, q: Float[np.ndarray, "motions time dof"], limit: int
 ) -> Float[np.ndarray, "chosen time dof"]:
     """Return the motions to start from: in every branch the best by objectives and limits, the branches in turn."""
     motions = task.motion(q)
@@ -85,4 +85,4 @@ def _most_promising(
     for name in np.unique(branch):
         members = np.flatnonzero(branch == name)
         turn[members] = np.arange(len(members))
-    return q[order[np.argsort(turn, kind="stable")[:most]]]
+    return q[order[np.argsort(turn, kind="stable")[:limit]]]

@@ -120,8 +120,8 @@ def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
     """Return the graph without the transitions that no path of at most this cost takes."""
     cost_to_come, cost_to_go, mask = layers.forward(layers.start), layers.backward(), []
     for step, offsets in enumerate(layers.offsets):
-        least = cost_to_come[step][layers.sources[step]] + layers.costs[step]
-        mask.append(least + np.repeat(cost_to_go[step + 1], np.diff(offsets)) <= upper * (1 + 1e-9))
+        cost = cost_to_come[step][layers.sources[step]] + layers.costs[step]
+        mask.append(cost + np.repeat(cost_to_go[step + 1], np.diff(offsets)) <= upper * (1 + 1e-9))
     return layers.prune(mask, layers.start)
 
 
@@ -131,9 +131,9 @@ def distinct_paths(layers: LayeredGraph, cyclic: bool, nearby: int, *, inspected
     last = len(layers.nodes) - 1
     for layer in [0] if cyclic else np.unique(np.linspace(0, last, inspected).astype(int)).tolist():
         through, nodes = cost_to_come[layer] + cost_to_go[layer], layers.nodes[layer]
-        least = np.full(int(nodes.max()) + 1, np.inf)
-        np.minimum.at(least, nodes, through)
-        valleys = np.isfinite(least) & (least == minimum_filter1d(least, 2 * nearby + 1))
+        node_cost = np.full(int(nodes.max()) + 1, np.inf)
+        np.minimum.at(node_cost, nodes, through)
+        valleys = np.isfinite(node_cost) & (node_cost == minimum_filter1d(node_cost, 2 * nearby + 1))
         for node in np.flatnonzero(valleys):
             states = np.flatnonzero(nodes == node)
             if cyclic:

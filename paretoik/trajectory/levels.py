@@ -1,4 +1,4 @@
-"""Levels of samples, coarse to fine: local optima of the coarsest are carried on to the motion's own samples.
+"""Levels of samples, coarse to fine: local optima of the coarsest are refined to the motion's own samples.
 
 Source: Tringali & Cocuzza 2020, section 3.1.4.
 """
@@ -28,20 +28,20 @@ Further = Callable[[Solutions], Float[np.ndarray, "starts samples dof"]]
 
 @dataclass(frozen=True, kw_only=True)
 class LevelOptions:
-    """How optima are led from level to level.
+    """How optima are refined from level to level.
 
     The coarsest level has at least ``coarsest`` samples: with half as many, the best torque optimum does not exist.
-    Optima nearer than ``distinct`` [rad or m, RMS] are one; ``kept`` of them go on to a finer level. Limits violated by
-    less than ``feasible`` hold. ``cold`` are the interior-point options of the coarsest level, in turn (each finds
-    basins that the other leaves), ``warm`` of finer ones: coarser levels end where these begin. Where no limit can be
-    kept, ``restoration`` minimises the violation alone, and with ``holding`` limits are not left again for a better
-    objective.
+    Optima nearer than ``distinct`` [rad or m, RMS] are one; at most ``max_optima`` are refined on a finer level. Limits
+    violated by less than ``feasible`` hold. ``cold`` are the interior-point options of the coarsest level, in turn
+    (each finds basins that the other leaves), ``warm`` those of finer ones: coarser levels end where these begin. Where
+    no limit can be kept, ``restoration`` minimises the violation alone, and with ``holding`` limits are not violated
+    again for a better objective.
     """
 
     coarsest: int = 26
     distinct: float = 0.01
     feasible: float = 1e-8
-    kept: int = 8
+    max_optima: int = 8
     cold: tuple[InteriorPointOptions, ...] = (
         InteriorPointOptions(barrier=0.1, radius=0.4),
         InteriorPointOptions(barrier=0.01, radius=0.1),
@@ -92,8 +92,8 @@ def refine_levels(
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
 
-    ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them, seeing
-    what these led to, until it returns none. Where limits are violated at the end, ``restore`` first minimises the
+    ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them,
+    given their solutions, until it returns none. Where limits are violated at the end, ``restore`` first minimises the
     violation alone. ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises Infeasible where all optima of a level leave the path between its samples.
@@ -110,9 +110,9 @@ def refine_levels(
             q = np.concatenate([q, more])
             solutions = concatenate((solutions, search(more)))
         if restore and (first or not finer) and not solutions.converged.any():
-            solutions = _restore(program, solutions, q[: 2 * OPTIONS.kept * first], weights, upper, solver)
-        most = OPTIONS.kept if finer else len(solutions)
-        solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, most=most)]
+            solutions = _restore(program, solutions, q[: 2 * OPTIONS.max_optima * first], weights, upper, solver)
+        limit = OPTIONS.max_optima if finer else len(solutions)
+        solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, limit=limit)]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
             observe(len(task.times), len(q), len(solutions))
@@ -122,7 +122,7 @@ def refine_levels(
 
 
 def distinct_rows(
-    task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, most: int
+    task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, limit: int
 ) -> Int[np.ndarray, " rows"]:
     """Return one row of every optimum, best first; where none converged, those that violate the limits least."""
     order = np.lexsort((merit, np.round(solutions.violation, 6)))
@@ -130,7 +130,7 @@ def distinct_rows(
         order = np.argsort(np.where(solutions.converged, merit, np.inf), kind="stable")[: solutions.converged.sum()]
     rows: list[int] = []
     for i in order:
-        if len(rows) == most:
+        if len(rows) == limit:
             break
         if not rows or joint_distance(task, solutions.x[i], solutions.x[rows]).min() > OPTIONS.distinct:
             rows.append(int(i))
@@ -150,7 +150,7 @@ def _minimise_in_turn(
     solver: Solver,
     q: np.ndarray,
 ) -> Solutions:
-    """Return what starts lead to, each with one of the options, in turn."""
+    """Return the local optima from starts, the options being theirs in turn."""
     each = [options[i % len(options)] for i in range(len(q))]
     return minimise(program, q, weights[None], upper[None], each, solver=solver)
 
@@ -163,10 +163,10 @@ def _restore(
     upper: np.ndarray,
     solver: Solver,
 ) -> Solutions:
-    """Return what becomes of motions that violate limits when the violation alone is minimised first."""
+    """Return the optima from motions that violate limits, the violation alone being minimised first."""
     if solutions.violation.max() <= OPTIONS.feasible:
         return solutions
-    rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, most=OPTIONS.kept)
+    rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.max_optima)
     restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
     feasible = restored.violation <= OPTIONS.feasible
     if not feasible.any():
@@ -176,7 +176,7 @@ def _restore(
 
 def _resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
-) -> Float[np.ndarray, "kept time dof"]:
+) -> Float[np.ndarray, "resampled time dof"]:
     """Return motions at the samples of a finer level, except those that leave the path between their own."""
     motions = task.motion(q)
     with suppress(Infeasible):

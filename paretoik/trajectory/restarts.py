@@ -1,4 +1,4 @@
-"""Restart policies: which starts to add to those of a plan, seeing what these have led to."""
+"""Restart policies: which starts to add to those of a plan, given the solutions so far."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from paretoik.trajectory.program import MotionProgram, joint_distance
 class RestartOptions:
     """When more starts are tried.
 
-    With one degree of redundancy: an optimum that no more than ``rare`` starts reached is rare, and there are likely
-    others that none has reached; with ``many`` optima likely too. At most ``rounds`` batches are added until none is
-    rare. With more degrees (basin hopping) the best ``hop_from`` are perturbed, until ``patience`` rounds in turn were
-    in vain, ``hops`` at most. At the end the best ``disturbed`` are led through high barriers once more, as often at
-    most. A value better by less than the share ``gain`` is no better.
+    With one degree of redundancy: an optimum that at most ``rare`` starts reached is rare, and others are likely that
+    none has reached; with ``many`` optima likely too. At most ``rounds`` batches are added until none is rare. With
+    more degrees (basin hopping) the best ``hop_centers`` are perturbed, at most ``hops`` times, until ``patience``
+    rounds in turn brought nothing better. At the end the best ``disturbed`` are minimised from high barriers again, at
+    most as often. A value better by less than the share ``gain`` is no better.
     """
 
     rare: int = 2
     many: int = 6
     rounds: int = 4
-    hop_from: int = 4
+    hop_centers: int = 4
     patience: int = 2
     hops: int = 12
     disturbed: int = 3
@@ -46,36 +46,36 @@ class RestartPolicy:
     """Which starts to add, batch by batch, to those of the coarsest level.
 
     With one degree of redundancy, as long as some optimum is rare: starts perturbed at random and others that travel;
-    once, where optima stay rare or are many, or nothing converged, ways through a grid. With more degrees, where
+    once, where optima stay rare or are many, or nothing converged, paths through a grid. With more degrees, where
     valleys are many and flat and every start finds another point: others that travel and the best ones perturbed, as
     long as the best gets better (basin hopping, Wales & Doye 1997).
     """
 
     def __init__(self, level: MotionTask, q: np.ndarray, count: int, rng: np.random.Generator) -> None:
         self.level, self.q, self.count, self.rng = level, q, count, rng
-        self.rounds, self.grid_tried, self.best, self.vain = 0, False, np.inf, 0
+        self.rounds, self.grid_tried, self.best, self.failures = 0, False, np.inf, 0
 
     @property
     def exhausted(self) -> bool:
-        """Whether no more starts are to be had."""
+        """Whether there are no more starts."""
         return self.level.redundancy > 1 or self.rounds >= OPTIONS.rounds
 
     def __call__(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
-        """Return further starts, none where it is enough."""
+        """Return further starts, or none."""
         if self.level.redundancy > 1:
             return self._hop(solutions)
         if not solutions.converged.any():
             return solutions.x[:0] if self.grid_tried else self._grid()
         converged = solutions.x[solutions.converged]
-        rows = distinct_rows(self.level, solutions, solutions.objectives[:, 0], most=len(solutions))
+        rows = distinct_rows(self.level, solutions, solutions.objectives[:, 0], limit=len(solutions))
         hits = [
             int((joint_distance(self.level, optimum, converged) <= LEVELS.distinct).sum())
             for optimum in solutions.x[rows]
         ]
         rare = self.rounds < OPTIONS.rounds and min(hits) <= OPTIONS.rare
         try_grid = len(hits) >= OPTIONS.many or (rare and self.rounds > 0)
-        if not self.grid_tried and try_grid and len(ways := self._grid()):
-            return ways
+        if not self.grid_tried and try_grid and len(paths := self._grid()):
+            return paths
         starts = solutions.x[:0]
         while rare and not len(starts) and self.rounds < OPTIONS.rounds:
             self.rounds += 1
@@ -88,7 +88,7 @@ class RestartPolicy:
             return perturbed_starts(self.level, some, self.rng)[: self.count]
         return travelling_starts(self.level, 2 * self.count, self.rng)[: self.count]
 
-    def _grid(self) -> Float[np.ndarray, "ways samples dof"]:
+    def _grid(self) -> Float[np.ndarray, "paths samples dof"]:
         self.grid_tried = True
         return grid_starts(self.level, self.q.shape[2])
 
@@ -96,21 +96,20 @@ class RestartPolicy:
         if not solutions.converged.any():
             return solutions.x[:0]
         best = float(solutions.objectives[solutions.converged, 0].min())
-        self.vain = 0 if _is_better(best, self.best) else self.vain + 1
+        self.failures = 0 if _is_better(best, self.best) else self.failures + 1
         self.best, self.rounds = min(best, self.best), self.rounds + 1
-        if self.vain >= OPTIONS.patience or self.rounds > OPTIONS.hops:
+        if self.failures >= OPTIONS.patience or self.rounds > OPTIONS.hops:
             return solutions.x[:0]
-        rows = distinct_rows(self.level, solutions, solutions.objectives[:, 0], most=OPTIONS.hop_from)
+        rows = distinct_rows(self.level, solutions, solutions.objectives[:, 0], limit=OPTIONS.hop_centers)
         repeated = np.repeat(solutions.x[rows], -(-self.count // len(rows)), axis=0)
         hops = perturbed_starts(self.level, repeated, self.rng)
         return np.concatenate([hops, travelling_starts(self.level, self.count, self.rng)])
 
 
 def disturb_best(program: MotionProgram, solutions: Solutions, solver: Solver = "auto") -> Solutions:
-    """Return optima and those that the best lead to when a high barrier moves them away, while the best gets better.
+    """Return optima and those that the best reach from a high barrier, while the best gets better.
 
-    Where valleys are many, as in two and more directions of self-motion, those beside the ones found are as often
-    better as not.
+    Where valleys are many, as in two and more directions of self-motion, neighbouring ones are as often better as not.
     """
     weights = np.zeros((1, len(program.upper)))
     weights[0, 0] = 1.0
@@ -120,7 +119,7 @@ def disturb_best(program: MotionProgram, solutions: Solutions, solver: Solver = 
         both = concatenate(
             (solutions, *(minimise(program, best, weights, options=each, solver=solver) for each in LEVELS.cold))
         )
-        solutions = both[distinct_rows(program.task, both, both.objectives[:, 0], most=len(both))]
+        solutions = both[distinct_rows(program.task, both, both.objectives[:, 0], limit=len(both))]
         if not _is_better(solutions.objectives[0, 0], before):
             break
     return solutions

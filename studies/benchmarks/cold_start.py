@@ -8,18 +8,14 @@ less; those of the clock are in the notes. A further process, with the caches fi
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from studies.benchmarks.checkouts import ROOT, run_in
 from studies.reporting import Row, report
 
-ROOT = Path(__file__).parents[2]
 GOALS = {"tracking": 0.5, "plan": 0.4, "closed loop": 0.25}  # of the seconds before
 CASES = {
     "tracking": """
@@ -59,26 +55,13 @@ class Timing:
     result: tuple[float, ...]
 
 
-def parse_timing(output: str) -> Timing:
-    """Return the timing that the last line of a case's output holds."""
-    record = json.loads(output.strip().splitlines()[-1])
-    return Timing(processor=record["processor"], clock=record["clock"], result=tuple(record["result"]))
-
-
 def time_case(case: str, checkout: Path, cache: Path) -> Timing:
     """Run a case of a checkout in a new process with a folder for caches; raise RuntimeError where it fails."""
-    environment = {**os.environ, "PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(cache)}
-    done = subprocess.run(
-        [sys.executable, "-c", TIMED.format(case=CASES[case])],
-        cwd=checkout,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise RuntimeError(f"{case} in {checkout}: {done.stderr.strip().splitlines()[-1]}")
-    return parse_timing(done.stdout)
+    try:
+        record = run_in(checkout, TIMED.format(case=CASES[case]), cache=cache)
+    except RuntimeError as error:
+        raise RuntimeError(f"{case} in {error}") from None
+    return Timing(processor=record["processor"], clock=record["clock"], result=tuple(record["result"]))
 
 
 def time_cold_and_warm(case: str, checkout: Path) -> tuple[Timing, Timing]:

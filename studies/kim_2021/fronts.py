@@ -83,7 +83,7 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
     front = pk.epsilon_front(problem, points=points, starts=starts)
     genes = np.array(front.genes)
     q, sliders, _ = problem.profiles(genes)
-    fine = problem.ways.finer(AGAIN)
+    fine = problem.initial_paths.finer(AGAIN)
     again = minimum_timing(problem.arm, problem.actuation, fine @ q, fine @ sliders)
     program, near = problem.program(), problem.points(genes)
     arrival = printed()["Figure 8", name[:3], "arrival"]
@@ -197,7 +197,7 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
 
 def _instant(problem: pk.PointToPoint, genes: np.ndarray) -> float:
     """Return the least time of a tool path if every instant had its own best posture and gears [s]."""
-    q = problem.ways.finer(FINER) @ problem.profiles(genes)[0]
+    q = problem.initial_paths.finer(FINER) @ problem.profiles(genes)[0]
     tool = kinematics.forward_kinematics(problem.arm, q[0])[1][:, : len(START)]
     steps, middle = np.diff(tool, axis=0), (tool[1:] + tool[:-1]) / 2
     return float(

@@ -56,7 +56,7 @@ class MotionProgram:
 def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionProgram:
     """Return the program of a problem with the paper's arm and diamonds, for IPOPT to solve within a tolerance."""
     motors: Any = problem.actuation
-    spline = problem.ways.spline
+    spline = problem.initial_paths.spline
     samples, coefficients = spline.shape
     sliding = isinstance(motors, pk.capability.DistributedActuation)
     kinds = 2 if sliding else 1

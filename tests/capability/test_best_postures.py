@@ -63,7 +63,7 @@ def test_limits_a_turn_away_change_no_maximum(quantity):
     low, high = np.array([-1.5, -2.0, 0.2, -2.0]), np.array([1.5, 2.0, 2.5, 2.0])
     one, other = (
         pk.directional_maxima(
-            planar(4, limits=(low + turn, high + turn)), actuation, [0.5, 0.2], UNIT, quantity=quantity, samples=100
+            planar(4, limits=(low + turn, high + turn)), actuation, [0.5, 0.2], UNIT, quantity=quantity, starts=100
         )
         for turn in (0.0, 2 * np.pi * np.array([1, -1, 0, 2]))
     )
@@ -117,10 +117,10 @@ def test_a_rods_zero_a_turn_away_changes_nothing(dof, turns):
     place = [0.2, -0.15]
     for quantity in QUANTITIES:
         one, other = (
-            pk.directional_maxima(arm, each, place, UNIT[:2], quantity=quantity, samples=40).values for each in drives
+            pk.directional_maxima(arm, each, place, UNIT[:2], quantity=quantity, starts=40).values for each in drives
         )
         assert other == pytest.approx(one, rel=1e-7)
-    problems = [pk.DirectionalMaxima(arm, each, place, UNIT[:2], samples=60) for each in drives]
+    problems = [pk.DirectionalMaxima(arm, each, place, UNIT[:2], starts=60) for each in drives]
     genes = problems[0].sample_starts(20, np.random.default_rng(0))
     values = [each.evaluate(genes, return_values_of=["F", "G"]) for each in problems]
     assert values[1][0] == pytest.approx(values[0][0], rel=1e-6, abs=1e-9)
@@ -164,7 +164,7 @@ def test_a_motor_that_bears_any_load_is_the_limit_of_a_very_strong_one(dof, join
             [0.5, 0.2],
             UNIT[:2],
             quantity=quantity,
-            samples=60,
+            starts=60,
         )
         for most in (np.inf, 1e9)
     )
@@ -175,10 +175,10 @@ def test_a_motor_that_bears_any_load_is_the_limit_of_a_very_strong_one(dof, join
 @pytest.mark.parametrize("dof", [3, 4])
 def test_motors_that_bear_any_load_push_without_end_and_are_as_fast_as_without_gravity(dof):
     arm, actuation = planar(dof), motors([np.inf] * dof)
-    pushed = pk.directional_maxima(arm, actuation, [0.5, 0.2], UNIT, quantity="force", samples=40)
+    pushed = pk.directional_maxima(arm, actuation, [0.5, 0.2], UNIT, quantity="force", starts=40)
     assert np.isposinf(pushed.values).all()
     moved, free = (
-        pk.directional_maxima(each, actuation, [0.5, 0.2], UNIT[:2], samples=60).values
+        pk.directional_maxima(each, actuation, [0.5, 0.2], UNIT[:2], starts=60).values
         for each in (arm, arm.mounted(gravity=[0.0, 0.0, 0.0]))
     )
     assert moved == pytest.approx(free, rel=1e-9)
@@ -188,7 +188,7 @@ def test_forces_of_a_panda_are_the_same_from_any_seed():
     arm = panda.panda()
     actuation = pk.capability.JointActuation.of(arm)
     values = [
-        pk.directional_maxima(arm, actuation, [0.45, 0.1, 0.4], 3, quantity="force", samples=60, seed=seed).values
+        pk.directional_maxima(arm, actuation, [0.45, 0.1, 0.4], 3, quantity="force", starts=60, seed=seed).values
         for seed in range(3)
     ]
     assert np.ptp(values, axis=0) == pytest.approx(np.zeros(3), abs=1e-6 * np.min(values))

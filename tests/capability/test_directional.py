@@ -42,16 +42,16 @@ def test_no_posture_of_many_does_more(drive, quantity):
 @pytest.mark.parametrize("actuation", [*map(driven, SHAPES), DRIVES["sliders"]], ids=[*SHAPES, "sliders"])
 def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(actuation):
     polygon = pk.directional_maxima(ARM, actuation, PLACE, 5)
-    asked = DirectionalProgram(arm=ARM, actuation=actuation, quantity="velocity", count=1)
-    cost = np.zeros(asked.unknowns)
-    cost[asked.begins["values"]] = -1.0
+    unscaled = DirectionalProgram(arm=ARM, actuation=actuation, quantity="velocity", count=1)
+    cost = np.zeros(unscaled.unknowns)
+    cost[unscaled.slices["values"]] = -1.0
     starts = sample_postures_at(ARM, PLACE, 200, np.random.default_rng(0))
     held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:8]
     for direction, value in zip(polygon.directions, polygon.values, strict=True):
-        program = DenseProgram(rows=asked.program(PLACE, direction[None], value), costs=cost[None])
-        starts = np.array([asked.initial_point(q) for q in held])
+        program = DenseProgram(rows=unscaled.program(PLACE, direction[None], value), costs=cost[None])
+        starts = np.array([unscaled.initial_point(q) for q in held])
         ends = minimise(program, starts, np.ones((1, 1)), options=OPTIONS.sqp, solver="sqp")
-        found = ends.x[ends.violation <= 1e-9][:, asked.begins["values"]]
+        found = ends.x[ends.violation <= 1e-9][:, unscaled.slices["values"]]
         assert max(found) == pytest.approx(1.0, abs=1e-7)
 
 
@@ -165,7 +165,7 @@ def test_planar_arms_of_any_length_and_spatial_arms_are_served():
     many = sample_postures_at(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
     assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
     arm = pk.arms.wan_7r()
-    solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, samples=100)
+    solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, starts=100)
     assert np.linalg.norm(solid.directions, axis=1) == pytest.approx(np.ones(5))
     columns = kinematics.jacobian(arm, solid.q)[:, :3]
     assert np.einsum("kaj,kj->ka", columns, solid.dq) == pytest.approx(solid.vertices, abs=1e-9)

@@ -120,11 +120,11 @@ def test_it_is_a_pymoo_problem_of_any_number_of_directions():
 def test_spatial_arms_are_served():
     arm = pk.arms.wan_7r()
     problem = pk.DirectionalMaxima(
-        arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], np.eye(3)[:2], power=False, samples=60
+        arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], np.eye(3)[:2], power=False, starts=60
     )
     front = pk.solve(problem, population=24, generations=10, seed=0, points=4)
     refined = pk.refine(front)
-    most = pk.directional_maxima(arm, problem.actuation, [0.5, 0.3, -0.2], np.eye(3)[:2], samples=100).values
+    most = pk.directional_maxima(arm, problem.actuation, [0.5, 0.3, -0.2], np.eye(3)[:2], starts=100).values
     assert (refined.objectives <= most * (1 + 1e-6)).all()
     assert refined.certificates.violation.max() <= 1e-8
 

@@ -126,7 +126,7 @@ def test_other_motor_curves_are_polished_too(shape):
 
 def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
     """What every posture could do at its best, wherever the tool is, bounds the motion's time from below."""
-    fine = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
+    fine = problem.initial_paths.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
     tool = kinematics.forward_kinematics(problem.arm, fine[0])[1][:, :2]
     steps = np.diff(tool, axis=0)
     middle = (tool[1:] + tool[:-1]) / 2
@@ -139,7 +139,7 @@ def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
 
 def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, refined):
     assert problem.violation_between(np.array(refined.genes)).max() < 0.5  # 13 samples are few
-    q = problem.ways.finer(8) @ problem.profiles(np.array(refined.genes))[0]
+    q = problem.initial_paths.finer(8) @ problem.profiles(np.array(refined.genes))[0]
     fine = minimum_timing(problem.arm, problem.actuation, q, np.zeros_like(q))
     assert fine.duration == pytest.approx(refined.objectives[:, 0], rel=0.05)
 

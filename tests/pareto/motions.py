@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.pareto.certificates import certify
-from paretoik.trajectory.between_samples import violation_between
 from paretoik.trajectory.transcription import motion_program
 
 
@@ -16,5 +15,5 @@ def certify_motions(task, q, ranges):
         np.asarray(q),
         ranges=np.asarray(ranges, dtype=float),
         signs=np.array([o.sign for o in task.objectives]),
-        violation_between=violation_between(task, task.motion(np.asarray(q))),
+        violation_between=task.violation_between(task.motion(np.asarray(q))),
     )

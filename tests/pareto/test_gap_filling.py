@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.pareto.gap_filling import SAME, _gaps, fill_gaps, front_rows, known, spread_rows
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, _gaps, fill_gaps, front_rows, known, spread_rows
 
 seeds = st.integers(0, 10**6)
 
@@ -33,7 +33,7 @@ def test_too_many_points_are_thinned_to_those_well_apart():
 @given(seed=seeds, n_obj=st.integers(1, 4))
 def test_the_front_is_what_nothing_else_is_as_good_as_everywhere(seed, n_obj):
     rng = np.random.default_rng(seed)
-    shares = rng.integers(0, 6, (rng.integers(1, 25), n_obj)) / 6 + rng.uniform(-0.4, 0.4, (1, n_obj)) * SAME
+    shares = rng.integers(0, 6, (rng.integers(1, 25), n_obj)) / 6 + rng.uniform(-0.4, 0.4, (1, n_obj)) * POINT_TOLERANCE
     kept = front_rows(shares)
     best = [one for one in shares.tolist() if not any(_dominates(other, one) for other in shares.tolist())]
     assert sorted(map(tuple, shares[kept].tolist())) == sorted(set(map(tuple, best)))
@@ -47,13 +47,13 @@ def _dominates(one, other):
 @given(seed=seeds)
 def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_front_has_another(seed):
     rng = np.random.default_rng(seed)
-    shares = np.repeat(rng.uniform(size=(12, 2)), 2, axis=0) + rng.uniform(-1.0, 1.0, (24, 2)) * SAME
+    shares = np.repeat(rng.uniform(size=(12, 2)), 2, axis=0) + rng.uniform(-1.0, 1.0, (24, 2)) * POINT_TOLERANCE
     kept = shares[front_rows(shares)]
     for one in shares:
-        assert any(np.all(other <= one + 2 * SAME) for other in kept)
+        assert any(np.all(other <= one + 2 * POINT_TOLERANCE) for other in kept)
     for one, other in combinations(kept, 2):
         assert not np.all(one <= other) or np.all(other <= one)
-        assert np.abs(one - other).max() > SAME
+        assert np.abs(one - other).max() > POINT_TOLERANCE
 
 
 @given(seed=seeds, n_obj=st.integers(2, 3), most=st.integers(3, 20))
@@ -80,7 +80,7 @@ def test_neighbours_have_no_point_in_the_ball_between_them_and_the_farthest_come
     for i, j in combinations(range(len(values)), 2):
         middle, radius = (values[i] + values[j]) / 2, np.linalg.norm(values[i] - values[j]) / 2
         others = [np.linalg.norm(values[k] - middle) for k in range(len(values)) if k not in (i, j)]
-        if radius > 5 * SAME and all(distance >= radius * (1 - 1e-12) for distance in others):
+        if radius > 5 * POINT_TOLERANCE and all(distance >= radius * (1 - 1e-12) for distance in others):
             wanted.add((i, j))
     assert set(found) == wanted
     lengths = [np.linalg.norm(values[i] - values[j]) for i, j in found]
@@ -92,9 +92,9 @@ def test_a_point_is_known_where_one_is_the_same_in_every_objective(seed):
     rng = np.random.default_rng(seed)
     others = rng.uniform(size=(6, 3))
     which = rng.integers(6)
-    assert known(others[which] + rng.uniform(-9.9, 9.9, 3) * SAME, others)
+    assert known(others[which] + rng.uniform(-9.9, 9.9, 3) * POINT_TOLERANCE, others)
     moved = others[which].copy()
-    moved[rng.integers(3)] += 11 * SAME * rng.choice([-1.0, 1.0])
+    moved[rng.integers(3)] += 11 * POINT_TOLERANCE * rng.choice([-1.0, 1.0])
     assert not known(moved, others)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
-from paretoik.task.timing import TIME_LAWS, acceleration, progress, speed
+from paretoik.task.timing import TIME_LAWS, progress
 
 laws = st.sampled_from(TIME_LAWS)
 durations = st.floats(0.01, 100.0)
@@ -34,16 +34,6 @@ def test_the_second_half_mirrors_the_first(law, duration, tau):
     assert progress(duration - t, duration, law) == pytest.approx(1 - progress(t, duration, law), abs=1e-12)
 
 
-@given(laws, durations, st.floats(0.01, 0.99))
-def test_speed_and_acceleration_are_the_derivatives_of_progress(law, duration, tau):
-    step = 1e-5 * duration
-    t = tau * duration + step * np.arange(-1, 2)
-    before, _, after = progress(t, duration, law)
-    assert speed(t[1:2], duration, law) * duration == pytest.approx((after - before) / 2e-5, abs=1e-8)
-    before, _, after = speed(t, duration, law) * duration
-    assert acceleration(t[1:2], duration, law) * duration**2 == pytest.approx((after - before) / 2e-5, abs=1e-3)
-
-
 def test_raised_cosine_is_equation_19_with_its_lost_half():
     duration = 1.3
     tau, omega = duration / 2, 4 * np.pi / duration
@@ -54,20 +44,21 @@ def test_raised_cosine_is_equation_19_with_its_lost_half():
 
 def test_raised_cosine_has_the_stated_peaks_and_rests_at_both_ends_and_the_middle():
     t = np.linspace(0, 2.0, 4001)
-    rates, accelerations = speed(t, 2.0, "raised-cosine"), acceleration(t, 2.0, "raised-cosine")
-    assert rates.max() == pytest.approx(2 / 2.0)
-    assert np.abs(accelerations).max() == pytest.approx(8 / 2.0**2)
-    np.testing.assert_allclose(rates[[0, -1]], 0, atol=1e-15)
-    np.testing.assert_allclose(accelerations[[0, 2000, -1]], 0, atol=1e-15)
+    rates = np.gradient(progress(t, 2.0, "raised-cosine"), t, edge_order=2)
+    accelerations = np.gradient(rates, t, edge_order=2)
+    assert rates.max() == pytest.approx(2 / 2.0, rel=1e-5)
+    assert np.abs(accelerations).max() == pytest.approx(8 / 2.0**2, rel=1e-5)
+    np.testing.assert_allclose(rates[[0, -1]], 0, atol=1e-5)
+    np.testing.assert_allclose(accelerations[[0, 2000, -1]], 0, atol=1e-4)
 
 
 def test_quintic_is_the_polynomial_of_least_jerk():
     tau = np.linspace(0, 1, 101)
     np.testing.assert_allclose(progress(3 * tau, 3.0, "quintic"), 10 * tau**3 - 15 * tau**4 + 6 * tau**5, atol=1e-14)
-    assert speed(np.array([1.5]), 3.0, "quintic") == pytest.approx(15 / 8 / 3)
+    change = np.diff(progress(np.array([1.5 - 1e-4, 1.5 + 1e-4]), 3.0, "quintic"))
+    assert change / 2e-4 == pytest.approx(15 / 8 / 3)
 
 
-@pytest.mark.parametrize("function", [progress, speed, acceleration])
-def test_an_unknown_law_is_refused_with_the_names_of_the_known(function):
+def test_an_unknown_law_is_refused_with_the_names_of_the_known():
     with pytest.raises(InvalidInput, match=r"raised-cosine, quintic, uniform, got 'cubic'"):
-        function(np.array([0.1]), 1.0, "cubic")
+        progress(np.array([0.1]), 1.0, "cubic")

@@ -54,26 +54,30 @@ def gears(sine, cosine, front, rod):
 
 
 @compiled
-def slider_value(row, sine, cosine, torque, front, quantity):
-    """Return the joint's highest speed with the front slider there, or the torque it can hold; NaN where it cannot."""
-    _, a, b = gears(sine, cosine, front, row[ROD])
+def slider_value(slider, sine, cosine, torque, front, quantity):
+    """Return the joint's highest speed with the front slider there, or the torque it can hold; NaN where it cannot.
+
+    ``slider`` are the numbers of both motors and the rod: numba counts references to arrays, and that takes time.
+    """
+    shape, stall, fastest, back_stall, back_fastest, rod = slider
+    _, a, b = gears(sine, cosine, front, rod)
     if quantity == HOLD:
-        return min(row[STALL] / abs(a), row[BACK_STALL] / abs(b))
-    ahead = motor_speed(row[SHAPE], row[STALL], row[FASTEST], torque * abs(a))  # a sign turns both effort and speed
-    behind = motor_speed(row[SHAPE], row[BACK_STALL], row[BACK_FASTEST], torque * abs(b))
+        return min(stall / abs(a), back_stall / abs(b))
+    ahead = motor_speed(shape, stall, fastest, torque * abs(a))  # a sign turns both effort and speed
+    behind = motor_speed(shape, back_stall, back_fastest, torque * abs(b))
     return abs(a) * ahead + abs(b) * behind
 
 
 @inlined
 def _negative_value(front, arguments):
-    row, sine, cosine, torque, quantity = arguments
-    return -slider_value(row, sine, cosine, torque, front, quantity)
+    slider, sine, cosine, torque, quantity = arguments
+    return -slider_value(slider, sine, cosine, torque, front, quantity)
 
 
 @compiled
 def _torque_reserve(front, arguments):
-    row, sine, cosine, torque, _ = arguments
-    return slider_value(row, sine, cosine, torque, front, HOLD) - abs(torque)
+    slider, sine, cosine, torque, _ = arguments
+    return slider_value(slider, sine, cosine, torque, front, HOLD) - abs(torque)
 
 
 @compiled
@@ -124,6 +128,7 @@ def joint_maximum(row, q, torque, quantity, ends):
     if not row[ANGLE] <= angle <= row[ANGLE + 1]:
         return np.nan, 0.0
     sine, cosine = np.sin(angle), np.cos(angle)
+    slider = row[SHAPE], row[STALL], row[FASTEST], row[BACK_STALL], row[BACK_FASTEST], row[ROD]
     best, best_front = np.nan, 0.0
     for i in range(_stretch_ends(row, sine, cosine, ends) - 1):
         low, high = ends[i], ends[i + 1]
@@ -131,34 +136,34 @@ def joint_maximum(row, q, torque, quantity, ends):
         if high <= low or not row[BACK] <= middle <= row[BACK + 1]:
             continue
         if quantity == HOLD:
-            value, front = _refined_maximum(row, sine, cosine, torque, quantity, low, high)
+            value, front = _refined_maximum(slider, sine, cosine, torque, quantity, low, high)
             for end in (low, high):
-                at_end = slider_value(row, sine, cosine, torque, end, quantity)
+                at_end = slider_value(slider, sine, cosine, torque, end, quantity)
                 if at_end > value:
                     value, front = at_end, end
         else:
-            low, high = _bearable_stretch(row, sine, cosine, torque, low, high)
+            low, high = _bearable_stretch(slider, sine, cosine, torque, low, high)
             if low != low:
                 continue
-            value, front = _stretch_maximum(row, sine, cosine, torque, quantity, low, high)
+            value, front = _stretch_maximum(slider, sine, cosine, torque, quantity, low, high)
         if not value <= best:
             best, best_front = value, front
     return best, best_front
 
 
 @compiled
-def _bearable_stretch(row, sine, cosine, torque, low, high):
+def _bearable_stretch(slider, sine, cosine, torque, low, high):
     """Return from where to where in a stretch the sliders can bear a torque; NaN where nowhere.
 
     What they can hold rises to one maximum along a stretch and falls: |A| and |B| fall and rise.
     """
-    arguments = (row, sine, cosine, torque, HOLD)
+    arguments = (slider, sine, cosine, torque, HOLD)
     low_bears, high_bears = _torque_reserve(low, arguments) >= 0.0, _torque_reserve(high, arguments) >= 0.0
     if low_bears and high_bears:
         return low, high
     inside = low if low_bears else high
     if not (low_bears or high_bears):
-        hold, inside = _refined_maximum(row, sine, cosine, torque, HOLD, low, high)
+        hold, inside = _refined_maximum(slider, sine, cosine, torque, HOLD, low, high)
         if not hold >= abs(torque):
             return np.nan, np.nan
     ends = np.array([low, high])
@@ -169,21 +174,21 @@ def _bearable_stretch(row, sine, cosine, torque, low, high):
 
 
 @compiled
-def _stretch_maximum(row, sine, cosine, torque, quantity, low, high):
+def _stretch_maximum(slider, sine, cosine, torque, quantity, low, high):
     """Return (value, front slider) of the maximum in a stretch that can bear the torque.
 
     Of places evenly spaced, it is refined about every one that its neighbours are not above.
     """
     step = (high - low) / OPTIONS.pieces
-    best, best_front = slider_value(row, sine, cosine, torque, low, quantity), low
+    best, best_front = slider_value(slider, sine, cosine, torque, low, quantity), low
     before, value = -np.inf, best
     for k in range(OPTIONS.pieces + 1):
         after = -np.inf
         if k < OPTIONS.pieces:
-            after = slider_value(row, sine, cosine, torque, low + (k + 1) * step, quantity)
+            after = slider_value(slider, sine, cosine, torque, low + (k + 1) * step, quantity)
         if before <= value >= after:
             first, last = low + max(k - 1, 0) * step, low + min(k + 1, OPTIONS.pieces) * step
-            refined, front = _refined_maximum(row, sine, cosine, torque, quantity, first, last)
+            refined, front = _refined_maximum(slider, sine, cosine, torque, quantity, first, last)
             if value > refined:
                 refined, front = value, low + k * step
             if refined > best:
@@ -193,9 +198,9 @@ def _stretch_maximum(row, sine, cosine, torque, quantity, low, high):
 
 
 @compiled
-def _refined_maximum(row, sine, cosine, torque, quantity, low, high):
+def _refined_maximum(slider, sine, cosine, torque, quantity, low, high):
     """Return (value, front slider) of the maximum between two places."""
-    arguments = (row, sine, cosine, torque, quantity)
+    arguments = (slider, sine, cosine, torque, quantity)
     value, front = golden_section(_negative_value, arguments, low, high, OPTIONS.sections)
     return -value, front
 

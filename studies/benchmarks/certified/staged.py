@@ -19,11 +19,13 @@ from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.fronts.programs import (
     CAP,
     TOLERANCE,
+    above_power,
     at_sample,
     check,
     compiled_library,
     limited_sides,
     pose_function,
+    slacks,
 )
 from studies.benchmarks.planner.peers import narrowed
 
@@ -35,16 +37,17 @@ class Layout:
     samples: int
     dof: int
     sums: int
+    slacks: int
 
     @property
     def size(self) -> int:
         """Numbers in x."""
-        return 2 * self.dof + (self.samples - 1) * self.width - self.dof
+        return self.dof + (self.samples - 1) * self.width
 
     @property
     def width(self) -> int:
         """Numbers of a stage but the first, which has neither rate nor sums, and the last, which has no control."""
-        return 3 * self.dof + self.sums
+        return 3 * self.dof + self.sums + self.slacks
 
     def posture(self, k: int) -> slice:
         """Return where the posture of sample k is."""
@@ -55,11 +58,11 @@ class Layout:
         return self._part(k, 0, 2 * self.dof + self.sums if k else self.dof)
 
     def control(self, k: int) -> slice:
-        """Return where the rate to sample k + 1 is."""
-        return self._part(k, 2 * self.dof + self.sums if k else self.dof, self.dof)
+        """Return where the rate to sample k + 1 is, and the slack variables there."""
+        return self._part(k, 2 * self.dof + self.sums if k else self.dof, self.dof + self.slacks)
 
     def _part(self, k: int, begin: int, size: int) -> slice:
-        begin += 2 * self.dof + (k - 1) * self.width if k else 0
+        begin += 2 * self.dof + self.slacks + (k - 1) * self.width if k else 0
         return slice(begin, begin + size)
 
 
@@ -92,11 +95,12 @@ class StagedProgram:
     def packed(self, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:
         """Return x of a motion."""
         rates, x = np.diff(q, axis=0) / _dt(self.task), np.empty(self.layout.size)
+        controls = np.concatenate([rates, above_power(self.task, q)[1:]], axis=1)
         x[self.layout.state(0)] = q[0]
         before = np.concatenate([q[0], np.zeros(len(q[0]) + len(ranges))])
-        for k, rate in enumerate(rates):
-            x[self.layout.control(k)] = rate
-            before = np.asarray(self.step(before, rate, ranges)[0]).ravel()
+        for k, control in enumerate(controls):
+            x[self.layout.control(k)] = control
+            before = np.asarray(self.step(before, control, ranges)[0]).ravel()
             x[self.layout.state(k + 1)] = before
         return x
 
@@ -111,7 +115,7 @@ def staged_program(task: MotionTask, folder: Path | None = None, name: str = "")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
         step, pose = _step(task), pose_function(task)
-        layout = Layout(len(task.times), task.arm.dof, len(task.objectives))
+        layout = Layout(len(task.times), task.arm.dof, len(task.objectives), slacks(task))
         asked, sides, equality = _written(task, layout, step, pose)
     what: Any = asked
     if folder is not None:
@@ -122,15 +126,16 @@ def staged_program(task: MotionTask, folder: Path | None = None, name: str = "")
 
 
 def _step(task: MotionTask) -> Any:
-    """Return a function of a sample's state, the next rate and the ranges: the next state, and what is limited."""
+    """Return a function of a sample's state, the next control and the ranges: the next state, and what is limited."""
     dof, count, dt = task.arm.dof, len(task.objectives), _dt(task)
     state: Any = SX.sym("state", 2 * dof + count)
-    rate: Any = SX.sym("rate", dof)
+    control: Any = SX.sym("control", dof + slacks(task))
+    rate, slack = control[:dof], control[dof:]
     ranges: Any = SX.sym("ranges", count)
     q = state[:dof] + dt * rate
-    worth, limited = at_sample(task, q, rate, (rate - state[dof : 2 * dof]) / dt)
+    worth, limited = at_sample(task, q, rate, (rate - state[dof : 2 * dof]) / dt, slack)
     return casadi.Function(
-        "step", [state, rate, ranges], [vertcat(q, rate, state[2 * dof :] + dt * worth / ranges), limited]
+        "step", [state, control, ranges], [vertcat(q, rate, state[2 * dof :] + dt * worth / ranges), limited]
     )
 
 

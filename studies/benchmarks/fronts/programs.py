@@ -2,7 +2,7 @@
 
 The dynamics are our component kernels fed with CasADi's symbols, which fold zeros away; a sample is one small function
 that is mapped over all, and derivatives are CasADi's, compiled where there is a compiler. On a cycle the last posture
-is the first.
+is the first. Absolute values are slack variables, one a joint and sample, above both signs.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from studies.benchmarks.planner.compiling import COMPILER
 
 CAP, TOLERANCE = 100, 1e-8  # iterations; of stationarity
 WARM_PUSH = 1e-4  # off the bounds
+SLACK = 1e-3  # W above the power, to start from
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +44,39 @@ class JointProgram:
         weights = np.where(np.arange(count) == main, 1.0, 0.0)
         upper = self.sides["ubg"].copy()
         upper[-count:] = ceilings / ranges
-        x0 = q[:-1] if self.task.cyclic else q
         solver = self.solvers[warm]
-        found = solver(x0=x0.ravel(), p=np.concatenate([weights, ranges]), **{**self.sides, "ubg": upper})
+        x0, p = pack(self.task, q), np.concatenate([weights, ranges])
+        found = solver(x0=x0, p=p, **{**self.sides, "ubg": upper})
         stats = solver.stats()
-        made = np.asarray(found["x"]).reshape(-1, q.shape[1])
-        if self.task.cyclic:
-            made = np.concatenate([made, made[:1]])
+        made = unpack(self.task, np.asarray(found["x"]).ravel())
         return (made if stats["success"] else None), int(stats["iter_count"])
+
+
+def pack(task: MotionTask, q: np.ndarray) -> np.ndarray:
+    """Return the unknowns of a motion: its postures, and slack variables above what they bound."""
+    postures = q[:-1] if task.cyclic else q
+    return np.concatenate([postures.ravel(), above_power(task, q)[1:].ravel()])
+
+
+def unpack(task: MotionTask, x: np.ndarray) -> np.ndarray:
+    """Return the motion (samples, dof) of unknowns."""
+    postures = x[: task.arm.dof * (len(task.times) - task.cyclic)].reshape(-1, task.arm.dof)
+    return np.concatenate([postures, postures[:1]]) if task.cyclic else postures
+
+
+def above_power(task: MotionTask, q: np.ndarray) -> np.ndarray:
+    """Return slack variables (samples, slacks) that are above a motion's powers."""
+    return np.abs(task.motion(q).power[:, : slacks(task)]) + SLACK
+
+
+def slacks(task: MotionTask) -> int:
+    """Return how many slack variables a sample has."""
+    return task.arm.dof if any(objective.name == "mechanical_energy" for objective in task.objectives) else 0
 
 
 def joint_program(task: MotionTask, library: str = "") -> JointProgram:
     """Return the program of a task with backward differences and limits on joints alone, compiled where it is."""
-    asked, sides = _asked(task)
+    asked, sides = state_program(task)
     options = {warm: _options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
     return JointProgram(
         task, {warm: casadi.nlpsol("peer", "ipopt", library or asked, given) for warm, given in options.items()}, sides
@@ -64,7 +85,7 @@ def joint_program(task: MotionTask, library: str = "") -> JointProgram:
 
 def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
     """Return the library that a task's program and its derivatives were compiled into."""
-    asked, _ = _asked(task)
+    asked, _ = state_program(task)
     return compiled_library(asked, casadi.nlpsol("peer", "ipopt", asked, _options(warm=False)), name, folder)
 
 
@@ -88,7 +109,8 @@ def check(task: MotionTask) -> None:
     assert not others, f"nothing but limits on joints wanted, got {others}"
 
 
-def _asked(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def state_program(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return CasADi's expressions of the unknowns x, of p (weights, ranges), f and g, and the bounds of x and g."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
         return _written(task)
@@ -98,14 +120,16 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     check(task)
     samples, dof, dt = len(task.times), task.arm.dof, float(task.times[1] - task.times[0])
     unknown, count = samples - task.cyclic, len(task.objectives)
-    unrolled, p = casadi.MX.sym("x", dof * unknown), casadi.MX.sym("p", 2 * count)
-    x = casadi.reshape(unrolled, dof, unknown)
+    extra = slacks(task)
+    unrolled, p = casadi.MX.sym("x", dof * unknown + extra * (samples - 1)), casadi.MX.sym("p", 2 * count)
+    x = casadi.reshape(unrolled[: dof * unknown], dof, unknown)
+    slack = casadi.reshape(unrolled[dof * unknown :], extra, samples - 1)
     totals, rows, lower, upper = casadi.MX.zeros(count), [], [], []
     # samples that count: all but the first, which is at rest; on a cycle the last one stands for the first
     for first, last, reach in ((1, samples, 2),) if task.cyclic else ((1, 2, 1), (2, samples, 2)):
         stage, low, high = _stage(task, reach, dt)
         looked = [x[:, [(k - back) % unknown for k in range(first, last)]] for back in range(reach, -1, -1)]
-        worth, limits = stage.map(last - first)(*looked)
+        worth, limits = stage.map(last - first)(*looked, slack[:, first - 1 : last - 1])
         totals += casadi.sum2(worth)
         rows.append(casadi.vec(limits))
         lower.append(np.tile(low, last - first))
@@ -115,8 +139,8 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     off = np.zeros(at_path.numel())
     position = task.bounds["position"][0] if "position" in task.bounds else np.tile([-np.inf, np.inf], (dof, 1))
     sides = {
-        "lbx": np.tile(position[:, 0], unknown),
-        "ubx": np.tile(position[:, 1], unknown),
+        "lbx": np.concatenate([np.tile(position[:, 0], unknown), np.zeros(extra * (samples - 1))]),
+        "ubx": np.concatenate([np.tile(position[:, 1], unknown), np.full(extra * (samples - 1), np.inf)]),
         "lbg": np.concatenate([*lower, off, np.full(count, -np.inf)]),
         "ubg": np.concatenate([*upper, off, np.full(count, np.inf)]),
     }
@@ -137,12 +161,13 @@ def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np
     q: list[Any] = [SX.sym(f"q{back}", task.arm.dof) for back in range(reach, -1, -1)]
     rate: Any = (q[-1] - q[-2]) / dt
     before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(task.arm.dof)
-    worth, limited = at_sample(task, q[-1], rate, (rate - before) / dt)
-    return casadi.Function("stage", q, [dt * worth, limited]), *limited_sides(task)
+    slack: Any = SX.sym("slack", slacks(task))
+    worth, limited = at_sample(task, q[-1], rate, (rate - before) / dt, slack)
+    return casadi.Function("stage", [*q, slack], [dt * worth, limited]), *limited_sides(task)
 
 
-def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any) -> tuple[Any, Any]:
-    """Return, of SX vectors (dof,), what the objectives are worth at a sample and what is limited there."""
+def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any) -> tuple[Any, Any]:
+    """Return, of SX vectors (dof,) and (slacks,), a sample's share of the objectives and what is limited there."""
     arm = task.arm
     here, v, a = (casadi.vertsplit(one) for one in (q, rate, acceleration))
     torque: Any = vertcat(*dynamics.torque_components(arm, here, v, a))
@@ -154,12 +179,16 @@ def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any) -> tuple[A
     worth: dict[str, Any] = {
         "kinetic_energy": lambda: dynamics.energy_components(arm, here, v)[0],
         "torque_norm": lambda: casadi.sumsqr(torque),
+        "mechanical_energy": lambda: casadi.sum1(slack),
         "joint_limit_distance": lambda: casadi.sumsqr(ratio) / (2 * arm.dof) / float(task.times[-1] - task.times[0]),
     }
     given = {"velocity": rate, "torque": torque, "power": torque * rate}
     kept = _limited_kinds(task)
     shares: Any = vertcat(*(worth[objective.name]() for objective in task.objectives))
-    return shares, vertcat(*[given[kind] for kind in kept]) if kept else SX(0, 1)
+    rows = [given[kind] for kind in kept]
+    if slacks(task):
+        rows += [slack - given["power"], slack + given["power"]]
+    return shares, vertcat(*rows) if rows else SX(0, 1)
 
 
 def limited_sides(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
@@ -168,7 +197,8 @@ def limited_sides(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = (
         np.concatenate([np.empty(0), *(task.bounds[kind][0][:, side] for kind in kinds)]) for side in (0, 1)
     )
-    return lower, upper
+    both = 2 * slacks(task)
+    return np.concatenate([lower, np.zeros(both)]), np.concatenate([upper, np.full(both, np.inf)])
 
 
 def _limited_kinds(task: MotionTask) -> list[str]:

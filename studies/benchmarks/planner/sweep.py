@@ -201,7 +201,7 @@ def _ends(
     for coarse, fine in zip(asked.coarse, asked.fine, strict=True):
         cores.built(coarse, COLD, starts)
         rough = cores.solve(coarse, COLD, "printed", starts)
-        carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[: OPTIONS.kept]])
+        carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[: OPTIONS.max_optima]])
         q = np.asarray(level.motion(carried).at(task.times))
         cores.built(fine, WARM, q)
         polished = cores.solve(fine, WARM, "printed", q)

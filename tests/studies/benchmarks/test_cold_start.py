@@ -5,16 +5,11 @@ from __future__ import annotations
 import pytest
 
 from studies.benchmarks import cold_start
-from studies.benchmarks.cold_start import Timing, parse_timing, tabulate
+from studies.benchmarks.cold_start import Timing, tabulate
 
 
 def timing(processor, result=(1.0,)):
     return Timing(processor=processor, clock=2 * processor, result=result)
-
-
-def test_the_last_line_of_a_process_is_its_timing():
-    output = 'compiling\n{"processor": 1.5, "clock": 2.5, "result": [3.0, 4.0]}\n'
-    assert parse_timing(output) == Timing(processor=1.5, clock=2.5, result=(3.0, 4.0))
 
 
 def test_seconds_of_one_checkout_have_no_ratio():

@@ -1,0 +1,1 @@
+"""Our refinement beside other solvers on the same programs."""

@@ -1,0 +1,127 @@
+"""Our solvers beside others on the same programs, from the same starts; losses first.
+
+    python -m studies.benchmarks.refinement [--quick] [--cases NAME ...] [--seed N] [--json FILE]
+
+A 3R arm and the Panda on their paths, 26 samples, with a smooth objective and with one that has kinks, and sliders from
+point to point, 9 samples. Ours are the interior-point method, where there are no kinks, and SQP whose convex subproblem
+is stated in cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy itself at every step (which for sliders,
+a dense program, takes minutes a start and is left out). SciPy's SLSQP and trust-constr get exact derivatives,
+trust-constr second ones too; IPOPT and FATROP get compiled code where there is a compiler. Absolute values are slack
+variables for all of them. Peers' unknowns are joint positions, FATROP's postures and rates in stages (it cannot state
+splines of sliders); SciPy has the unknowns of ours there, IPOPT a statement of its own. What was found is judged by our
+exact functions: it counts where no limit and no equation is violated by more than 1e-6, and its solver says that it is
+done.
+
+Seconds are of the processor, those of all starts for each that counts: failures are paid for. Building programs,
+compiling, and a first call are not counted. A peer's row is a loss where it takes less than what "auto" takes, or finds
+better by 1e-6 of the objective.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, timed
+from studies.benchmarks.refinement.cases import CASES, Contest, Solve
+from studies.reporting import Row, report
+
+VIOLATION = 1e-6
+BETTER = 1e-6  # share of the objective
+SECONDS, QUICK_SECONDS = 30.0, 10.0  # of SciPy's, a start
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ends:
+    """Objectives (starts,), NaN where a start counts as failed, and seconds (starts,) of the processor."""
+
+    objectives: np.ndarray
+    seconds: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of starts that count."""
+        return int(np.isfinite(self.objectives).sum())
+
+    @property
+    def best(self) -> float:
+        """The least objective; inf where no start counts."""
+        return float(np.min(self.objectives, where=np.isfinite(self.objectives), initial=np.inf))
+
+    @property
+    def each(self) -> float:
+        """Seconds of all starts for each that counts."""
+        return float(self.seconds.sum() / self.count) if self.count else np.inf
+
+
+def solve_all(solve: Solve, starts: np.ndarray) -> Ends:
+    """Return where all starts lead, after a first call that is not counted."""
+    solve(starts[0])
+    objectives, seconds = np.full(len(starts), np.nan), np.zeros(len(starts))
+    for i, start in enumerate(starts):
+        end, _, seconds[i] = timed(lambda: solve(start))  # noqa: B023, called at once
+        if end is not None and end[1] <= VIOLATION:
+            objectives[i] = end[0]
+    return Ends(objectives=objectives, seconds=seconds)
+
+
+def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
+    """Return a row for each solver of a case, what "auto" takes first."""
+    ours, rows = ends[default], list[Row]()
+    for solver, end in ends.items():
+        quicker = end.each < ours.each
+        better = end.best < ours.best - BETTER * abs(ours.best)
+        lost = solver != default and (quicker or better)
+        found = (
+            "no start counts" if not end.count else f"best {end.best:.8g}, median {np.nanmedian(end.objectives):.5g}"
+        )
+        ratio = "what auto takes" if solver == default else f"{end.each / ours.each:.3g} × what auto takes"
+        counts = f"{end.count} of {len(end.objectives)} starts"
+        rows.append(
+            Row(
+                table=name,
+                row=solver,
+                column="for each start that counts",
+                unit="s",
+                ours=end.each,
+                note=(LOSS if lost else "") + "; ".join([ratio, counts, found]),
+            )
+        )
+    return rows
+
+
+def contest_rows(name: str, contest: Contest) -> list[Row]:
+    """Run a contest; return its rows."""
+    ends = dict[str, Ends]()
+    for solver, solve in contest.contestants.items():
+        tell(f"{name}: {solver}")
+        ends[solver] = solve_all(solve, contest.starts)
+    return tabulate(name, contest.default, ends)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="two starts, 10 s each for SciPy")
+    names = [case.name for case in CASES]
+    parser.add_argument("--cases", nargs="+", choices=names, metavar="NAME", help="only these")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
+    given = parser.parse_args(arguments)
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for case in CASES:
+            if case.name in (given.cases or names):
+                tell(f"{case.name}: programs")
+                starts, seconds = (2, QUICK_SECONDS) if given.quick else (case.starts, SECONDS)
+                rows += contest_rows(case.name, case.make(starts, given.seed, seconds, Path(folder)))
+    report(losses_first(rows), json_file=given.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,189 @@
+"""The programs, their starts, and everybody who solves them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.nlp import sqp
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.solutions import CONVERGED
+from paretoik.nlp.subproblem import solve_with_cvxpy
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+from paretoik.trajectory.initial_motions import sample_starts
+from paretoik.trajectory.transcription import motion_program
+from problems import kim_2021, panda, tringali_2020
+from studies.benchmarks.certified.staged import staged_program
+from studies.benchmarks.fronts.programs import compiled_program, joint_program, pack, unpack
+from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, motion_nlp, solve_with_scipy
+from studies.kim_2021.motion_program import motion_program as point_to_point_nlp
+
+Move = Callable[[np.ndarray], np.ndarray | None]
+Judge = Callable[[np.ndarray], tuple[float, float]]
+Solve = Callable[[np.ndarray], tuple[float, float] | None]
+STATED = "SQP, each step by cvxpy's own solve"
+SAMPLES, SLIDER_SAMPLES = 26, 9  # of motions, so that dense methods can take part
+METHODS: tuple[Method, ...] = ("SLSQP", "trust-constr")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contest:
+    """A program's points to start from (starts, ...), and who solves it by name; ``default`` is what "auto" takes.
+
+    A solver returns the objective and the largest violation of where a point leads, None where it says itself that it
+    failed.
+    """
+
+    starts: np.ndarray
+    contestants: dict[str, Solve]
+    default: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A contest by name; ``starts`` says how many a full run has."""
+
+    name: str
+    make: Callable[[int, int, float, Path], Contest]
+    starts: int
+
+
+def judged(moves: dict[str, Move], judge: Judge) -> dict[str, Solve]:
+    """Return solvers whose ends are judged."""
+
+    def by(move: Move) -> Solve:
+        def solve(x: np.ndarray) -> tuple[float, float] | None:
+            end = move(x)
+            return None if end is None else judge(end)
+
+        return solve
+
+    return {name: by(move) for name, move in moves.items()}
+
+
+def our_solvers(program: Program, weights: np.ndarray) -> dict[str, Move]:
+    """Return our solvers that a program can be solved by."""
+
+    def by(solver: Solver) -> Move:
+        def solve(x: np.ndarray) -> np.ndarray | None:
+            solutions = minimise(program, x[None], weights[None], solver=solver)
+            return np.asarray(solutions.x[0]) if solutions.status[0] == CONVERGED else None
+
+        return solve
+
+    def stated(x: np.ndarray) -> np.ndarray | None:
+        with patch.object(sqp, "solve_subproblem", solve_with_cvxpy):
+            return by("sqp")(x)
+
+    smooth: dict[str, Move] = {} if program.kernel is None else {"interior point": by("interior-point")}
+    return {**smooth, "SQP by Clarabel": by("sqp"), STATED: stated}
+
+
+def scipy_solvers(nlp: Nlp, to: Callable[[np.ndarray], np.ndarray], back: Move, seconds: float) -> dict[str, Move]:
+    """Return SciPy's solvers, each for at most so many seconds a start."""
+
+    def by(method: Method) -> Move:
+        def solve(x: np.ndarray) -> np.ndarray | None:
+            end = solve_with_scipy(nlp, to(x), method, seconds)
+            return None if end is None else back(end)
+
+        return solve
+
+    return {f"SciPy {method}": by(method) for method in METHODS}
+
+
+def motions(
+    make: Callable[[], pk.Tracking],
+    objective: Objective,
+    samples: int,
+    count: int,
+    seed: int,
+    seconds: float,
+    folder: Path,
+) -> Contest:
+    """Return the contest of a problem's task with one objective, at so many samples."""
+    task = replace(make().task.resample(samples), objectives=(objective,))
+    starts = sample_starts(task, count, np.random.default_rng(seed))
+    scale = float(np.median(objective(task.motion(starts))))
+    program, ranges, none = motion_program(task, [scale]), np.array([scale]), np.array([np.inf])
+    name = f"{objective.name}_{task.arm.dof}"
+    joint = joint_program(task, compiled_program(task, name, folder) if COMPILER else "")
+    staged = staged_program(task, folder if COMPILER else None, name)
+    ours = our_solvers(program, np.ones(1))
+    moves: dict[str, Move] = {
+        **ours,
+        **scipy_solvers(motion_nlp(task, scale), lambda q: pack(task, q), lambda x: unpack(task, x), seconds),
+        "IPOPT": lambda q: joint.solve(q, 0, none, ranges, warm=False)[0],
+        "FATROP": lambda q: staged.solve(q, 0, none, ranges, warm=False)[0],
+    }
+    return Contest(
+        starts=starts,
+        contestants=judged(moves, lambda q: judge_motion(task, q)),
+        default=next(iter(ours)),
+    )
+
+
+def judge_motion(task: MotionTask, q: np.ndarray) -> tuple[float, float]:
+    """Return a motion's objective, and its largest violation or tracking error [m, rad]."""
+    motion = task.motion(q)
+    violations = np.append(task.violations(motion), motion.tracking_error)
+    return float(task.objectives[0](motion)), float(violations.max())
+
+
+def sliders(count: int, seed: int, seconds: float, folder: Path) -> Contest:
+    """Return time and energy, a second as much as a joule, of sliders from point to point."""
+    ends, weights = (kim_2021.START, kim_2021.TARGET), np.ones(2)
+    problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), *ends, samples=SLIDER_SAMPLES)
+    genes = problem.sample_starts(4 * count, np.random.default_rng(seed))
+    points = problem.points(genes)
+    usable = np.isfinite(points).all(axis=1)
+    genes, points = genes[usable][:count], points[usable][:count]
+    program, peer = problem.program(), point_to_point_nlp(problem)
+    places = {point.tobytes(): row for point, row in zip(points, genes, strict=True)}
+
+    def by_ipopt(z: np.ndarray) -> tuple[float, float] | None:
+        _, values, success = peer.solved(peer.start(problem, places[z.tobytes()]), (1.0, 1.0))
+        return (float(weights @ values), 0.0) if success else None  # it keeps all rows to within 1e-8
+
+    def judge(z: np.ndarray) -> tuple[float, float]:
+        objectives, equalities, inequalities = program.evaluate(z)
+        return float(weights @ objectives), float(max(np.abs(equalities).max(), -inequalities.min()))
+
+    ours = our_solvers(program, weights)
+    del ours[STATED]  # minutes a start
+    scipy = scipy_solvers(dense_nlp(program, weights), lambda z: z, lambda z: z, seconds)
+    return Contest(
+        starts=points,
+        contestants={**judged({**ours, **scipy}, judge), "IPOPT": by_ipopt},
+        default=next(iter(ours)),
+    )
+
+
+CASES = (
+    Case(name="3R, torque norm", make=partial(motions, tringali_2020.simulation_4, pk.torque_norm, SAMPLES), starts=12),
+    Case(
+        name="3R, mechanical energy: kinks",
+        make=partial(motions, tringali_2020.simulation_4, pk.mechanical_energy, SAMPLES),
+        starts=6,
+    ),
+    Case(
+        name="Panda, kinetic energy",
+        make=partial(motions, panda.across_the_table, pk.kinetic_energy, SAMPLES),
+        starts=8,
+    ),
+    Case(
+        name="Panda, mechanical energy: kinks",
+        make=partial(motions, panda.across_the_table, pk.mechanical_energy, SAMPLES),
+        starts=4,
+    ),
+    Case(name="sliders from point to point, time and work", make=sliders, starts=4),
+)

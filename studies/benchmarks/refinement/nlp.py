@@ -1,0 +1,139 @@
+"""A nonlinear program by its functions, as SciPy takes it, of a motion (CasADi's derivatives) or a dense program."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+from paretoik.nlp.dense import DenseProgram
+from paretoik.task.motion_task import MotionTask
+from studies.benchmarks.fronts.programs import state_program
+
+Vector = Float[np.ndarray, " numbers"]
+Method = Literal["SLSQP", "trust-constr"]
+ITERATIONS: dict[Method, int] = {"SLSQP": 300, "trust-constr": 1000}
+TOLERANCE = 1e-8  # of stationarity, as IPOPT has it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nlp:
+    """Minimise f(x) where ``lower`` ≤ g(x) ≤ ``upper`` and x is within ``bounds`` (2, unknowns).
+
+    ``hessian`` is of f + multipliers · g.
+    """
+
+    value: Callable[[Vector], float]
+    gradient: Callable[[Vector], Vector]
+    rows: Callable[[Vector], Vector]
+    jacobian: Callable[[Vector], sparse.csr_array]
+    hessian: Callable[[Vector, Vector], sparse.csr_array]
+    lower: Vector
+    upper: Vector
+    bounds: Float[np.ndarray, "2 unknowns"]
+
+
+def motion_nlp(task: MotionTask, scale: float) -> Nlp:
+    """Return the program of a task with one objective, divided by ``scale``, over joint positions."""
+    statement, sides = state_program(task)
+    x, p, f, g = (statement[name] for name in "xpfg")
+    numbers = np.array([1.0, scale])
+    multipliers = casadi.MX.sym("multipliers", g.numel())
+    f, g = (casadi.Function("expand", [x, p], [whole]).expand()(x, p) for whole in (f, g))
+    second = casadi.hessian(f + casadi.dot(multipliers, g), x)[0]
+    parts = {
+        "value": casadi.Function("f", [x, p], [f]),
+        "gradient": casadi.Function("df", [x, p], [casadi.gradient(f, x)]),
+        "rows": casadi.Function("g", [x, p], [g]),
+        "jacobian": casadi.Function("dg", [x, p], [casadi.jacobian(g, x)]),
+        "hessian": casadi.Function("ddl", [x, p, multipliers], [second]),
+    }
+    value, gradient, rows, jacobian, hessian = (parts[name].expand() for name in parts)
+    return Nlp(
+        value=lambda z: float(value(z, numbers)),
+        gradient=lambda z: np.asarray(gradient(z, numbers)).ravel(),
+        rows=lambda z: np.asarray(rows(z, numbers)).ravel(),
+        jacobian=lambda z: sparse.csr_array(jacobian(z, numbers).sparse()),
+        hessian=lambda z, v: sparse.csr_array(hessian(z, numbers, v).sparse()),
+        lower=sides["lbg"],
+        upper=sides["ubg"],
+        bounds=np.stack([sides["lbx"], sides["ubx"]]),
+    )
+
+
+def dense_nlp(program: DenseProgram, weights: Vector) -> Nlp:
+    """Return a dense program with one weighted sum of its objectives."""
+    costs, rows = weights @ program.costs, program.rows
+
+    def split(z: Vector) -> tuple[np.ndarray, np.ndarray]:
+        return rows.rows(z)
+
+    start = np.full(len(costs), 0.1)
+    equalities, inequalities = (len(part) for part in split(start))
+    count = equalities + inequalities
+    return Nlp(
+        value=lambda z: float(costs @ z),
+        gradient=lambda z: costs,
+        rows=lambda z: np.concatenate(split(z)),
+        jacobian=lambda z: sparse.csr_array(rows.jacobian(z)),
+        hessian=lambda z, v: sparse.csr_array(rows.curvature(z, v)),
+        lower=np.zeros(count),
+        upper=np.append(np.zeros(equalities), np.full(inequalities, np.inf)),
+        bounds=np.tile([[-np.inf], [np.inf]], (1, len(costs))),
+    )
+
+
+def solve_with_scipy(nlp: Nlp, x: Vector, method: Method, seconds: float) -> Vector | None:
+    """Return where a method of SciPy ends, None where it says itself that it failed or takes longer than that."""
+    end = time.process_time() + seconds
+
+    def stop(*_: Any) -> None:
+        if time.process_time() > end:
+            raise StopIteration
+
+    tolerances = {"ftol": 1e-12} if method == "SLSQP" else {"gtol": TOLERANCE, "xtol": 1e-12, "sparse_jacobian": True}
+    result = minimize(
+        nlp.value,
+        x,
+        jac=nlp.gradient,
+        hess=None if method == "SLSQP" else lambda z: nlp.hessian(z, np.zeros(len(nlp.lower))),
+        method=method,
+        bounds=Bounds(*nlp.bounds),
+        constraints=_slsqp_rows(nlp) if method == "SLSQP" else _trust_rows(nlp),
+        callback=stop,
+        options={"maxiter": ITERATIONS[method], **tolerances},
+    )
+    good = result.success if method == "SLSQP" else result.status in (1, 2)
+    return np.asarray(result.x) if good else None
+
+
+def _trust_rows(nlp: Nlp) -> NonlinearConstraint:
+    def curvature(z: Vector, multipliers: Vector) -> sparse.csr_array:
+        both = nlp.hessian(z, multipliers) - nlp.hessian(z, np.zeros(len(multipliers)))
+        return sparse.csr_array(both)
+
+    return NonlinearConstraint(nlp.rows, nlp.lower, nlp.upper, jac=nlp.jacobian, hess=curvature)
+
+
+def _slsqp_rows(nlp: Nlp) -> list[dict[str, Any]]:
+    equal = nlp.lower == nlp.upper
+    above, below = ~equal & np.isfinite(nlp.lower), ~equal & np.isfinite(nlp.upper)
+    return [
+        {
+            "type": "eq",
+            "fun": lambda z: nlp.rows(z)[equal] - nlp.lower[equal],
+            "jac": lambda z: nlp.jacobian(z).toarray()[equal],
+        },
+        {
+            "type": "ineq",
+            "fun": lambda z: np.append((nlp.rows(z) - nlp.lower)[above], (nlp.upper - nlp.rows(z))[below]),
+            "jac": lambda z: np.concatenate([(J := nlp.jacobian(z).toarray())[above], -J[below]]),
+        },
+    ]

@@ -1,0 +1,117 @@
+"""The programs of all solvers are one program, and rows say who lost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import check_grad
+
+import paretoik as pk
+from paretoik.trajectory.initial_motions import sample_starts
+from problems import kim_2021, tringali_2020
+from studies.benchmarks.fronts.programs import pack, unpack
+from studies.benchmarks.planner.verdicts import LOSS
+from studies.benchmarks.refinement.__main__ import Ends, solve_all, tabulate
+from studies.benchmarks.refinement.cases import STATED, motions
+from studies.benchmarks.refinement.nlp import dense_nlp, motion_nlp, solve_with_scipy
+
+SAMPLES = 11
+
+
+@pytest.fixture(scope="module", params=[pk.torque_norm, pk.mechanical_energy], ids=lambda one: one.name)
+def task(request):
+    return replace(tringali_2020.simulation_4().task.resample(SAMPLES), objectives=(request.param,))
+
+
+@pytest.fixture(scope="module")
+def start(task):
+    return sample_starts(task, 1, np.random.default_rng(0))[0]
+
+
+@pytest.fixture(scope="module")
+def nlp(task):
+    return motion_nlp(task, 0.1)
+
+
+def test_a_packed_motion_has_the_objective_that_our_function_gives(task, start, nlp):
+    x = pack(task, start)
+    q = unpack(task, x)
+    np.testing.assert_array_equal(q, start)
+    objective = task.objectives[0](task.motion(q))
+    extra = len(x) - q.size
+    slack = np.abs(task.motion(q).power[1:]).ravel()
+    exact = np.concatenate([q.ravel(), slack]) if extra else x
+    assert nlp.value(exact) == pytest.approx(objective / 0.1, rel=1e-12)
+    assert nlp.value(x) >= nlp.value(exact)
+
+
+def test_derivatives_are_those_of_the_functions(task, start, nlp):
+    x, step = pack(task, start), 1e-6
+    direction = np.random.default_rng(1).normal(size=len(x))
+    multipliers = np.random.default_rng(2).normal(size=len(nlp.lower))
+
+    def slope(function):
+        return (function(x + step * direction) - function(x - step * direction)) / (2 * step)
+
+    assert nlp.gradient(x) @ direction == pytest.approx(slope(nlp.value), rel=1e-5)
+    np.testing.assert_allclose(nlp.jacobian(x) @ direction, slope(nlp.rows), rtol=1e-4, atol=1e-4)
+    lagrangian = slope(lambda z: nlp.gradient(z) + multipliers @ nlp.jacobian(z))
+    scale = np.abs(lagrangian).max()
+    np.testing.assert_allclose(nlp.hessian(x, multipliers) @ direction, lagrangian, atol=1e-5 * scale)
+
+
+def test_a_dense_program_for_scipy_is_ours():
+    problem = pk.PointToPoint(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), kim_2021.START, kim_2021.TARGET, samples=9
+    )
+    program, weights = problem.program(), np.ones(2)
+    z = problem.points(problem.sample_starts(1, np.random.default_rng(0)))[0]
+    nlp = dense_nlp(program, weights)
+    objectives, equalities, inequalities = program.evaluate(z)
+    assert nlp.value(z) == pytest.approx(weights @ objectives)
+    np.testing.assert_array_equal(nlp.rows(z), np.append(equalities, inequalities))
+    assert check_grad(nlp.value, nlp.gradient, z) < 1e-5
+
+
+def test_all_solvers_keep_the_limits_and_end_where_no_other_is_much_better(tmp_path):
+    contest = motions(tringali_2020.simulation_4, pk.torque_norm, SAMPLES, 2, 0, 20.0, tmp_path)
+    assert contest.default == "interior point"
+    ends = {
+        name: solve_all(solve, contest.starts) for name, solve in contest.contestants.items() if name != "SciPy SLSQP"
+    }
+    assert {STATED, "SQP by Clarabel", "SciPy trust-constr", "IPOPT", "FATROP"} < set(ends)
+    assert all(end.count for end in ends.values())
+    best = min(end.best for end in ends.values())
+    assert ends["interior point"].best <= best * (1 + 1e-6)
+
+
+def test_scipy_says_that_it_ran_out_of_time(task, start, nlp):
+    assert solve_with_scipy(nlp, pack(task, start), "trust-constr", 0.0) is None
+
+
+def test_a_peer_that_is_quicker_or_better_is_a_loss():
+    def ends(objectives, seconds):
+        return Ends(objectives=np.array(objectives), seconds=np.array(seconds))
+
+    rows = tabulate(
+        "case",
+        "ours",
+        {
+            "ours": ends([1.0, 2.0], [1.0, 1.0]),
+            "quicker": ends([1.0, 2.0], [0.5, 1.0]),
+            "better": ends([0.9, np.nan], [5.0, 5.0]),
+            "worse": ends([1.0, np.nan], [1.0, 1.0]),
+            "failed": ends([np.nan, np.nan], [0.1, 0.1]),
+        },
+    )
+    lost = {row.row: row.note.startswith(LOSS) for row in rows}
+    assert lost == {"ours": False, "quicker": True, "better": True, "worse": False, "failed": False}
+    assert {row.row: row.ours for row in rows} == {
+        "ours": 1.0,
+        "quicker": 0.75,
+        "better": 10.0,
+        "worse": 2.0,
+        "failed": np.inf,
+    }
