@@ -17,7 +17,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.geodesic import check_ends, fastest_path, known_roots, pieces_of
+from paretoik.capability.geodesic import fastest_path
+from paretoik.capability.model_evaluation import check_ends, evaluate_roots, linearise_pieces
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed, check_size
 from paretoik.inputs import ArrayLike
@@ -112,7 +113,7 @@ class Planner:
 
     def plan(self, points: Float[np.ndarray, "points task"]) -> Plan:
         """Return the best plan near these points, whose first and last stay. Raises SolverFailed if none is."""
-        pieces = pieces_of(self.model, points, self._place)
+        pieces = linearise_pieces(self.model, points, self._place)
         intervals, iterations = self._intervals(pieces), 0
         if self._solver is not None and intervals.any():
             points, intervals, iterations = self._improve(self._solver, points, pieces)
@@ -134,7 +135,7 @@ class Planner:
             solution = solver.solve(pieces, lower, upper)
             trial = points.copy()
             trial[1:-1] = np.clip(inner + solution.moves, self.model.lower, self.model.upper)
-            trial_pieces = pieces_of(self.model, trial, self._place)
+            trial_pieces = linearise_pieces(self.model, trial, self._place)
             predicted, actual = now - float(solution.intervals.sum()), now - float(self._intervals(trial_pieces).sum())
             if actual > 0.1 * predicted:
                 points, pieces, intervals = trial, trial_pieces, self._intervals(trial_pieces)
@@ -167,5 +168,5 @@ class Planner:
         if not far.any():
             return np.zeros(points.shape[1])
         along = change[int(np.argmax(far))]
-        velocity: np.ndarray = along / np.linalg.norm(known_roots(self.model, points[:1])[0][0] @ along)
+        velocity: np.ndarray = along / np.linalg.norm(evaluate_roots(self.model, points[:1])[0][0] @ along)
         return velocity

@@ -11,7 +11,8 @@ from time import perf_counter
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.capability.geodesic import check_ends, check_inside, known_roots, path_time
+from paretoik.capability.geodesic import path_time
+from paretoik.capability.model_evaluation import check_ends, check_inside, evaluate_roots
 from paretoik.capability.planner import Formulation, Plan, Planner
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.errors import InvalidInput, SolverFailed
@@ -117,7 +118,7 @@ def _reference(
     seconds: list[float] = []
     while np.any(points[-1] != target):
         rest = target - points[-1]
-        if np.linalg.norm(known_roots(model, points[-1])[0] @ rest) <= period:
+        if np.linalg.norm(evaluate_roots(model, points[-1])[0] @ rest) <= period:
             points.append(target)
             break
         if len(points) * period > latest:
@@ -144,7 +145,7 @@ def _track(
         reference, feedforward = (references[now], ahead[now]) if now < len(ahead) else (references[-1], 0.0)
         command = feedforward + gain * (reference - tool)
         velocity = (np.clip(tool + period * command, model.lower, model.upper) - tool) / period
-        velocity /= max(1.0, float(np.linalg.norm(known_roots(model, tool)[0] @ velocity)))
+        velocity /= max(1.0, float(np.linalg.norm(evaluate_roots(model, tool)[0] @ velocity)))
         cuts += bool(np.linalg.norm(command - velocity) > LIMIT_TOLERANCE * np.linalg.norm(command))
         positions.append(tool + period * velocity)
         velocities.append(velocity)

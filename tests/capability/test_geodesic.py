@@ -176,7 +176,7 @@ def test_the_curvature_that_newton_uses_is_that_of_the_energy(task):
 
     def slope(shift):
         moved = points + np.pad(np.reshape(shift, (3, task)), ((1, 1), (0, 0)))
-        return module._newton(model, moved, module.pieces_of(model, moved, 0.5))
+        return module._newton_system(model, moved, module.linearise_pieces(model, moved, 0.5))
 
     bands = slope(np.zeros(3 * task))[1]
     curvature = sum(np.diag(band[: 3 * task - below], -below) for below, band in enumerate(bands))
@@ -287,7 +287,7 @@ def test_a_path_has_one_interval_at_least(intervals):
 
 @pytest.mark.parametrize(("model", "ends"), [(HalfPlane(), ([-1.0, 1.0], [1.0, 1.0])), (Ridge(), ([0.1, 0], [0.9, 0]))])
 def test_what_does_not_converge_says_so(monkeypatch, model, ends):
-    monkeypatch.setattr(module, "ITERATIONS", 1)
+    monkeypatch.setattr(module, "OPTIONS", module.GeodesicOptions(iterations=1))
     with pytest.raises(SolverFailed, match="fastest_path: an optimum within 1 iterations wanted, no start has one"):
         fastest_path(model, *ends)
 

@@ -17,10 +17,10 @@ from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import Infeasible
 from paretoik.search.constraints import Floats
 from paretoik.search.maximin import column
-from paretoik.search.rowwise import RankWeighting, ReplaceOne, RowCrossover
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
+from studies.benchmarks.closed_loop.operators import RankWeighting, ReplaceOne, RowCrossover
 
 
 class PostureProblem(Problem):  # type: ignore[misc]  # pymoo is not typed

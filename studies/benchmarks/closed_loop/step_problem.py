@@ -21,9 +21,9 @@ from paretoik.closed_loop.control_step import ControlStep, reach_by_joint, rotat
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.search.maximin import MaxiMin
-from paretoik.search.rowwise import BinaryTournament, ReplaceOne, RowCrossover
 from paretoik.task.motion import Motion
 from paretoik.task.retraction import task_errors
+from studies.benchmarks.closed_loop.operators import BinaryTournament, ReplaceOne, RowCrossover
 
 
 def steps_to(step: ControlStep, q: Float[np.ndarray, "points dof"]) -> Step:

@@ -4,7 +4,7 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.core.problem import Problem
 
-from paretoik.search.rowwise import BinaryTournament, RankWeighting, ReplaceOne, RowCrossover
+from studies.benchmarks.closed_loop.operators import BinaryTournament, RankWeighting, ReplaceOne, RowCrossover
 
 
 class Box(Problem):
