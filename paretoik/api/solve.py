@@ -53,7 +53,8 @@ def solve(
     Parameters
     ----------
     problem
-        A ``Tracking``, a ``ClosedLoop``, or any pymoo problem with real genes (its front then has no motions).
+        A ``Tracking``, ``PointToPoint``, ``DirectionalMaxima``, ``Tuning`` or ``ClosedLoop``, or any pymoo problem with
+        real genes (its front then has no motions).
     population, generations, seed
         Size of the population (200), most generations (500), and the seed of all chance (0): the same seed gives the
         same front. A closed loop has its own where none are given.

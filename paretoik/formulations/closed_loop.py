@@ -32,8 +32,6 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 
-SPACING_TOLERANCE = 1e-9  # of the mean time between samples: they count as evenly spaced
-
 
 class ClosedLoop:
     """Follow ``path`` with ``arm`` step by step, each step found by an evolutionary search and chosen by weights.
@@ -108,7 +106,7 @@ class ClosedLoop:
             link_radius=link_radius,
         )
         steps = np.diff(self.task.times)
-        if np.ptp(steps) > SPACING_TOLERANCE * steps.mean():
+        if np.ptp(steps) > 1e-9 * steps.mean():  # rounding
             raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
         check_flag("warm_start", warm_start)
         if not real_array("longest_step", longest_step) > 0:

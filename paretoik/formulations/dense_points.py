@@ -19,17 +19,17 @@ def dense_individuals(problem: Any, x: Points, genes: Genes | None) -> Individua
 
     What is certified is what is reported: a point whose genes miss its objectives becomes the point of its genes.
     """
-    own = problem.genes(x) if genes is None else genes
-    F, G = problem.evaluate(own, return_values_of=["F", "G"])
+    rows = problem.genes(x) if genes is None else genes
+    F, G = problem.evaluate(rows, return_values_of=["F", "G"])
     objectives = np.array([problem.program().evaluate(one)[0] for one in x])
     missed = (np.abs(F - objectives) > OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)).any(axis=1)
-    x = np.where(missed[:, None], problem.points(own), x)
+    x = np.where(missed[:, None], problem.points(rows), x)
     return Individuals(
         x=x,
         objectives=F,
-        genes=own,
-        motions=problem.decode(own) if hasattr(problem, "decode") else None,
-        violation_between=np.maximum(problem.violation_between(own), G.max(axis=1)),
+        genes=rows,
+        motions=problem.decode(rows) if hasattr(problem, "decode") else None,
+        violation_between=np.maximum(problem.violation_between(rows), G.max(axis=1)),
     )
 
 

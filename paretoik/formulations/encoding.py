@@ -89,16 +89,16 @@ def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coeffi
 
 def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
     t = task.times / task.times[-1]
-    given = task.start is not None
+    has_start = task.start is not None
     if task.cyclic:
-        basis = _periodic(t, coefficients + given)
-        return _vanishing_at_start(basis) if given else basis
-    inner = np.linspace(0, 1, coefficients + given + task.ends_at_rest - OPTIONS.degree + 1)
+        basis = _periodic(t, coefficients + has_start)
+        return _vanishing_at_start(basis) if has_start else basis
+    inner = np.linspace(0, 1, coefficients + has_start + task.ends_at_rest - OPTIONS.degree + 1)
     knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
     basis = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
     if task.ends_at_rest:
         basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    return _vanishing_at_start(basis) if given else basis
+    return _vanishing_at_start(basis) if has_start else basis
 
 
 def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""InitialPaths to begin with from point to point: straight ahead, in different postures, as splines."""
+"""Initial paths from point to point: straight ahead, in different postures, as splines."""
 
 from __future__ import annotations
 
@@ -78,15 +78,15 @@ class InitialPaths:
         """
         lower, upper = self.arm.position_limits.T
         joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
-        known = self.actuation
-        if not isinstance(known, DistributedActuation):
+        sliders = self.actuation
+        if not isinstance(sliders, DistributedActuation):
             return joints, np.full(len(q), -1.0)
-        back, angle = known.gears(q, front)[0], known.angles(q)
-        found = list[np.ndarray]()
-        for place, (low, high) in ((front, known.front_bounds.T), (back, known.back_bounds.T)):
-            found += [(place - high) / known.rod, (low - place) / known.rod]
-        found.append(np.sin(known.least_angle) - np.sin(angle))
-        return joints, np.max(found, axis=(0, 2, 3))
+        back, angle = sliders.gears(q, front)[0], sliders.angles(q)
+        excess = list[np.ndarray]()
+        for place, (low, high) in ((front, sliders.front_bounds.T), (back, sliders.back_bounds.T)):
+            excess += [(place - high) / sliders.rod, (low - place) / sliders.rod]
+        excess.append(np.sin(sliders.least_angle) - np.sin(angle))
+        return joints, np.max(excess, axis=(0, 2, 3))
 
 
 def spline(samples: int, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
@@ -113,11 +113,8 @@ def find_initial_paths(
     Straight ahead; where that cannot be followed, bowed sideways. Raises OutOfReach and Infeasible, the latter naming a
     joint, where there are none.
     """
-    restricted, rng, basis = (
-        restrict_to_rods(arm, actuation),
-        np.random.default_rng(seed),
-        spline(samples, coefficients),
-    )
+    restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
+    basis = spline(samples, coefficients)
     task, q_samples = _follow_lines(restricted, actuation, start, target, samples, rng)
     splines = _fit_spline(basis, q_samples)
     shares = _initial_sliders(actuation, arm, basis, splines)
@@ -140,7 +137,7 @@ def find_initial_paths(
         timing, past = minimum_timing(arm, actuation, q, front), empty.past(q, front)
     worst = np.nan_to_num(np.maximum(np.maximum(past[0], timing.overload), past[1]), nan=1e3)
     good = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
-    if not len(good):  # sliders may still find their way: those that are least off
+    if not len(good):  # a search may still find sliders: the least violating
         good = _least_violating(arm, actuation, q, worst)[:bases]
     order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
     rows = _distinct(splines, order, bases)
@@ -193,27 +190,27 @@ def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Inf
 
 
 def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Return slider coefficients to try for every way, those of a way beside each other.
+    """Return slider coefficients to try for every path, those of a path beside each other.
 
-    Where sliders do best at every sample, in the middle of what they may, and everywhere in one place: what is best may
-    ask for far travel.
+    Where joints are fastest at every sample, in the middle of the feasible range, and everywhere in one place: the
+    fastest may need long travel.
     """
     if not isinstance(actuation, DistributedActuation):
         return np.zeros_like(coefficients)
     q = basis @ coefficients
     speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
     low, high = actuation.front_bounds.T
-    own = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
-    best = np.clip(_fit_spline(basis, np.nan_to_num(own, nan=0.5)), 0.0, 1.0)
-    still = np.linspace(0.0, 1.0, OPTIONS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
+    fastest = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
+    best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
+    fixed = np.linspace(0.0, 1.0, OPTIONS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
     middle = np.clip(_fit_spline(basis, _middle_sliders(actuation, q)), 0.0, 1.0)
-    tried = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in still)]
-    return np.stack(tried, axis=1).reshape(-1, *best.shape[1:])
+    candidates = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in fixed)]
+    return np.stack(candidates, axis=1).reshape(-1, *best.shape[1:])
 
 
 def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
-    """Return the middle of the front sliders' ways on which back sliders are within their bounds, as shares."""
+    """Return the middle of the front sliders' ranges in which back sliders are within their bounds, as shares."""
     shares = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1)
     low, high = actuation.front_bounds.T
     fits = list[np.ndarray]()
@@ -221,26 +218,26 @@ def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarra
         back = actuation.gears(q, np.broadcast_to(low + share * (high - low), q.shape))[0]
         fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
     count = np.maximum(np.sum(fits, axis=0), 1)
-    found: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count
-    return found
+    middle: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count
+    return middle
 
 
 def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
-    """Return the ways whose every sample can be held by itself, those least off first.
+    """Return the paths whose every sample can be held by itself, the least violating first.
 
     Raises Infeasible, naming joint, torque and limit, where there are none.
     """
-    held = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
-    if not held.any():
+    holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
+    if not holdable.any():
         least = int(np.argmin(worst))
         load = gravity_torques(arm, q[least])
         sample = int(np.isnan(joint_speeds(actuation, q[least], load).high).any(axis=1).argmax())
         raise overload_error(actuation, arm, q[least, sample], load[sample])
-    return np.flatnonzero(held)[np.argsort(worst[held])]
+    return np.flatnonzero(holdable)[np.argsort(worst[holdable])]
 
 
 def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the coefficients that samples (batch, time, dof) are nearest to, both ends kept."""
+    """Return the coefficients that samples (batch, time, dof) are nearest to, both ends exact."""
     inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
@@ -249,20 +246,20 @@ def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 def _row_space_bases(task: MotionTask, q: np.ndarray) -> np.ndarray:
     """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
-    found = list[np.ndarray]()
+    bases = list[np.ndarray]()
     for end in (0, -1):
         targets = np.repeat(task.targets[[end]], len(q), axis=0)
         slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)
-        found.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
-    return np.stack(found, axis=1)
+        bases.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
+    return np.stack(bases, axis=1)
 
 
-def _distinct(q: np.ndarray, order: np.ndarray, most: int) -> list[int]:
+def _distinct(q: np.ndarray, order: np.ndarray, count: int) -> list[int]:
     """Return the first few in order that are not near each other."""
-    kept = [int(order[0])]
+    rows = [int(order[0])]
     for row in order[1:]:
-        if len(kept) == most:
+        if len(rows) == count:
             break
-        if np.abs(q[kept] - q[row]).max(axis=(1, 2)).min() > OPTIONS.distance:
-            kept.append(int(row))
-    return kept
+        if np.abs(q[rows] - q[row]).max(axis=(1, 2)).min() > OPTIONS.distance:
+            rows.append(int(row))
+    return rows

@@ -55,7 +55,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     arm, path
         The arm, and a Path, a Task or several of them with the same times.
     objectives
-        Functions decorated with ``@objective``, the library's or your own; at least one.
+        Functions decorated with ``@objective``, the library's (``pk.kinetic_energy``, ...) or your own; at least one.
     limits, constraints
         Joint limits (None: the arm's own), and functions decorated with ``@constraint``.
     obstacles, link_radius

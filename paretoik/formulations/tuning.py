@@ -184,9 +184,9 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         if not self._searches_start:
             return np.tile(judged * count // self.judged_starts, (len(genes), 1))
         column = [each.name for each in self.parameters].index(START.name)
-        own = np.minimum((genes[:, column] * count).astype(int), count - 1)
+        first = np.minimum((genes[:, column] * count).astype(int), count - 1)
         shifts = np.where(judged % 2, (judged + 1) // 2, -(judged // 2))
-        return np.asarray((own[:, None] + shifts) % count)
+        return np.asarray((first[:, None] + shifts) % count)
 
     def decode(self, genes: Genes) -> ResolvedMotion:
         """Return the motions (points, time, dof) of genes from their own, or first, starts."""
@@ -259,16 +259,16 @@ def _checked_parameters(
     method: Resolver, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
     """Return what is searched; raise InvalidInput for unknown names, fields set twice, and nothing."""
-    known = {each.name: each for each in (*method.parameters(times), START)}
+    by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
         raise InvalidInput(f"parameters: a list of names and Parameters wanted, got {parameters!r}")
     chosen = list[Parameter]()
     for each in method.parameters(times) if parameters is None else parameters:
-        if not isinstance(each, Parameter) and each not in known:
+        if not isinstance(each, Parameter) and each not in by_name:
             raise InvalidInput(
-                f"parameters: {', '.join(known)}, or a Parameter(name, lower, upper) wanted, got {each!r}"
+                f"parameters: {', '.join(by_name)}, or a Parameter(name, lower, upper) wanted, got {each!r}"
             )
-        chosen.append(each if isinstance(each, Parameter) else known[each])
+        chosen.append(each if isinstance(each, Parameter) else by_name[each])
     if not chosen:
         raise InvalidInput("parameters: at least one wanted, got none")
     fields = [field for each in chosen for field in each.fields]

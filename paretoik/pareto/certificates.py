@@ -114,29 +114,29 @@ def _constraints(program: Program, at: Linearisation) -> tuple[Constraints, int]
 def _certify_point(at: Linearisation, program: Program, ranges: np.ndarray, options: CertificateOptions) -> _Certified:
     constraints, _ = _constraints(program, at)
     gradients = at.gradients[: len(ranges)] / ranges[:, None]
-    found = criticality(gradients, constraints, at.unit)
-    critical = found.value <= options.critical
+    result = criticality(gradients, constraints, at.unit)
+    critical = result.value <= options.critical
     return _Certified(
-        criticality=found,
+        criticality=result,
         violation=violation_at(program, at),
-        status=_status(program, at, found, constraints, ranges, options) if critical else "undetermined",
-        weight_ratios=weight_ratios(gradients, constraints, found.weights),
+        status=_status(program, at, result, constraints, ranges, options) if critical else "undetermined",
+        weight_ratios=weight_ratios(gradients, constraints, result.weights),
     )
 
 
 def _status(
     program: Program,
     at: Linearisation,
-    found: Criticality,
+    result: Criticality,
     constraints: Constraints,
     ranges: np.ndarray,
     options: CertificateOptions,
 ) -> str:
     """Return whether the Hessian of the Lagrangian on the critical cone says minimum or saddle."""
     gradients = at.gradients[: len(ranges)] / ranges[:, None]
-    counts, strong = found.weights >= options.multiplier, found.multipliers > options.multiplier
+    counts, strong = result.weights >= options.multiplier, result.multipliers > options.multiplier
     weak = ~strong & (constraints.values <= options.active)
-    hessian, cone_rows = _lagrangian(program, at, found, ranges)
+    hessian, cone_rows = _lagrangian(program, at, result, ranges)
     tangent = null_space(np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows]))
     projected = tangent.T @ hessian @ tangent
     if is_positive_definite(projected + options.curvature / at.unit**2 * np.eye(len(projected))):
@@ -154,20 +154,20 @@ def _status(
 
 
 def _lagrangian(
-    program: Program, at: Linearisation, found: Criticality, ranges: np.ndarray
+    program: Program, at: Linearisation, result: Criticality, ranges: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the Hessian (columns, columns) of the Lagrangian, lengths of cones included, and the rows that fix these.
 
     On the critical cone the column of a cone changes as its length does.
     """
     count, finite = len(ranges), np.isfinite(program.upper)
-    elastic, bounds, ties = np.split(found.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
+    elastic, bounds, ties = np.split(result.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
     weights = np.zeros(len(program.upper))
-    weights[:count] = found.weights / ranges
+    weights[:count] = result.weights / ranges
     weights[finite] += bounds
-    hessian = at.hessian(weights, np.concatenate([elastic, ties]), found.cone_multipliers).toarray()
+    hessian = at.hessian(weights, np.concatenate([elastic, ties]), result.cone_multipliers).toarray()
     rows = list[np.ndarray]()
-    for cone, multiplier in zip(at.cones, found.cone_multipliers, strict=True):
+    for cone, multiplier in zip(at.cones, result.cone_multipliers, strict=True):
         row, second = _length(cone, at.columns)
         rows.append(row)
         hessian += np.linalg.norm(multiplier) * second

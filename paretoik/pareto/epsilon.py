@@ -174,14 +174,14 @@ def _inner(program: Program, cold: ColdSearch, ends: Solutions, options: Epsilon
     """Return the optima that cold starts lead to below some ε: a branch may belong to no objective's own optimum."""
     count = len(ends)
     ideal, nadir = ends.objectives[:, :count].min(axis=0), ends.objectives[:, :count].max(axis=0)
-    found = []
+    batches = []
     for share in options.inner if count == 2 else options.inner[1:2]:
         for main in range(count):
             upper = np.where(np.arange(count) == main, np.inf, nadir + share * (ideal - nadir))
             solutions = cold.optima_below(program, main, upper, options.weight)
             if solutions is not None:
-                found.append(solutions[solutions.converged][: options.pool])
-    return found
+                batches.append(solutions[solutions.converged][: options.pool])
+    return batches
 
 
 class _Sweep:
@@ -254,9 +254,9 @@ class _Sweep:
 
         Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
         """
-        own = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
+        second = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
         falling, rising = levels[:, None], levels[::-1, None]
-        within = own >= falling, own <= rising
+        within = second >= falling, second <= rising
         joins = [np.where(each.any(axis=0), each.argmax(axis=0), len(levels)) for each in within]
         x = [self.pool[:0], self.pool[:0]]
         options = self.options.warm._replace(iterations=self.options.branch_iterations)

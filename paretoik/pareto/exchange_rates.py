@@ -66,25 +66,25 @@ def weight_ratios(
     """
     counts = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = weights[:, None] / counts[None, :]
-    found = np.stack([ratios, ratios], axis=-1)
-    reached = constraints.jacobian[constraints.values <= OPTIONS.active].toarray()
-    rows = np.concatenate([gradients, -reached])
+    intervals = np.stack([ratios, ratios], axis=-1)
+    active = constraints.jacobian[constraints.values <= OPTIONS.active].toarray()
+    rows = np.concatenate([gradients, -active])
     lengths = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
     rows = rows[lengths > 1e-12] / lengths[lengths > 1e-12, None]
     if constraints.cones or len(rows) - np.linalg.matrix_rank(rows, tol=OPTIONS.singular) <= 1:
-        return found
-    return np.stack([_ends(gradients, reached, found[:, j], j) for j in range(len(weights))], axis=1)
+        return intervals
+    return np.stack([_ends(gradients, active, intervals[:, j], j) for j in range(len(weights))], axis=1)
 
 
-def _ends(gradients: np.ndarray, reached: np.ndarray, known: np.ndarray, j: int) -> np.ndarray:
-    """Return the ends (n_obj, 2) of λ_i where λ_j is 1; those ``known`` where the programs have none."""
-    if np.isnan(known[j]).any():
-        return known
-    table = np.concatenate([gradients, -reached]).T / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
+def _ends(gradients: np.ndarray, active: np.ndarray, unique: np.ndarray, j: int) -> np.ndarray:
+    """Return the ends (n_obj, 2) of λ_i where λ_j is 1; those that are ``unique`` where the programs have none."""
+    if np.isnan(unique[j]).any():
+        return unique
+    table = np.concatenate([gradients, -active]).T / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     within = np.concatenate([table, -table])
     others = [k for k in range(table.shape[1]) if k != j]
     right = np.concatenate([OPTIONS.balance - table[:, j], OPTIONS.balance + table[:, j]])
-    found = known.copy()
+    ends = unique.copy()
     for i in range(len(gradients)):
         for side, sign in enumerate((1.0, -1.0)):
             cost = np.zeros(len(others))
@@ -92,7 +92,7 @@ def _ends(gradients: np.ndarray, reached: np.ndarray, known: np.ndarray, j: int)
                 cost[others.index(i)] = sign
             end = linprog(cost, A_ub=within[:, others], b_ub=right, method="highs", options={"maxiter": OPTIONS.pivots})
             if i != j and end.status == 0:
-                found[i, side] = max(sign * end.fun, 0.0)
+                ends[i, side] = max(sign * end.fun, 0.0)
             elif i != j and end.status == 3:  # λ_j may vanish beside λ_i
-                found[i, side] = np.inf
-    return found
+                ends[i, side] = np.inf
+    return ends

@@ -15,21 +15,21 @@ def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " k
 
     Those with the least sum come first: what dominates another has the lesser sum.
     """
-    kept: list[int] = []
+    rows: list[int] = []
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
-        if not (shares[kept] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
-            kept.append(i)
-    found = np.array(kept, dtype=int)
-    return found[np.argsort(shares[found, 0], kind="stable")]
+        if not (shares[rows] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
+            rows.append(i)
+    front = np.array(rows, dtype=int)
+    return front[np.argsort(shares[front, 0], kind="stable")]
 
 
-def spread_rows(shares: Float[np.ndarray, "points n_obj"], most: int) -> Int[np.ndarray, " kept"]:
-    """Return points well apart: the best of every objective, however many, then always the farthest, up to ``most``."""
-    kept = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
-    while len(kept) < min(most, len(shares)):
-        gaps = np.linalg.norm(shares[:, None] - shares[None, kept], axis=2).min(axis=1)
-        kept.append(int(gaps.argmax()))
-    return np.array(sorted(kept), dtype=int)
+def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " kept"]:
+    """Return the rows of the best of every objective, however many, then always of the farthest, up to ``count``."""
+    rows = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
+    while len(rows) < min(count, len(shares)):
+        gaps = np.linalg.norm(shares[:, None] - shares[None, rows], axis=2).min(axis=1)
+        rows.append(int(gaps.argmax()))
+    return np.array(sorted(rows), dtype=int)
 
 
 def fill_gaps(
@@ -39,8 +39,8 @@ def fill_gaps(
 ) -> None:
     """Add points where neighbours on the front are farthest apart, until it has so many or no gap yields one.
 
-    ``add`` minimises an objective below caps (inf for its own), and says whether that was a new point. Across a jump of
-    the front it gives points at either edge for ever: a gap that stays as wide is left alone.
+    ``add`` minimises an objective below upper bounds (inf for its own), and says whether that was a new point. Across a
+    jump of the front it would give points at either edge without end: a gap that stays as wide is closed.
     """
     closed: set[tuple[float, ...]] = set()
     while True:
@@ -69,12 +69,6 @@ def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> 
     pairs = [(i, j) for i, j in _gaps(values) if inside[i] and inside[j]]
     wide = [pair for pair in pairs if np.linalg.norm(values[pair[0]] - values[pair[1]]) >= share * size]
     return [tuple(np.concatenate([values[i], values[j]]).tolist()) for i, j in wide]
-
-
-def widest_gap(values: Float[np.ndarray, "points n_obj"]) -> tuple[int, int]:
-    """Return the two neighbours that are farthest apart; of points that are all one, the first two."""
-    found = _gaps(values)
-    return found[0] if found else (0, min(1, len(values) - 1))
 
 
 def known(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:

@@ -1,4 +1,4 @@
-"""The papers' arms."""
+"""The papers' arms: ``tringali_3r``, ``marcos_nr``, ``wan_7r`` and ``kim_3r``."""
 
 from __future__ import annotations
 

@@ -45,17 +45,17 @@ class _Evaluations:
 
 
 class Search:
-    """An evolutionary search, asked and told.
+    """An evolutionary search by generations: ``ask`` for genes, ``tell`` their objectives and constraints.
 
-    The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``) and
-    turn genes into motions (``decode(X)``), and offer the
-    ``algorithm(population, offspring=, initial=)`` that suits its genes. ``initial`` (rows, genes) are in the first
+    The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``),
+    turn genes into motions (``decode(X)``), and offer the ``algorithm(population, offspring=, initial=)`` that suits
+    its genes. ``initial`` (rows, genes) are in the first
     generation. ``algorithm`` is any pymoo genetic algorithm with its own sizes and settings; None takes the problem's
     own, or MaxiMinNSGA2. It is copied. ``archive`` holds every good point so far. All chance comes from ``seed``.
 
     The first ``anchors`` generations look at the first objective alone, as many at each other one, and only then are
-    all searched together, from what was found: the end of a front may lie in a basin that is dominated until somebody
-    gets to its bottom.
+    all searched together, from what was found: the end of a front may lie in a basin that is dominated except
+    at its bottom.
 
     Raises
     ------

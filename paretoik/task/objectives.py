@@ -65,12 +65,16 @@ class Objective:
 def objective(
     *, unit: str, form: Form, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], Objective]:
-    """Make an objective of a function of motions; see the module for ``form``.
+    """Make an objective of a function of motions.
+
+    ``form`` says what the function returns: "integral" (*batch, time), integrated over time; "peak" (*batch, time), of
+    which the largest counts, the smallest where it is maximised; "terminal" (*batch,) that depend on the ends of the
+    motion only; "general" (*batch,) that depend on all of it. ``unit`` is that of the objective's value.
 
     The function must return real numbers of the shape that the form says, leave its input alone (arrays are read-only)
     and work for any batch. ``maximise`` turns the sign inside only: fronts show the user's own.
 
-    Raises InvalidInput for an unknown form.
+    Raises InvalidInput for an unknown form, or names and units that are no printable text.
 
     >>> @objective(unit="rad²/s", form="integral")
     ... def wrist_effort(motion):

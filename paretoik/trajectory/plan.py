@@ -35,7 +35,10 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Distinct local optima, best first; ``levels`` says how many samples each level had and how many optima."""
+    """Distinct local optima, best first, each with ``motion``, ``objective``, ``label`` of its branch and ``status``.
+
+    ``levels`` are the numbers of samples and of optima at each level, coarse to fine.
+    """
 
     optima: tuple[Optimum, ...]
     levels: tuple[tuple[int, int], ...]
