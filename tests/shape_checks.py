@@ -28,14 +28,14 @@ def checked(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the function, with its arguments and results checked at its first calls in a test, and then at a few."""
     if "<locals>" in function.__qualname__:
         return function  # it is made anew at every call of what encloses it, and so would its checks be
-    check = beartype(function, conf=CONFIGURATION)
+    check = functools.cache(lambda: beartype(function, conf=CONFIGURATION))  # compiled at its first call, if any
 
     @functools.wraps(function)
     def check_some(*args: Any, **kwargs: Any) -> Any:
-        counter = _counters.get(check)
+        counter = _counters.get(function)
         if counter is None:
-            counter = _counters[check] = itertools.count()
+            counter = _counters[function] = itertools.count()
         number = next(counter)
-        return check(*args, **kwargs) if number < PERIOD or number % PERIOD == 0 else None
+        return check()(*args, **kwargs) if number < PERIOD or number % PERIOD == 0 else None
 
     return check_some

@@ -39,10 +39,8 @@ def test_no_posture_of_many_does_more(drive, quantity):
     assert (np.nanmax(values, axis=0) >= 0.9 * polygon.values).all()  # and they come near
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("shape", SHAPES)
-def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(drive, shape):
-    actuation = driven(shape) if drive == "motors" else DRIVES[drive]
+@pytest.mark.parametrize("actuation", [*map(driven, SHAPES), DRIVES["sliders"]], ids=[*SHAPES, "sliders"])
+def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(actuation):
     polygon = pk.directional_maxima(ARM, actuation, PLACE, 5)
     unscaled = DirectionalProgram(arm=ARM, actuation=actuation, quantity="velocity", count=1)
     cost = np.zeros(unscaled.unknowns)

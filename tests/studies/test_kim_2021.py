@@ -47,7 +47,7 @@ def trajectories(models):
 
 @pytest.fixture(scope="module")
 def ways(trajectories):
-    return {name: postures(one, pieces=8, cell=0.5) for name, one in trajectories.items()}
+    return {name: postures(one, pieces=6, cell=1.0) for name, one in trajectories.items()}
 
 
 def mechanism(name):

@@ -11,7 +11,7 @@ import pytest
 from paretoik.formulations.closed_loop_result import mean_position_error
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012 import __main__ as study
-from studies.marcos_2012 import loops
+from studies.marcos_2012 import loops, starts
 from studies.marcos_2012.collisions import meets
 from studies.marcos_2012.loops import Cell, cells, follow
 from studies.marcos_2012.pictures import draw
@@ -73,7 +73,9 @@ def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
     assert longest == pytest.approx(0.3)
 
 
-def test_starts_reach_the_circle_and_decide_the_numbers():
+def test_starts_reach_the_circle_and_decide_the_numbers(monkeypatch):
+    monkeypatch.setattr(starts, "DISTANCES", (0.7,))
+    monkeypatch.setattr(starts, "NARROW", 1e-2)  # an exact loop a trial, and the angle is not looked at
     for angle in np.linspace(-np.pi, np.pi, 8, endpoint=False):
         for side in (1, -1):
             q = posture_at(0.7, angle, side)

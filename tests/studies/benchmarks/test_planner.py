@@ -166,6 +166,10 @@ def test_losses_come_first_and_say_so():
 @pytest.mark.usefixtures("unchecked")  # whole plans and a grid oracle
 def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_path):
     monkeypatch.setattr(simulations, "COMPILER", None)  # nothing new: what is compiled is tested above
+    monkeypatch.setattr(
+        simulations, "BEGINNINGS", simulations.BEGINNINGS[1:2]
+    )  # a peer takes seconds to build for each
+    monkeypatch.setattr(simulations, "WARMS", simulations.WARMS[:1])
     effort = simulations.Effort(starts=4, repeats=1)
     _, starts = motions("simulation_1", count=3)
     question = Question(solver="fatrop", problem="simulation_1", samples=FEW)
