@@ -1,13 +1,13 @@
 """Derivatives of expressions, on the same tape: gradients by a reverse sweep, second derivatives forwards over it.
 
-The derivative of each operation stands in ``derivative_rules``.
+The derivative of each operation stands in ``operation_derivatives``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from paretoik.autodiff.derivative_rules import partial_derivatives
+from paretoik.autodiff.operation_derivatives import partial_derivatives
 from paretoik.autodiff.operations import NO_OPERAND, PIECEWISE, Op
 from paretoik.autodiff.tape import Tape
 

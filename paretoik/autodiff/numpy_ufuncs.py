@@ -1,6 +1,6 @@
 """NumPy's functions of numbers (ufuncs) that can be differentiated: each as operations of a tape.
 
-A function is one operation, whose derivative stands in ``derivative_rules``, or is composed of others.
+A function is one operation, whose derivative stands in ``operation_derivatives``, or is composed of others.
 """
 
 from __future__ import annotations

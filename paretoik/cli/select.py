@@ -11,7 +11,8 @@ import typer
 
 from paretoik.api.summary import choice_text, entries
 from paretoik.cli.arguments import JsonFlag, QuietFlag, RunFolder
-from paretoik.cli.console import exit_code, print_json, show_progress
+from paretoik.cli.console import exit_code, print_json
+from paretoik.cli.progress_display import show_progress
 from paretoik.errors import InvalidInput
 
 

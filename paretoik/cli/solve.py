@@ -11,7 +11,8 @@ import typer
 
 from paretoik.api.summary import entries, result_text
 from paretoik.cli.arguments import JsonFlag, QuietFlag
-from paretoik.cli.console import exit_code, print_json, show_progress, show_status
+from paretoik.cli.console import exit_code, print_json
+from paretoik.cli.progress_display import show_progress, show_status
 
 
 def solve(

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from paretoik.arrays import Objectives
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.starts import rollout_starts
+from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 

@@ -34,7 +34,7 @@ from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.postures import wrap_difference
+from paretoik.self_motion.inverse_kinematics import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 

@@ -15,7 +15,7 @@ from paretoik.capability.posture_values import gravity_torques
 from paretoik.capability.timing import minimum_timing
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.starts import rollout_starts, travelling_starts
+from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel

@@ -13,9 +13,17 @@ from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
 from paretoik.errors import check_size
 from paretoik.search.constraints import TOLERANCE, Floats, Integers, violations
 
-CAPACITY = 20_000  # points above which a grid thins the archive
-SAME = 1e-9  # of each objective's range: nearer points are one
-FINEST_GRID = 2**16  # cells an axis that thinning starts from
+
+@dataclass(frozen=True, kw_only=True)
+class ArchiveOptions:
+    """Settings of the archive."""
+
+    capacity: int = 20_000  # points above which a grid thins the archive
+    distance_tolerance: float = 1e-9  # of each objective's range: nearer points are duplicates
+    finest_grid: int = 2**16  # cells an axis that thinning starts from
+
+
+OPTIONS = ArchiveOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +70,7 @@ class Archive:
     """
 
     def __init__(
-        self, *, tolerance: ArrayLike = TOLERANCE, capacity: int = CAPACITY, names: Sequence[str] = ()
+        self, *, tolerance: ArrayLike = TOLERANCE, capacity: int = OPTIONS.capacity, names: Sequence[str] = ()
     ) -> None:
         check_size("archive capacity", capacity, 1)
         self.failed = Failures()
@@ -70,7 +78,7 @@ class Archive:
         self._capacity = capacity
         self._names = tuple(names)
         self._members: Members | None = None
-        self._least: Members | None = None
+        self._least_violating: Members | None = None
 
     def __len__(self) -> int:
         return 0 if self._members is None else len(self._members)
@@ -93,7 +101,7 @@ class Archive:
     @property
     def least_violating(self) -> Members | None:
         """The one point with the least finite violation, as long as none is feasible; otherwise None."""
-        return None if len(self) else self._least
+        return None if len(self) else self._least_violating
 
     def add(
         self,
@@ -111,15 +119,15 @@ class Archive:
         violation = violations(new.F, new.G, tolerance=self._tolerance)
         self._count_failures(new, causes or {})
         least = int(np.argmin(violation))
-        if np.isfinite(violation[least]) and violation[least] < self._least_violation():
-            self._least = new[least : least + 1]
-        known = new[:0] if self._members is None else self._members
-        self._members = self._merged(known, new[violation <= 0.0])
+        if np.isfinite(violation[least]) and violation[least] < self._smallest_violation():
+            self._least_violating = new[least : least + 1]
+        old = new[:0] if self._members is None else self._members
+        self._members = self._merge(old, new[violation <= 0.0])
 
-    def _least_violation(self) -> float:
-        if self._least is None:
+    def _smallest_violation(self) -> float:
+        if self._least_violating is None:
             return np.inf
-        return float(violations(self._least.F, self._least.G, tolerance=self._tolerance)[0])
+        return float(violations(self._least_violating.F, self._least_violating.G, tolerance=self._tolerance)[0])
 
     def _count_failures(self, new: Members, causes: Mapping[int, str]) -> None:
         for row in np.flatnonzero(~np.isfinite(new.F).all(axis=1) | np.isnan(new.G).any(axis=1)):
@@ -133,40 +141,40 @@ class Archive:
             return f"objective {name} is {F[bad[0]]}"
         return f"constraint {np.flatnonzero(np.isnan(G))[0] + 1} is nan"
 
-    def _merged(self, known: Members, new: Members) -> Members:
-        new = new[_non_dominated(known.F, new.F)[len(known) :]]
-        new = new[~_repeats(known.F, new.F)]
+    def _merge(self, old: Members, new: Members) -> Members:
+        new = new[_non_dominated(old.F, new.F)[len(old) :]]
+        new = new[~_duplicates(old.F, new.F)]
         if not len(new):
-            return known
-        both = known + new
-        both = both[_non_dominated(known.F, new.F)]
-        return both if len(both) <= self._capacity else both[_thinned(both.F, self._capacity // 2)]
+            return old
+        both = old + new
+        both = both[_non_dominated(old.F, new.F)]
+        return both if len(both) <= self._capacity else both[_thin(both.F, self._capacity // 2)]
 
 
-def _non_dominated(known: Floats, new: Floats) -> Mask:
-    mask: Mask = is_nondominated(np.concatenate((known, new)), keep_weakly=False)
+def _non_dominated(old: Floats, new: Floats) -> Mask:
+    mask: Mask = is_nondominated(np.concatenate((old, new)), keep_weakly=False)
     return mask
 
 
-def _repeats(known: Floats, new: Floats) -> Mask:
-    """Mark those of ``new`` that lie within SAME of the ranges of a known point or of an earlier new one."""
-    every = np.concatenate((known, new))
-    close = np.tri(len(new), len(every), len(known) - 1, dtype=bool)  # only older ones count
+def _duplicates(old: Floats, new: Floats) -> Mask:
+    """Mark those of ``new`` that repeat an old point or an earlier new one, within the tolerance."""
+    points = np.concatenate((old, new))
+    close = np.tri(len(new), len(points), len(old) - 1, dtype=bool)  # only older ones count
     for axis in range(new.shape[1] if len(new) else 0):
-        reach = SAME * np.ptp(every[:, axis])
-        np.logical_and(close, np.abs(every[:, axis] - new[:, axis, None]) <= reach, out=close)
+        reach = OPTIONS.distance_tolerance * np.ptp(points[:, axis])
+        np.logical_and(close, np.abs(points[:, axis] - new[:, axis, None]) <= reach, out=close)
     return np.asarray(close.any(axis=1))
 
 
-def _thinned(F: Floats, most: int) -> Integers:
-    """Rows to keep: the best of each objective, and the oldest of each cell of the finest grid that leaves ``most``."""
+def _thin(F: Floats, count: int) -> Integers:
+    """Return the rows of the best of each objective and the oldest of each cell of the finest grid with ``count``."""
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
     share: Floats = np.divide(F - ideal, width, out=np.zeros_like(F), where=width > 0)
     extremes = F.argmin(axis=0)
-    cells = FINEST_GRID
+    cells = OPTIONS.finest_grid
     while True:
         inside = np.minimum((share * cells).astype(np.int64), cells - 1)
-        kept = np.unique(np.concatenate((np.unique(inside, axis=0, return_index=True)[1], extremes)))
-        if len(kept) <= max(most, len(np.unique(extremes)) + 1):
-            return kept
+        selected = np.unique(np.concatenate((np.unique(inside, axis=0, return_index=True)[1], extremes)))
+        if len(selected) <= max(count, len(np.unique(extremes)) + 1):
+            return selected
         cells //= 2

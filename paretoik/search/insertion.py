@@ -6,14 +6,23 @@ All objectives here are normalised and minimised; ``Z`` is (points, n_obj). Ties
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from paretoik.search.constraints import Floats, Integers
 
-MATRIX_LIMIT = 1024  # points up to which all pairwise distances are computed at once (8 MB)
-FAST_FROM = 192  # points from which splitting segments overtakes the greedy loop (measured)
-MOST_LEVELS = 16  # of segments split; a front without a tail needs about 1.5 log2(points)
+
+@dataclass(frozen=True, kw_only=True)
+class InsertionOptions:
+    """When which way of computing the order of insertion is used; all give the same bits."""
+
+    matrix_limit: int = 1024  # points up to which all pairwise distances are computed at once (8 MB)
+    fewest_split: int = 192  # points from which splitting segments overtakes the greedy loop (measured)
+    levels: int = 16  # of segments split; a front without a tail needs about 1.5 log2(points)
+
+
+OPTIONS = InsertionOptions()
 
 
 def scaled(F: Floats, ideal: Floats, nadir: Floats) -> Floats:
@@ -35,11 +44,11 @@ def starting_points(Z: Floats) -> list[int]:
     if n_obj == 1:
         return [int(np.argmin(Z[:, 0]))]
     if n_obj == 2:  # among equals the other objective decides
-        found = [int(np.lexsort((Z[:, 1 - axis], Z[:, axis]))[0]) for axis in range(2)]
+        starts = [int(np.lexsort((Z[:, 1 - axis], Z[:, axis]))[0]) for axis in range(2)]
     else:
         weights = np.where(np.eye(n_obj, dtype=bool), 1.0, 1e-6)
-        found = [int(np.argmin((Z / weight).max(axis=1))) for weight in weights]
-    return list(dict.fromkeys(found))
+        starts = [int(np.argmin((Z / weight).max(axis=1))) for weight in weights]
+    return list(dict.fromkeys(starts))
 
 
 def squared_distances(Z: Floats, others: Floats) -> Floats:
@@ -65,7 +74,7 @@ def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int
     ``nearest`` (points,) is each point's squared distance to what was selected before (inf where nothing was); the
     positions in ``starts`` come first. Returns positions in order of selection and squared insertion distances.
     """
-    fast = Z.shape[1] == 2 and len(Z) >= FAST_FROM
+    fast = Z.shape[1] == 2 and len(Z) >= OPTIONS.fewest_split
     return (front_order if fast else greedy_order)(Z, count, nearest, starts)
 
 
@@ -73,7 +82,7 @@ def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] =
     """Select one by one, for any number of objectives; arguments as for ``insertion_order``."""
     nearest = nearest.copy()
     nearest[list(starts)] = np.inf
-    matrix = squared_distances(Z, Z) if len(Z) <= MATRIX_LIMIT else None
+    matrix = squared_distances(Z, Z) if len(Z) <= OPTIONS.matrix_limit else None
     order = np.empty(count, dtype=np.int64)
     distance = np.empty(count)
     for step in range(count):
@@ -104,26 +113,26 @@ def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = 
         value[start] = np.inf
         segment += np.arange(size) > start
         near = np.minimum(near, (x - x[start]) ** 2 + (y - y[start]) ** 2)
-    waiting = np.flatnonzero(value < 0)
-    near, segment = near[waiting], segment[waiting]
-    for _ in range(MOST_LEVELS):
-        if not waiting.size:
+    remaining = np.flatnonzero(value < 0)
+    near, segment = near[remaining], segment[remaining]
+    for _ in range(OPTIONS.levels):
+        if not remaining.size:
             break
         first = np.flatnonzero(np.diff(segment, prepend=-1))
-        lengths = np.diff(first, append=waiting.size)
+        lengths = np.diff(first, append=remaining.size)
         best = np.maximum.reduceat(near, first)
-        tied = np.where(near == np.repeat(best, lengths), path[waiting], size)
+        tied = np.where(near == np.repeat(best, lengths), path[remaining], size)
         chosen = place[np.minimum.reduceat(tied, first)]
         value[chosen] = best
         split = np.repeat(chosen, lengths)
-        near = np.minimum(near, (x[waiting] - x[split]) ** 2 + (y[waiting] - y[split]) ** 2)
-        worst_wanted = np.partition(value, size - count)[size - count]  # -1 until so many have a value
-        keep = (waiting != split) & (near >= worst_wanted)
-        segment = (2 * split + (waiting > split))[keep]
-        waiting, near = waiting[keep], near[keep]
-    if waiting.size:  # a geometric tail peels off one point a level: the greedy loop is the faster there
-        rest = np.sort(path[waiting])
-        near = near[np.argsort(path[waiting])]
+        near = np.minimum(near, (x[remaining] - x[split]) ** 2 + (y[remaining] - y[split]) ** 2)
+        threshold = np.partition(value, size - count)[size - count]  # -1 until so many have a value
+        keep = (remaining != split) & (near >= threshold)
+        segment = (2 * split + (remaining > split))[keep]
+        remaining, near = remaining[keep], near[keep]
+    if remaining.size:  # a geometric tail peels off one point a level: the greedy loop is the faster there
+        rest = np.sort(path[remaining])
+        near = near[np.argsort(path[remaining])]
         order, distance = greedy_order(Z[rest], min(count, rest.size), near)
         value[place[rest[order]]] = distance
     by_index = value[place]

@@ -1,4 +1,4 @@
-"""How offspring are made: tournaments, crossover within a species, mutation that may leave it.
+"""Mating: tournaments, crossover within a species, mutation that may leave it.
 
 A problem may offer ``species(X) -> (points,)`` integer labels; crossing two labels makes infeasible children, so only
 equals mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and ``n_species``:
@@ -21,9 +21,17 @@ from paretoik.errors import InvalidInput
 from paretoik.search.constraints import Floats, Integers
 from paretoik.search.maximin import column
 
-FAIR_SHARE = 0.5  # of the matings, spread evenly over the species: one that is behind may still have the better end
-SPECIES_MUTATION = 0.05  # chance that an offspring is moved to another species
-ATTEMPTS = 20  # rounds of mating spent on finding offspring that are new
+
+@dataclass(frozen=True, kw_only=True)
+class MatingOptions:
+    """Settings of mating; chosen here."""
+
+    even_share: float = 0.5  # of tournaments, spread evenly over species: one that is behind may have the better end
+    migration_probability: float = 0.05  # that an offspring is moved to another species
+    rounds: int = 20  # of mating, for offspring that are new
+
+
+OPTIONS = MatingOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,76 +66,76 @@ class BranchwiseMating:
 
         Where the genes leave no room for so many new ones the last are copies. pymoo also passes ``algorithm``.
         """
-        parents = _parents(problem, pop)
+        parents = _as_parents(problem, pop)
         seen = {row.tobytes() for row in parents.X + 0.0}
-        made: list[Genes] = []
-        for attempt in range(ATTEMPTS):
-            for row in self._offspring(problem, parents, n_offsprings - len(made), random_state):
+        offspring: list[Genes] = []
+        for attempt in range(OPTIONS.rounds):
+            for row in self._offspring(problem, parents, n_offsprings - len(offspring), random_state):
                 key = (row + 0.0).tobytes()
-                if len(made) < n_offsprings and (key not in seen or attempt == ATTEMPTS - 1):
+                if len(offspring) < n_offsprings and (key not in seen or attempt == OPTIONS.rounds - 1):
                     seen.add(key)
-                    made.append(row)
-            if len(made) == n_offsprings:
+                    offspring.append(row)
+            if len(offspring) == n_offsprings:
                 break
-        return Population.new("X", np.array(made))
+        return Population.new("X", np.array(offspring))
 
     def _offspring(self, problem: Any, parents: Parents, count: int, rng: np.random.Generator) -> Genes:
         matings = -(-count // self.crossover.n_offsprings)
-        chosen = self._couples(parents, matings, rng)
+        chosen = self._select_parents(parents, matings, rng)
         couples = parents.X[chosen]
         children = np.array(self.crossover._do(problem, couples, random_state=rng))
-        idle = rng.random(matings) >= get(self.crossover.prob)
-        children[:, idle] = couples[: len(children), idle]
+        uncrossed = rng.random(matings) >= get(self.crossover.prob)
+        children[:, uncrossed] = couples[: len(children), uncrossed]
         gene = getattr(problem, "species_gene", None)
         if gene is not None:
             children[..., gene] = couples[: len(children), :, gene]
-        return self._mutated(problem, children.reshape(-1, problem.n_var), gene, rng)
+        return self._mutate(problem, children.reshape(-1, problem.n_var), gene, rng)
 
-    def _couples(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
+    def _select_parents(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
         pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
-        rivals = self._fair(parents.species, pool[: 2 * matings].reshape(2, matings), rng)
-        first = self._winners(parents, rivals[0], rivals[1], rng)
-        others = _of_same_species(parents.species, np.concatenate((first, first)), rng)
+        rivals = self._spread_over_species(parents.species, pool[: 2 * matings].reshape(2, matings), rng)
+        first = self._select_winners(parents, rivals[0], rivals[1], rng)
+        others = _draw_from_species(parents.species, np.concatenate((first, first)), rng)
         if self.crossover.n_parents == 3:
             return np.stack((first, others[:matings], others[matings:]))
-        return np.stack((first, self._winners(parents, others[:matings], others[matings:], rng)))
+        return np.stack((first, self._select_winners(parents, others[:matings], others[matings:], rng)))
 
-    def _fair(self, species: Integers, rivals: Integers, rng: np.random.Generator) -> Integers:
+    def _spread_over_species(self, species: Integers, rivals: Integers, rng: np.random.Generator) -> Integers:
         """Let some of the tournaments (2, matings) be held within one species, every species in its turn as likely."""
         labels, members = np.unique(species, return_index=True)
         if len(labels) == 1:
             return rivals
-        fair = np.less(rng.random(rivals.shape[1]), FAIR_SHARE)
-        drawn = members[rng.integers(0, len(labels), size=int(fair.sum()))]
+        even = np.less(rng.random(rivals.shape[1]), OPTIONS.even_share)
+        drawn = members[rng.integers(0, len(labels), size=int(even.sum()))]
         for rival in rivals:
-            rival[fair] = _of_same_species(species, drawn, rng)
+            rival[even] = _draw_from_species(species, drawn, rng)
         return rivals
 
-    def _mutated(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
+    def _mutate(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
         mutated = np.array(self.mutation._do(problem, X, random_state=rng))
-        spared = rng.random(len(X)) > get(self.mutation.prob)
-        mutated[spared] = X[spared]
+        unchanged = rng.random(len(X)) > get(self.mutation.prob)
+        mutated[unchanged] = X[unchanged]
         if gene is None:
             return mutated
         mutated[:, gene] = X[:, gene]
-        moving = np.flatnonzero(rng.random(len(X)) < SPECIES_MUTATION)
-        if problem.n_species > 1 and moving.size:
-            step = rng.integers(1, problem.n_species, size=moving.size)
-            labels = (np.floor(X[moving, gene]).astype(np.int64) + step) % problem.n_species
+        migrants = np.flatnonzero(rng.random(len(X)) < OPTIONS.migration_probability)
+        if problem.n_species > 1 and migrants.size:
+            step = rng.integers(1, problem.n_species, size=migrants.size)
+            labels = (np.floor(X[migrants, gene]).astype(np.int64) + step) % problem.n_species
             if hasattr(problem, "translated"):
-                mutated[moving] = problem.translated(mutated[moving], labels)
+                mutated[migrants] = problem.translated(mutated[migrants], labels)
             else:
-                mutated[moving, gene] = labels + 0.5
+                mutated[migrants, gene] = labels + 0.5
         return mutated
 
-    def _winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
+    def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
         """Index of the better of each pair: less violation, better rank, larger distance, chance."""
         won: Mask = np.zeros(len(a), dtype=bool)
-        level: Mask = np.ones(len(a), dtype=bool)
+        tied: Mask = np.ones(len(a), dtype=bool)
         for key in (parents.violation, parents.rank, -parents.distance):
-            won |= level & (key[a] < key[b])
-            level &= key[a] == key[b]
-        won |= level & (rng.random(len(a)) < 0.5)
+            won |= tied & (key[a] < key[b])
+            tied &= key[a] == key[b]
+        won |= tied & (rng.random(len(a)) < 0.5)
         if self.infeasible_parents:
             mixed = (parents.violation[a] > 0) != (parents.violation[b] > 0)
             won = np.where(mixed & _dominates(parents.F[a], parents.F[b]), True, won)
@@ -135,7 +143,7 @@ class BranchwiseMating:
         return np.where(won, a, b)
 
 
-def _parents(problem: Any, pop: Any) -> Parents:
+def _as_parents(problem: Any, pop: Any) -> Parents:
     X = column(pop, "X")
     return Parents(
         X=X,
@@ -147,12 +155,12 @@ def _parents(problem: Any, pop: Any) -> Parents:
     )
 
 
-def _of_same_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
+def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
     """Draw for each individual one of its species, itself included."""
-    grouped = np.argsort(species, kind="stable")
-    labels, first, sizes = np.unique(species[grouped], return_index=True, return_counts=True)
+    by_species = np.argsort(species, kind="stable")
+    labels, first, sizes = np.unique(species[by_species], return_index=True, return_counts=True)
     group = np.searchsorted(labels, species[individuals])
-    drawn: Integers = grouped[first[group] + rng.integers(0, sizes[group])]
+    drawn: Integers = by_species[first[group] + rng.integers(0, sizes[group])]
     return drawn
 
 

@@ -22,8 +22,6 @@ from paretoik.errors import InvalidInput
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, violations
 from paretoik.search.insertion import insertion_order, nearest_squared, scaled, starting_points
 
-SPECIES_SHARE = 0.5  # of the population that may be kept only for being the best of its species
-
 
 @dataclass(frozen=True, eq=False)
 class Survivors:
@@ -58,7 +56,7 @@ def survivors(
     ranks = pareto_rank(F[feasible]) if feasible.size else np.empty(0, dtype=np.int64)
     reserved = others[:0]
     if infeasible_share > 0.0 and feasible.size:
-        reserved = _worth_keeping(F, violation, feasible[ranks == 0], others)[: int(infeasible_share * count)]
+        reserved = _nondominated_infeasible(F, violation, feasible[ranks == 0], others)[: int(infeasible_share * count)]
     places = min(feasible.size, count - reserved.size)
     chosen, distance = _by_maximin(F[feasible], ranks, places, ranges)
     if species is not None and places:
@@ -99,7 +97,7 @@ def _by_maximin(F: Floats, ranks: Integers, count: int, ranges: Floats | None) -
     return np.concatenate(taken), np.concatenate(distances)
 
 
-def _worth_keeping(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
+def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
     """Those of ``others`` (kept in their order) with a finite violation that no point of ``front`` dominates."""
     others = others[np.isfinite(violation[others])]
     no_worse = (F[front][None] <= F[others][:, None]).all(axis=2)
@@ -108,9 +106,11 @@ def _worth_keeping(F: Floats, violation: Floats, front: Integers, others: Intege
     return spared
 
 
-def _with_species(chosen: Integers, distance: Floats, ranks: Integers, species: Integers) -> tuple[Integers, Floats]:
-    """Let the best of each live species take the places of the last chosen of abundant ones."""
-    quota = int(SPECIES_SHARE * chosen.size)
+def _with_species(
+    chosen: Integers, distance: Floats, ranks: Integers, species: Integers, *, share: float = 0.5
+) -> tuple[Integers, Floats]:
+    """Let the best of each species take the places of the last chosen of abundant ones, up to a ``share`` of all."""
+    quota = int(share * chosen.size)
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
     live = list(dict.fromkeys(species[best_first].tolist()))
     floor = max(1, quota // len(live))

@@ -13,9 +13,6 @@ from paretoik.front.indicators import hypervolume
 from paretoik.search.archive import Failures
 from paretoik.search.constraints import Floats
 
-REFERENCE = 1.1  # of the normalised objectives
-EXACT_UP_TO = 4  # objectives; beyond, an exact hypervolume of a large archive takes minutes
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Progress:
@@ -47,14 +44,16 @@ def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
 
 
-def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats) -> float:
+def normalised_hypervolume(
+    F: Floats, ideal: Floats, width: Floats, *, reference_point: float = 1.1, exact_up_to: int = 4
+) -> float:
     """Hypervolume of ``F`` (points, n_obj) where ideal is 0, ideal + width 1 and the reference 1.1.
 
-    Approximate (deterministically, moocore) above four objectives.
+    Approximate (deterministically, moocore) above four objectives: of a large archive an exact one takes minutes.
     """
     normal: Floats = (F - ideal) / width
-    reference = np.full(F.shape[1], REFERENCE)
-    if F.shape[1] <= EXACT_UP_TO:
+    reference = np.full(F.shape[1], reference_point)
+    if F.shape[1] <= exact_up_to:
         return hypervolume(normal, reference)
     from moocore import hv_approx
 

@@ -12,7 +12,6 @@ from paretoik.inputs import real_array
 from paretoik.search.constraints import Floats
 
 SMALLEST_POPULATION = 4
-ROUNDING = 1e-12  # of a gene's range: what lies outside by no more was meant to lie inside
 
 
 def check_problem(problem: Any) -> None:
@@ -36,8 +35,8 @@ def check_problem(problem: Any) -> None:
         )
 
 
-def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Floats:
-    """Return genes (points, genes) inside the bounds; only rounding is clipped.
+def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tolerance: float = 1e-12) -> Floats:
+    """Return genes (points, genes) inside the bounds; what is outside by ``tolerance`` of the range is clipped.
 
     Raises
     ------
@@ -47,7 +46,7 @@ def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial") -> Floa
     X = np.atleast_2d(real_array(name, genes))
     if X.ndim != 2 or X.shape[1] != problem.n_var:
         raise InvalidInput(f"{name}: rows of {problem.n_var} genes wanted, got shape {X.shape}")
-    slack = np.maximum(ROUNDING * (problem.xu - problem.xl), 4 * np.spacing(np.maximum(-problem.xl, problem.xu)))
+    slack = np.maximum(tolerance * (problem.xu - problem.xl), 4 * np.spacing(np.maximum(-problem.xl, problem.xu)))
     inside = (problem.xl - slack <= X) & (problem.xu + slack >= X)  # False for NaN
     for row, gene in np.argwhere(~inside):
         raise InvalidInput(

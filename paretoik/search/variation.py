@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,25 +11,33 @@ from pymoo.core.mutation import Mutation
 
 from paretoik.search.constraints import Floats
 
-STEPS = (0.3, 0.6, 1.0)  # how much of a difference is added
-WIDTHS = (0.5, 8.0)  # in genes: how far a mutation reaches, drawn on a logarithmic scale
-SIZES = (0.003, 0.2)  # of a gene's range: how large it is, likewise
+
+@dataclass(frozen=True, kw_only=True)
+class VariationOptions:
+    """Settings of crossover and mutation of smooth genes; chosen here."""
+
+    factors: tuple[float, ...] = (0.3, 0.6, 1.0)  # of the difference that crossover adds
+    widths: tuple[float, float] = (0.5, 8.0)  # genes: standard deviation of a bump, evenly drawn in its logarithm
+    amplitudes: tuple[float, float] = (0.003, 0.2)  # of a gene's range: of a bump, likewise
+
+
+OPTIONS = VariationOptions()
 
 
 class Differential(Crossover):  # type: ignore[misc]  # pymoo has no types
     """One offspring of three parents: the first, plus a share of the difference of the other two.
 
-    Steps so made have the size and the shape of the population itself, however badly the genes are scaled against each
-    other. Source: Storn & Price 1997; with NSGA-II's selection as in Robic & Filipic 2005.
+    Such steps have the size and the shape of the population itself, however badly genes are scaled to each other.
+    Source: Storn & Price 1997; with NSGA-II's selection as in Robic & Filipic 2005.
     """
 
     def __init__(self) -> None:
         super().__init__(3, 1, prob=1.0)
 
     def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
-        step = random_state.choice(STEPS, size=(X.shape[1], 1))
-        made: Floats = np.clip(X[0] + step * (X[1] - X[2]), problem.xl, problem.xu)
-        return made[None]
+        step = random_state.choice(OPTIONS.factors, size=(X.shape[1], 1))
+        offspring: Floats = np.clip(X[0] + step * (X[1] - X[2]), problem.xl, problem.xu)
+        return offspring[None]
 
 
 class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
@@ -44,16 +53,16 @@ class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
     def _do(self, problem: Any, X: Floats, *args: Any, random_state: np.random.Generator, **kwargs: Any) -> Floats:
         count, rows = len(X), problem.n_var // self.row
         place = random_state.uniform(0, self.row - 1, (count, 1))
-        width = _log_uniform(WIDTHS, count, random_state)
-        size = _log_uniform(SIZES, count, random_state) * random_state.normal(size=(count, 1))
+        width = _log_uniform(OPTIONS.widths, count, random_state)
+        size = _log_uniform(OPTIONS.amplitudes, count, random_state) * random_state.normal(size=(count, 1))
         bump = size * np.exp(-(((np.arange(self.row) - place) / width) ** 2))
-        which = random_state.integers(rows, size=count)
+        row = random_state.integers(rows, size=count)
         first = problem.n_var - rows * self.row
-        genes = first + which[:, None] * self.row + np.arange(self.row)
-        made: Floats = X.copy()
+        genes = first + row[:, None] * self.row + np.arange(self.row)
+        offspring: Floats = X.copy()
         span = (problem.xu - problem.xl)[genes]
-        np.put_along_axis(made, genes, np.take_along_axis(made, genes, axis=1) + bump * span / 2, axis=1)
-        return np.clip(made, problem.xl, problem.xu)
+        np.put_along_axis(offspring, genes, np.take_along_axis(offspring, genes, axis=1) + bump * span / 2, axis=1)
+        return np.clip(offspring, problem.xl, problem.xu)
 
 
 def _log_uniform(bounds: tuple[float, float], count: int, rng: np.random.Generator) -> Floats:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from paretoik.self_motion.starts import OPTIONS as STARTS
+from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.starts import rollout_starts, travelling_starts
+from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import objective
 from paretoik.trajectory.grid_oracle import grid_oracle

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
-from paretoik.self_motion.starts import perturbed_starts, travelling_starts
+from paretoik.self_motion.motion_starts import perturbed_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.initial_motions import grid_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import paretoik as pk
-from paretoik.self_motion.starts import rollout_starts
+from paretoik.self_motion.motion_starts import rollout_starts
 from studies.reporting import Row
 from studies.tringali_2020.reported import beside
 from studies.tringali_2020.simulations import MASSES, as_printed, with_arm

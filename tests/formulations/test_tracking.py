@@ -11,7 +11,7 @@ import paretoik as pk
 from paretoik import Limits, Motion, Task, Tracking, circle, kinetic_energy, line
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import tringali_3r
-from paretoik.self_motion.starts import OPTIONS
+from paretoik.self_motion.motion_starts import OPTIONS
 from tests.formulations.problems import OBJECTIVES, PROBLEMS, SMALL, built, paper_3r
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)

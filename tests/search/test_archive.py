@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 from paretoik.errors import InvalidInput
 from paretoik.search import Archive
-from paretoik.search.archive import SAME
+from paretoik.search.archive import OPTIONS
 
 
 def fill(archive, F, *, G=None, first=0, generation=0, causes=None):
@@ -66,7 +66,8 @@ def test_the_order_within_a_batch_does_not_matter():
 
 def test_a_point_nearer_than_rounding_is_the_older_one():
     archive = fill(Archive(), [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]])
-    nearly = [[0.5 - SAME / 2, 0.5 + SAME / 2], [0.5 - 3 * SAME, 0.5 + 3 * SAME]]
+    tolerance = OPTIONS.distance_tolerance
+    nearly = [[0.5 - tolerance / 2, 0.5 + tolerance / 2], [0.5 - 3 * tolerance, 0.5 + 3 * tolerance]]
     assert fill(archive, nearly, first=3).ids.tolist() == [0, 1, 2, 4]
 
 

@@ -36,7 +36,7 @@ def parents(violation, rank, distance, F=None):
 
 
 def winners(who, a, b, **settings):
-    return mating(**settings)._winners(who, np.array(a), np.array(b), np.random.default_rng(0)).tolist()
+    return mating(**settings)._select_winners(who, np.array(a), np.array(b), np.random.default_rng(0)).tolist()
 
 
 def test_a_tournament_goes_by_violation_then_rank_then_distance():

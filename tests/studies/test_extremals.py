@@ -13,13 +13,13 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
-from paretoik.self_motion.postures import sample_postures
+from paretoik.self_motion.inverse_kinematics import sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
 from studies.tringali_2020.extremals import integrate_extremal
 from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda
-from tests.self_motion.test_starts import task_of
+from tests.self_motion.test_motion_starts import task_of
 
 FROM, TO = [0.4678, 0.0], [0.0983, 0.1526]  # m, the paper's line
 BEST = (-0.387576, 0.516724, 0.195441)  # rad, near where the best optimum starts

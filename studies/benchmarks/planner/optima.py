@@ -8,7 +8,7 @@ import numpy as np
 
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.self_motion.starts import OPTIONS as STARTS
+from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS

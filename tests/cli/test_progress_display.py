@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import pytest
+
+from paretoik.api.progress import RunProgress, show_compilation
+from paretoik.cli.progress_display import progress_text, show_progress, show_status
+from paretoik.compilation_notices import CompilationNotice, announce
+
+NOTICE = CompilationNotice(what="the planner", seconds=40.0)
+
+
+def progress(done: int, **parts) -> RunProgress:
+    return RunProgress(**{"stage": "generation", "done": done, "total": 10, "seconds": 30.0} | parts)
+
+
+@pytest.mark.parametrize(
+    ("shown", "limit", "text"),
+    [
+        (progress(5, summary="front 4"), None, "generation 5/10, front 4, at most 0:30 left"),
+        (progress(1, stage="refinement"), None, "refinement 1/10, at most 4:30 left"),
+        (progress(5), 40.0, "generation 5/10, at most 0:10 left"),
+        (progress(5), 20.0, "generation 5/10, at most 0:00 left"),
+        (progress(0, total=0, stage="saving"), None, "saving"),
+        (progress(0), None, "generation 0/10, at most 5:00 left"),
+    ],
+)
+def test_progress_is_a_line_with_the_time_left(shown, limit, text):
+    assert progress_text(shown, limit) == text
+
+
+def test_where_there_is_no_terminal_a_line_comes_now_and_then(capsys):
+    with show_progress(None, False) as observe:
+        observe(progress(1))
+        observe(progress(2))
+    assert capsys.readouterr().err == "generation 1/10, at most 4:30 left\n"
+
+
+def test_quiet_means_no_observer_and_no_notices_of_compilation(capsys):
+    with show_progress(None, True) as observe:
+        assert observe is None
+        announce(NOTICE)
+    with show_status("loading the problem", True):
+        announce(NOTICE)
+    assert capsys.readouterr().err == ""
+
+
+def test_what_is_compiled_is_a_line_at_once(capsys):
+    with show_status("loading the problem", False):
+        announce(NOTICE)
+    with show_progress(None, False) as observe, show_compilation(observe):
+        observe(progress(1))
+        announce(NOTICE)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [str(NOTICE), "generation 1/10, at most 4:30 left", str(NOTICE)]
