@@ -13,27 +13,16 @@ from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
 from paretoik.self_motion.inverse_kinematics import sample_postures
 from paretoik.self_motion.motion_starts import OPTIONS, perturbed_starts, rollout_starts, travelling_starts
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
+from tests.task.tasks import task
 
 REACH = 0.4895  # m, of the paper's arm, 0.176 + 0.176 + 0.1375
 WITHIN = (0.3, 0.1)
 
 
 def task_of(arm, path, **changed):
-    settings = {
-        "objectives": [joint_travel],
-        "limits": None,
-        "constraints": (),
-        "obstacles": (),
-        "link_radius": 0.0,
-        "start": "free",
-        "end_velocity": None,
-        "cyclic": False,
-        "differences": "backward",
-    }
-    return motion_task(arm, path, **{**settings, **changed})
+    return task(path, arm, **{"objectives": [joint_travel], **changed})
 
 
 def paper(samples=21, **changed):

@@ -5,36 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import paretoik as pk
-from paretoik import Limits, Pose, circle, kinetic_energy, line
-from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.motion_task import MotionTask
-from paretoik.task.motion_task_validation import motion_task
+from paretoik import Limits, Pose, circle, line
+from paretoik.robot.arms import marcos_nr
 from paretoik.task.obstacles import Circle
-
-ARM = tringali_3r()
-LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
-POSTURE = np.array([-0.6, 0.9, 0.8])
-
-
-def task(path=LINE, arm=ARM, **changed) -> MotionTask:
-    defaults = {
-        "objectives": [kinetic_energy],
-        "limits": None,
-        "constraints": (),
-        "obstacles": (),
-        "link_radius": 0.0,
-        "start": "free",
-        "end_velocity": None,
-        "cyclic": False,
-        "differences": "backward",
-    }
-    return motion_task(arm, path, **{**defaults, **changed})
-
-
-def from_posture(q=POSTURE, arm=ARM, samples=21):
-    """Return a line that begins where the arm's tool is at posture q."""
-    place = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
-    return line(place, place + np.array([-0.05, 0.05]), duration=1.0, samples=samples)
+from tests.task.tasks import task
 
 
 def test_a_motion_task_knows_its_times_equations_and_redundancy():

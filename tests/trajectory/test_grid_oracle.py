@@ -14,12 +14,12 @@ from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.inverse_kinematics import sample_postures
 from paretoik.self_motion.motion_starts import rollout_starts
-from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.obstacles import Circle
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory import grid_terms
 from paretoik.trajectory.grid_oracle import grid_oracle
 from tests.formulations.problems import panda
+from tests.task.tasks import task
 
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
 ROUND = circle([0.4178, 0.0], 0.05, duration=1.0, samples=26)
@@ -27,18 +27,7 @@ POSITION = np.deg2rad([90.0, 120.0, 120.0])
 
 
 def task_of(path=LINE, arm=None, **changed):
-    given = {
-        "objectives": [kinetic_energy],
-        "limits": None,
-        "constraints": (),
-        "obstacles": (),
-        "link_radius": 0.0,
-        "start": "free",
-        "end_velocity": None,
-        "cyclic": False,
-        "differences": "backward",
-    }
-    return motion_task(arm or tringali_3r(), path, **{**given, **changed})
+    return task(path, arm or tringali_3r(), **changed)
 
 
 def short(samples=4):

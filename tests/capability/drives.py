@@ -1,0 +1,30 @@
+"""Planar arms under gravity, and motors and rods to drive them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import paretoik as pk
+
+
+def planar(links, length=0.3, mass=0.4, limits=None):
+    arm = pk.Arm.planar(
+        lengths=[length] * links,
+        masses=[mass] * links,
+        centers=[length / 2] * links,
+        inertias=[0.0] * links,
+        position_limits=limits,
+    )
+    return arm.mounted(gravity=[0.0, -9.81, 0.0])
+
+
+def motors(stall, shape="diamond"):
+    fastest = np.linspace(1.0, 2.0, len(stall))
+    return pk.capability.JointActuation(motors=pk.capability.MotorCurve(stall=stall, fastest=fastest, shape=shape))
+
+
+def rods(dof, zero):
+    curve = pk.capability.MotorCurve(
+        stall=[195.9, 95.8, 75.8, 55.8][:dof], fastest=[1.8e-3, 7.1e-3, 7.1e-3, 7.1e-3][:dof]
+    )
+    return pk.capability.DistributedActuation(front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=zero)
