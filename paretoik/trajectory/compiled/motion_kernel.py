@@ -129,34 +129,38 @@ def evaluate(kernel, work, x, F, c):
     """Write the sums and the distances from limits of the motion x."""
     samples = len(x)
     sums, variables = len(F), len(work.gradient_u)
+    inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
+    limited, sides, bounds = kernel.limited, kernel.sides, kernel.bounds
     apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
     run(kernel.value, work.inputs, work.values)
     for k in range(sums):
         F[k] = 0.0
         for s in range(samples):
-            F[k] += kernel.quadrature[s] * work.values[k, s]
-    for i in range(len(kernel.sides)):
-        row, s = kernel.limited[i, 0], kernel.limited[i, 1]
-        value = work.inputs[row, s] if row < variables else work.values[sums + row - variables, s]
-        c[i] = kernel.sides[i] * (value - kernel.bounds[i])
+            F[k] += quadrature[s] * values[k, s]
+    for i in range(len(sides)):
+        row, s = limited[i, 0], limited[i, 1]
+        value = inputs[row, s] if row < variables else values[sums + row - variables, s]
+        c[i] = sides[i] * (value - bounds[i])
 
 
 @implement(steps.linearise, MotionKernel)
 def linearise(kernel, work, x):
     """Prepare the tangent of the path and the gradients at x; return False at a singularity."""
+    inputs, slopes, gradients = work.inputs, work.slopes, work.gradients
+    slope_of, slope_by = kernel.slope_of, kernel.slope_by
     for j in range(x.shape[1]):
         for s in range(x.shape[0]):
-            work.inputs[j, s] = x[s, j]
+            inputs[j, s] = x[s, j]
     run(kernel.track, work.inputs, work.tracked)
     if not tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
         tie_last_sample(work.tangent, work.normal)
     run(kernel.slope, work.inputs, work.slopes)
-    functions = len(work.gradients)
-    for e in range(len(kernel.slope_of)):
+    functions = len(gradients)
+    for e in range(len(slope_of)):
         for s in range(x.shape[0]):
-            work.gradients[kernel.slope_of[e], kernel.slope_by[e], s] = work.slopes[functions + e, s]
+            gradients[slope_of[e], slope_by[e], s] = slopes[functions + e, s]
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
         clear(gradient)
@@ -180,30 +184,33 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 @compiled
 def _limit_gradient(kernel, work, multipliers):
     """Write the gradient of −multipliers · c by u, and the multipliers of variables and rows, signed."""
-    variables, samples = work.gradient_u.shape
-    clear(work.by_row)
-    for i in range(len(kernel.sides)):
-        work.by_row[kernel.limited[i, 0], kernel.limited[i, 1]] -= kernel.sides[i] * multipliers[i]
+    gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
+    limited, sides = kernel.limited, kernel.sides
+    variables, samples = gradient_u.shape
+    clear(by_row)
+    for i in range(len(sides)):
+        by_row[limited[i, 0], limited[i, 1]] -= sides[i] * multipliers[i]
     sums = len(work.objective_gradients)
     for a in range(variables):
         for s in range(samples):
-            work.gradient_u[a, s] = work.by_row[a, s]
-        for g in range(len(work.gradients) - sums):
+            gradient_u[a, s] = by_row[a, s]
+        for g in range(len(gradients) - sums):
             for s in range(samples):
-                work.gradient_u[a, s] += work.by_row[variables + g, s] * work.gradients[sums + g, a, s]
+                gradient_u[a, s] += by_row[variables + g, s] * gradients[sums + g, a, s]
 
 
 @implement(steps.prepare_multipliers, MotionKernel)
 def prepare_multipliers(kernel, work, weights):
     """Write the multipliers of path, sums and rows where the Hessian of the Lagrangian reads them."""
     first, variables, samples = kernel.multipliers, len(work.gradient_u), work.gradient_u.shape[1]
-    for g in range(len(work.by_row) - variables):
+    inputs, by_row, quadrature = work.inputs, work.by_row, kernel.quadrature
+    for g in range(len(by_row) - variables):
         for s in range(samples):
-            work.inputs[first[2] + g, s] = work.by_row[variables + g, s]
+            inputs[first[2] + g, s] = by_row[variables + g, s]
     for k in range(len(weights)):
         for s in range(samples):
-            work.inputs[first[1] + k, s] = weights[k] * kernel.quadrature[s]
-    path_multipliers(work.gradient_q, work.normal, work.triangle, work.inputs[first[0] : first[1]])
+            inputs[first[1] + k, s] = weights[k] * quadrature[s]
+    path_multipliers(work.gradient_q, work.normal, work.triangle, inputs[first[0] : first[1]])
 
 
 @implement(steps.residual_norm, MotionKernel)
@@ -220,8 +227,9 @@ def assemble(kernel, work, stiffness, A, B, C):
     phi, row, half = np.empty((variables, variables)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
     clear(work.by_row)
-    for i in range(len(kernel.sides)):
-        work.by_row[kernel.limited[i, 0], kernel.limited[i, 1]] += stiffness[i]
+    by_row, limited = work.by_row, kernel.limited
+    for i in range(len(limited)):
+        by_row[limited[i, 0], limited[i, 1]] += stiffness[i]
     for s in range(samples):
         _sample_hessian(kernel, work, s, row, phi)
         add_hessian(
@@ -237,17 +245,19 @@ def assemble(kernel, work, stiffness, A, B, C):
 def _sample_hessian(kernel, work, s, row, phi):
     """Write the Hessian (U, U) of one sample by u."""
     variables, sums = len(phi), len(work.objective_gradients)
+    second_i, second_j, seconds = kernel.second_i, kernel.second_j, work.seconds
+    by_row, gradients = work.by_row, work.gradients
     clear(phi)
-    for e in range(len(kernel.second_i)):
-        i, j = kernel.second_i[e], kernel.second_j[e]
-        phi[i, j] = phi[j, i] = work.seconds[e, s]
+    for e in range(len(second_i)):
+        i, j = second_i[e], second_j[e]
+        phi[i, j] = phi[j, i] = seconds[e, s]
     for a in range(variables):
-        phi[a, a] += work.by_row[a, s]
-    for g in range(len(work.gradients) - sums):
+        phi[a, a] += by_row[a, s]
+    for g in range(len(gradients) - sums):
         for a in range(variables):
-            row[a] = work.gradients[sums + g, a, s]
+            row[a] = gradients[sums + g, a, s]
         for a in range(variables):
-            scaled = work.by_row[variables + g, s] * row[a]
+            scaled = by_row[variables + g, s] * row[a]
             for b in range(variables):
                 phi[a, b] += scaled * row[b]
 
@@ -261,22 +271,24 @@ def expand_step(kernel, work, step, dx):
 @implement(steps.directional_derivatives, MotionKernel)
 def directional_derivatives(kernel, work, dx, dF, dc):
     """Write the derivatives of sums and limits along dx."""
-    variables, samples = work.du.shape
+    du, by_row, gradients = work.du, work.by_row, work.gradients
+    limited, sides = kernel.limited, kernel.sides
+    variables, samples = du.shape
     sums = len(dF)
-    apply_stencil(dx, kernel.neighbours, kernel.coefficients, work.du)
+    apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
     for k in range(sums):
         dF[k] = inner_product(work.objective_gradients[k], dx)
     for a in range(variables):
         for s in range(samples):
-            work.by_row[a, s] = work.du[a, s]
-    for g in range(len(work.gradients) - sums):
+            by_row[a, s] = du[a, s]
+    for g in range(len(gradients) - sums):
         for s in range(samples):
-            work.by_row[variables + g, s] = 0.0
+            by_row[variables + g, s] = 0.0
         for a in range(variables):
             for s in range(samples):
-                work.by_row[variables + g, s] += work.gradients[sums + g, a, s] * work.du[a, s]
-    for i in range(len(kernel.sides)):
-        dc[i] = kernel.sides[i] * work.by_row[kernel.limited[i, 0], kernel.limited[i, 1]]
+                by_row[variables + g, s] += gradients[sums + g, a, s] * du[a, s]
+    for i in range(len(sides)):
+        dc[i] = sides[i] * by_row[limited[i, 0], limited[i, 1]]
 
 
 @implement(steps.retract, MotionKernel)
