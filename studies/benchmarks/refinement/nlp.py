@@ -91,7 +91,7 @@ def dense_nlp(program: DenseProgram, weights: Vector) -> Nlp:
     )
 
 
-class _Callback(casadi.Callback):  # type: ignore[misc]
+class _Callback(casadi.Callback):
     """NumPy functions as one of CasADi's, from dense vectors to dense matrices."""
 
     def __init__(self, name: str, inputs: dict[str, int], outputs: dict[str, Output]) -> None:
@@ -126,7 +126,8 @@ def _sparse(matrix: Callable[..., Any], samples: Sequence[tuple[Vector, ...]], *
     """Return a matrix with the pattern that it has at samples of its arguments."""
     nonzero = np.any([matrix(*arguments).toarray() != 0 for arguments in samples], axis=0)
     row, column = np.nonzero(np.triu(nonzero) if upper else nonzero)
-    pattern = casadi.Sparsity.triplet(*nonzero.shape, row.tolist(), column.tolist())
+    rows, columns = nonzero.shape
+    pattern: Any = casadi.Sparsity.triplet(rows, columns, row.tolist(), column.tolist())
     row, column = (np.array(places, dtype=int) for places in pattern.get_triplet())
     return pattern, lambda *arguments: casadi.DM(pattern, matrix(*arguments).toarray()[row, column])
 
