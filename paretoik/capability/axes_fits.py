@@ -14,8 +14,6 @@ from paretoik.capability.speed_models import AxesEllipses
 from paretoik.capability.speed_samples import Directions, Positions, Speeds, checked_samples
 from paretoik.errors import InvalidInput
 
-AXES_DEGREE = 2  # Kim, Choi & Jang 2021, section 3.1
-
 
 def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> AxesEllipses:
     """Return the paper's model, fitted in two stages as there: the ellipse of each position, then polynomials.
@@ -28,7 +26,7 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     if positions.shape[1] != 2:
         raise InvalidInput(f"positions: two coordinates wanted for ellipses, got {positions.shape[1]}")
-    empty = empty_polynomials(positions, AXES_DEGREE)
+    empty = empty_polynomials(positions, 2)  # the degree of section 3.1
     design, triangular = orthogonal_design(empty, positions)
     squares, vectors = np.linalg.eigh(ellipsoids_at(directions, speeds))
     major, minor = 1.0 / np.sqrt(squares.T)

@@ -12,8 +12,6 @@ from paretoik.capability.posture_values import gravity_torques
 from paretoik.errors import Infeasible, OutOfReach, ParetoikError, SolverFailed
 from paretoik.robot.arm import Arm
 
-OVERLOAD_WITHOUT_SLIDER = 1e6  # share of the torque that can be held, where no slider fits
-
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:
     """Return by how much joints (*batch, dof) are past their limits [rad, m], negative within."""
@@ -21,11 +19,13 @@ def limit_excess(arm: Arm, q: Joints) -> Joints:
     return np.asarray(np.maximum(q - upper, lower - q))
 
 
-def overload(arm: Arm, actuation: Actuation, q: Joints) -> Float[np.ndarray, " found"]:
-    """Return the largest share of what its motor can hold that any joint asks for."""
+def overload(
+    arm: Arm, actuation: Actuation, q: Joints, *, without_slider: float = 1e6
+) -> Float[np.ndarray, " postures"]:
+    """Return the largest load of any joint as a share of what its motor can hold; a number where no slider fits."""
     torque, (capacity, _) = gravity_torques(arm, q), torque_capacity(actuation, q)
     share = np.abs(torque) / np.where(capacity > 0, capacity, 1e-300)
-    share = np.where(np.isnan(capacity), OVERLOAD_WITHOUT_SLIDER, share)
+    share = np.where(np.isnan(capacity), without_slider, share)
     return np.asarray(share.max(axis=1))
 
 

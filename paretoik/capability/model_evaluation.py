@@ -10,8 +10,6 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array
 from paretoik.nlp.interval_program import Pieces
 
-BOX_TOLERANCE = 1e-9  # of the box: rounding that may carry a point out of it
-
 
 def check_model(model: object) -> None:
     """Raise InvalidInput for what is no model of speeds."""
@@ -37,9 +35,11 @@ def check_inside(model: SpeedModel, name: str, point: Float[np.ndarray, " task"]
         raise InvalidInput(f"{name}: coordinate {i} must be in the model's box {box}, got {point[i]:.9g} m")
 
 
-def is_outside(model: SpeedModel, points: Float[np.ndarray, "*batch task"]) -> Bool[np.ndarray, "*batch task"]:
-    """Return which coordinates are beyond the model's box by more than rounding."""
-    slack = BOX_TOLERANCE * (model.upper - model.lower)
+def is_outside(
+    model: SpeedModel, points: Float[np.ndarray, "*batch task"], *, tolerance: float = 1e-9
+) -> Bool[np.ndarray, "*batch task"]:
+    """Return which coordinates are beyond the model's box by more than rounding, a share of it."""
+    slack = tolerance * (model.upper - model.lower)
     return ~((points >= model.lower - slack) & (points <= model.upper + slack))
 
 

@@ -12,8 +12,6 @@ from jaxtyping import Float, Int
 
 from paretoik.errors import InvalidInput, check_size
 
-RANK_TOLERANCE = 1e-9  # share of the largest singular value
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomials:
@@ -118,7 +116,7 @@ def orthogonal_design(
     return orthogonal * np.sqrt(size), triangular / np.sqrt(size)
 
 
-def numerical_rank(matrix: np.ndarray) -> int:
-    """Return the rank of a matrix whose entries are of the order 1."""
+def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
+    """Return the rank: singular values up to ``tolerance`` of the largest count as 0."""
     sizes = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(sizes > RANK_TOLERANCE * sizes[0]))
+    return int(np.sum(sizes > tolerance * sizes[0]))

@@ -16,8 +16,6 @@ Positions: TypeAlias = Float[np.ndarray, "samples task"]
 Directions: TypeAlias = Float[np.ndarray, "directions task"]
 Speeds: TypeAlias = Float[np.ndarray, "samples directions"]
 
-LENGTH_TOLERANCE = 1e-6  # by which a unit vector may be longer or shorter than 1
-
 
 class Samples(NamedTuple):
     """Speeds [m/s] at positions [m] along unit vectors."""
@@ -70,7 +68,7 @@ def checked_samples(positions: object, directions: object, speeds: object) -> Sa
     if vectors.shape[1] != task:
         raise InvalidInput(f"directions: {task} coordinates wanted, as positions have, got {vectors.shape[1]}")
     lengths = np.linalg.norm(vectors, axis=1)
-    if np.any(np.abs(lengths - 1.0) > LENGTH_TOLERANCE):
+    if np.any(np.abs(lengths - 1.0) > 1e-6):  # more than rounding
         worst = int(np.argmax(np.abs(lengths - 1.0)))
         raise InvalidInput(f"directions: unit vectors wanted, got length {lengths[worst]:.6g} at direction {worst}")
     values = _matrix("speeds", speeds, finite=False)

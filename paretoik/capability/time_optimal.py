@@ -19,8 +19,6 @@ from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import ArrayLike, finite_array
 from paretoik.task.limits import LIMIT_TOLERANCE
 
-PATIENCE = 10.0  # times the straight line's time, after which a reference that is still on its way goes nowhere
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
@@ -109,11 +107,14 @@ def _check_settings(*, period: float, gain: float, tolerance: float) -> None:
 
 
 def _reference(
-    planner: Planner, start: np.ndarray, target: np.ndarray, period: float
+    planner: Planner, start: np.ndarray, target: np.ndarray, period: float, *, time_limit: float = 10.0
 ) -> tuple[np.ndarray, list[Plan], list[float]]:
-    """Return references (periods + 1, task) from start to target, the plans and the seconds that they took."""
+    """Return references (periods + 1, task) from start to target, the plans and the seconds that they took.
+
+    After ``time_limit`` times the straight line's time a reference is taken to lead nowhere.
+    """
     model, points = planner.model, [start]
-    latest = PATIENCE * path_time(model, np.stack([start, target])) + period
+    latest = time_limit * path_time(model, np.stack([start, target])) + period
     plans: list[Plan] = []
     seconds: list[float] = []
     while np.any(points[-1] != target):

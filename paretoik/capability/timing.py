@@ -16,8 +16,6 @@ from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
 
-TRAVEL_TOLERANCE = 1e-9  # rad or m: a motor that travels no more between two samples rests, even under all it can bear
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Timing:
@@ -50,8 +48,13 @@ class Timing:
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
 
-def minimum_timing(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths) -> Timing:
-    """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof)."""
+def minimum_timing(
+    arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths, *, travel_tolerance: float = 1e-9
+) -> Timing:
+    """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof).
+
+    A motor that travels no more than the tolerance [rad, m] between samples rests, even under all it can bear.
+    """
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
     load, static_load = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
     if isinstance(actuation, DistributedActuation):
@@ -68,7 +71,7 @@ def minimum_timing(arm: Arm, actuation: Actuation, q: JointPaths, front: JointPa
         low, high = curve.speeds(effort[..., m, :])
         change = travel[..., m, :]
         with np.errstate(divide="ignore", invalid="ignore"):
-            times.append(np.where(np.abs(change) <= TRAVEL_TOLERANCE, 0.0, change / np.where(change > 0, high, low)))
+            times.append(np.where(np.abs(change) <= travel_tolerance, 0.0, change / np.where(change > 0, high, low)))
         times[-1] = np.where(np.isnan(high), np.nan, times[-1])
         shares += [np.abs(each[..., m, :]).max(axis=-2) / curve.stall for each in (effort, static_effort)]
     return Timing(

@@ -41,8 +41,7 @@ def highest_speeds(
     ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
     """
     _, bound = _facets(columns, low, high, directions)
-    speeds: np.ndarray = bound.min(axis=-2)
-    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, speeds)
+    return _where_known(low, high, bound.min(axis=-2))
 
 
 def greatest_forces(
@@ -58,8 +57,12 @@ def greatest_forces(
     shares = directions @ columns
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(shares > 0, high[..., None, :], low[..., None, :]) / shares
-    forces: np.ndarray = np.where(shares != 0, bound, np.inf).min(axis=-1)
-    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, forces)
+    return _where_known(low, high, np.where(shares != 0, bound, np.inf).min(axis=-1))
+
+
+def _where_known(low: np.ndarray, high: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return values (*batch, directions), NaN in postures where a joint's range is NaN."""
+    return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, values)
 
 
 def facet_joint_speeds(

@@ -18,8 +18,6 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 
-LENGTH_TOLERANCE = 1e-12  # m: offsets below count as 0
-
 
 class ExactStepOptions(NamedTuple):
     """The grid over the steps of an arm, and its minimisers; radii in rad."""
@@ -87,14 +85,14 @@ def exact_steps(
     return q
 
 
-def link_lengths(arm: Arm) -> Float[np.ndarray, " dof"]:
-    """Return the lengths of a planar arm's links [m].
+def link_lengths(arm: Arm, *, tolerance: float = 1e-12) -> Float[np.ndarray, " dof"]:
+    """Return the lengths of a planar arm's links [m]; offsets below the tolerance count as 0.
 
     Raises InvalidInput for other arms than planar ones with three or four links, their base at the origin.
     """
     offsets = np.array([place.position for place in (*arm.placements[1:], arm.tool)])
-    straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < LENGTH_TOLERANCE
-    at_origin = max(np.abs(place.position).max() for place in (arm.base, arm.placements[0])) < LENGTH_TOLERANCE
+    straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < tolerance
+    at_origin = max(np.abs(place.position).max() for place in (arm.base, arm.placements[0])) < tolerance
     if not straight or not at_origin or arm.dof not in (3, 4):
         raise InvalidInput(f"exact steps: a planar arm of 3 or 4 links at the origin wanted, got {arm!r}")
     return np.ascontiguousarray(offsets[:, 0])

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number
-from paretoik.robot.urdf_description import JOINT_TYPES, JointDescription, RobotDescription
+from paretoik.robot.arm import JOINT_TYPES
+from paretoik.robot.urdf_description import JointDescription, RobotDescription
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ import numpy as np
 
 from paretoik.arrays import Matrix3
 
-JOINT_TYPES = ("revolute", "continuous", "prismatic")  # of one degree of freedom
 OTHER_TYPES = ("fixed", "planar", "floating")
 INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 

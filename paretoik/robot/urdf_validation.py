@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from paretoik.robot.arm import JOINT_TYPES
 from paretoik.robot.body import inertia_fault
 from paretoik.robot.urdf_description import (
     INERTIA_ENTRIES,
-    JOINT_TYPES,
     OTHER_TYPES,
     JointDescription,
     LinkDescription,

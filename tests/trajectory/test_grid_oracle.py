@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import paretoik as pk
 from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, torque_norm
@@ -22,7 +19,6 @@ from paretoik.task.obstacles import Circle
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory import grid_terms
 from paretoik.trajectory.grid_oracle import grid_oracle
-from paretoik.trajectory.layered_graph import LayeredGraph, shortest_path
 from tests.formulations.problems import panda
 
 LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
@@ -98,29 +94,6 @@ def test_no_way_is_better_where_accelerations_count(monkeypatch):
     q = q[within(grids[0], q) & second.all(axis=(1, 2))]
     assert len(q) > 20
     assert found.best == pytest.approx(torque_norm(task.motion(q)).min(), rel=1e-12)
-
-
-@pytest.mark.parametrize("cyclic", [False, True])
-@settings(max_examples=30)
-@given(seed=st.integers(0, 10_000), states=st.integers(1, 5), steps=st.integers(1, 4), share=st.floats(0.3, 1.0))
-def test_the_best_way_of_a_graph_is_that_of_all_its_ways(cyclic, seed, states, steps, share):
-    rng = np.random.default_rng(seed)
-    costs = np.where(rng.random((steps, states, states)) < share, rng.random((steps, states, states)), np.inf)
-    start = rng.random(states)
-    kept = [np.nonzero(np.isfinite(cost)) for cost in costs]  # (end, source), sorted by the end
-    graph = LayeredGraph(
-        start=start,
-        offsets=[np.searchsorted(ends, np.arange(states + 1)) for ends, _ in kept],
-        sources=[sources for _, sources in kept],
-        costs=[cost[pair] for cost, pair in zip(costs, kept, strict=True)],
-        nodes=[np.arange(states)] * (steps + 1),
-    )
-    ways = [w for w in itertools.product(range(states), repeat=steps + 1) if not cyclic or w[0] == w[-1]]
-    values = [start[w[0]] + sum(costs[s, w[s + 1], w[s]] for s in range(steps)) for w in ways]
-    best, way = shortest_path(graph, cyclic)
-    assert best == pytest.approx(min(values))
-    if np.isfinite(best):
-        assert values[ways.index(tuple(way))] == pytest.approx(best)
 
 
 def test_the_best_value_sinks_as_nodes_move_together():
