@@ -8,9 +8,9 @@ is stated in cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy i
 a dense program, takes minutes a start and is left out). SciPy's SLSQP and trust-constr get exact derivatives,
 trust-constr second ones too; IPOPT and FATROP get compiled code where there is a compiler. Absolute values are slack
 variables for all of them. Peers' unknowns are joint positions, FATROP's postures and rates in stages (it cannot state
-splines of sliders); SciPy has the unknowns of ours there, IPOPT a statement of its own. What was found is judged by our
-exact functions: it counts where no limit and no equation is violated by more than 1e-6, and its solver says that it is
-done.
+splines of sliders); there SciPy and IPOPT have our unknowns, functions and sparse derivatives, called from Python. What
+was found is judged by our exact functions: it counts where no limit and no equation is violated by more than 1e-6, and
+its solver says that it is done.
 
 Seconds are of the processor, those of all starts for each that counts: failures are paid for. Building programs,
 compiling, and a first call are not counted. A peer's row is a loss where it takes less than what "auto" takes, or finds

@@ -24,8 +24,7 @@ from problems import kim_2021, panda, tringali_2020
 from studies.benchmarks.certified.staged import staged_program
 from studies.benchmarks.fronts.programs import compiled_program, joint_program, pack, unpack
 from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, motion_nlp, solve_with_scipy
-from studies.kim_2021.motion_program import motion_program as point_to_point_nlp
+from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
 
 Move = Callable[[np.ndarray], np.ndarray | None]
 Judge = Callable[[np.ndarray], tuple[float, float]]
@@ -143,16 +142,10 @@ def sliders(count: int, seed: int, seconds: float, folder: Path) -> Contest:
     """Return time and energy, a second as much as a joule, of sliders from point to point."""
     ends, weights = (kim_2021.START, kim_2021.TARGET), np.ones(2)
     problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), *ends, samples=SLIDER_SAMPLES)
-    genes = problem.sample_starts(4 * count, np.random.default_rng(seed))
-    points = problem.points(genes)
-    usable = np.isfinite(points).all(axis=1)
-    genes, points = genes[usable][:count], points[usable][:count]
-    program, peer = problem.program(), point_to_point_nlp(problem)
-    places = {point.tobytes(): row for point, row in zip(points, genes, strict=True)}
-
-    def by_ipopt(z: np.ndarray) -> tuple[float, float] | None:
-        _, values, success = peer.solved(peer.start(problem, places[z.tobytes()]), (1.0, 1.0))
-        return (float(weights @ values), 0.0) if success else None  # it keeps all rows to within 1e-8
+    points = problem.points(problem.sample_starts(4 * count, np.random.default_rng(seed)))
+    points = points[np.isfinite(points).all(axis=1)][:count]
+    program = problem.program()
+    nlp = dense_nlp(program, weights)
 
     def judge(z: np.ndarray) -> tuple[float, float]:
         objectives, equalities, inequalities = program.evaluate(z)
@@ -160,12 +153,8 @@ def sliders(count: int, seed: int, seconds: float, folder: Path) -> Contest:
 
     ours = our_solvers(program, weights)
     del ours[STATED]  # minutes a start
-    scipy = scipy_solvers(dense_nlp(program, weights), lambda z: z, lambda z: z, seconds)
-    return Contest(
-        starts=points,
-        contestants={**judged({**ours, **scipy}, judge), "IPOPT": by_ipopt},
-        default=next(iter(ours)),
-    )
+    peers = scipy_solvers(nlp, lambda z: z, lambda z: z, seconds) | {"IPOPT": ipopt_solver(nlp, points[0])}
+    return Contest(starts=points, contestants=judged({**ours, **peers}, judge), default=next(iter(ours)))
 
 
 CASES = (

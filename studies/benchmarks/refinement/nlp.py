@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -18,6 +18,7 @@ from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.fronts.programs import state_program
 
 Vector = Float[np.ndarray, " numbers"]
+Output = tuple[casadi.Sparsity, Callable[..., Any]]  # the pattern, and what computes the entries
 Method = Literal["SLSQP", "trust-constr"]
 ITERATIONS: dict[Method, int] = {"SLSQP": 300, "trust-constr": 1000}
 TOLERANCE = 1e-8  # of stationarity, as IPOPT has it
@@ -27,7 +28,7 @@ TOLERANCE = 1e-8  # of stationarity, as IPOPT has it
 class Nlp:
     """Minimise f(x) where ``lower`` ≤ g(x) ≤ ``upper`` and x is within ``bounds`` (2, unknowns).
 
-    ``hessian`` is of f + multipliers · g.
+    ``hessian`` is of f + multipliers · g; f is linear where IPOPT solves it.
     """
 
     value: Callable[[Vector], float]
@@ -88,6 +89,89 @@ def dense_nlp(program: DenseProgram, weights: Vector) -> Nlp:
         upper=np.append(np.zeros(equalities), np.full(inequalities, np.inf)),
         bounds=np.tile([[-np.inf], [np.inf]], (1, len(costs))),
     )
+
+
+class _Callback(casadi.Callback):
+    """NumPy functions as one of CasADi's, from dense vectors to dense matrices."""
+
+    def __init__(self, name: str, inputs: dict[str, int], outputs: dict[str, Output]) -> None:
+        casadi.Callback.__init__(self)
+        self.inputs, self.outputs = inputs, outputs
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self.inputs)
+
+    def get_n_out(self) -> int:
+        return len(self.outputs)
+
+    def get_name_in(self, i: int) -> str:
+        return list(self.inputs)[i]
+
+    def get_name_out(self, i: int) -> str:
+        return list(self.outputs)[i]
+
+    def get_sparsity_in(self, i: int) -> casadi.Sparsity:
+        return casadi.Sparsity.dense(list(self.inputs.values())[i], 1)
+
+    def get_sparsity_out(self, i: int) -> casadi.Sparsity:
+        return list(self.outputs.values())[i][0]
+
+    def eval(self, arguments: Sequence[Any]) -> list[Any]:
+        vectors = [np.asarray(argument).ravel() for argument in arguments]
+        return [function(*vectors) for _, function in self.outputs.values()]
+
+
+def _sparse(matrix: Callable[..., Any], samples: Sequence[tuple[Vector, ...]], *, upper: bool = False) -> Output:
+    """Return a matrix with the pattern that it has at samples of its arguments."""
+    nonzero = np.any([matrix(*arguments).toarray() != 0 for arguments in samples], axis=0)
+    row, column = np.nonzero(np.triu(nonzero) if upper else nonzero)
+    rows, columns = nonzero.shape
+    pattern: Any = casadi.Sparsity.triplet(rows, columns, row.tolist(), column.tolist())
+    row, column = (np.array(places, dtype=int) for places in pattern.get_triplet())
+    return pattern, lambda *arguments: casadi.DM(pattern, matrix(*arguments).toarray()[row, column])
+
+
+def ipopt_solver(nlp: Nlp, x: Vector) -> Callable[[Vector], Vector | None]:
+    """Return what IPOPT leads a point to, None where it is not content; derivatives are the program's.
+
+    Their patterns are those near a point ``x``.
+    """
+    size, count = nlp.bounds.shape[1], len(nlp.lower)
+    rng = np.random.default_rng(0)
+    near = [(x + 1e-3 * rng.normal(size=size), np.zeros(0), np.ones(1), rng.normal(size=count)) for _ in range(3)]
+    given = {"x": size, "p": 0}
+    value: Output = casadi.Sparsity.dense(1, 1), lambda z, *_: nlp.value(z)
+    rows: Output = casadi.Sparsity.dense(count, 1), lambda z, *_: nlp.rows(z)
+    gradient: Output = casadi.Sparsity.dense(size, 1), lambda z, *_: nlp.gradient(z)
+    jacobian = _sparse(lambda z, *_: nlp.jacobian(z), near)
+    hessian = _sparse(lambda z, p, factor, multipliers: nlp.hessian(z, multipliers), near, upper=True)
+    parts = {
+        "f": _Callback("f", {"x": size}, {"f": value}),
+        "g": _Callback("g", {"x": size}, {"g": rows}),
+        "grad_f": _Callback("nlp_grad_f", given, {"f": value, "grad_f_x": gradient}),
+        "jac_g": _Callback("nlp_jac_g", given, {"g": rows, "jac_g_x": jacobian}),
+        "hess_lag": _Callback("nlp_hess_l", {**given, "lam_f": 1, "lam_g": count}, {"triu_hess_gamma_x_x": hessian}),
+    }
+    symbol = casadi.MX.sym("x", size)
+    statement: Any = {"x": symbol, "f": parts["f"](symbol), "g": parts["g"](symbol)}
+    derivatives: Any = {name: parts[name] for name in ("grad_f", "jac_g", "hess_lag")}
+    quiet: Any = {
+        "print_time": False,
+        "error_on_fail": False,
+        "no_nlp_grad": True,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+    }
+    accuracy: Any = {"ipopt.tol": TOLERANCE, "ipopt.max_iter": ITERATIONS["SLSQP"], "ipopt.bound_relax_factor": 0.0}
+    solver = casadi.nlpsol("peer", "ipopt", statement, {**quiet, **accuracy, **derivatives})
+
+    def solve(z: Vector) -> Vector | None:
+        end = solver(x0=z, lbx=nlp.bounds[0], ubx=nlp.bounds[1], lbg=nlp.lower, ubg=nlp.upper)
+        assert parts  # CasADi holds no reference to its callbacks
+        return np.asarray(end["x"]).ravel() if solver.stats()["success"] else None
+
+    return solve
 
 
 def solve_with_scipy(nlp: Nlp, x: Vector, method: Method, seconds: float) -> Vector | None:

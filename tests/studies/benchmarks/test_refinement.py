@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.optimize import check_grad
 
 import paretoik as pk
@@ -15,7 +16,7 @@ from studies.benchmarks.fronts.programs import pack, unpack
 from studies.benchmarks.planner.verdicts import LOSS
 from studies.benchmarks.refinement.__main__ import Ends, solve_all, tabulate
 from studies.benchmarks.refinement.cases import STATED, motions
-from studies.benchmarks.refinement.nlp import dense_nlp, motion_nlp, solve_with_scipy
+from studies.benchmarks.refinement.nlp import Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
 
 SAMPLES = 11
 
@@ -85,6 +86,22 @@ def test_all_solvers_keep_the_limits_and_end_where_no_other_is_much_better(tmp_p
     assert all(end.count for end in ends.values())
     best = min(end.best for end in ends.values())
     assert ends["interior point"].best <= best * (1 + 1e-6)
+
+
+def test_ipopt_takes_a_program_by_its_functions():
+    """Along a slope within the unit disc, x at least 1/2: at (1/2, √3/2)."""
+    nlp = Nlp(
+        value=lambda x: x[0] - x[1] / 10,
+        gradient=lambda x: np.array([1.0, -0.1]),
+        rows=lambda x: np.array([x @ x]),
+        jacobian=lambda x: sparse.csr_array(2 * x[None]),
+        hessian=lambda x, multipliers: sparse.csr_array(2 * multipliers[0] * np.eye(2)),
+        lower=np.array([-np.inf]),
+        upper=np.array([1.0]),
+        bounds=np.array([[0.5, -np.inf], [np.inf, np.inf]]),
+    )
+    x = np.array([0.6, 0.1])
+    assert ipopt_solver(nlp, x)(x) == pytest.approx([0.5, np.sqrt(0.75)], abs=1e-6)
 
 
 def test_scipy_says_that_it_ran_out_of_time(task, start, nlp):
