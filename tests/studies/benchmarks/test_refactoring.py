@@ -24,7 +24,7 @@ def results(seconds, now, before):
         (1.0, [1.9], False, False, "values better by 5.0e-02"),
         (1.0, [2.1], False, True, "values worse by 5.0e-02"),
         (1.0, [2.1], True, False, "values better by 5.0e-02"),
-        (1.0, [2.0 + 1e-10], False, False, "or equal to 1e-9"),
+        (1.0, [2.0 + 1e-10], False, False, "values equal to 1e-9"),
     ],
 )
 def test_more_seconds_or_worse_values_are_a_loss(seconds, now, maximised, lost, words):
