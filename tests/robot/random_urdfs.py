@@ -49,7 +49,7 @@ def random_robot(seed: int) -> RandomRobot:
     robot.text = f'<robot name="random">{"".join(parts)}</robot>'
     for i, kind in enumerate(kinds):
         if kind == "continuous" and rng.random() < 0.4:
-            robot.fixed[f"j{i}"] = robot.frozen[f"j{i}"] = float(rng.normal())
+            robot.fixed[f"j{i}"] = robot.frozen[f"j{i}"] = float(np.clip(rng.normal(), -3.0, 3.0))
     return robot
 
 
@@ -64,7 +64,7 @@ def branch(robot: RandomRobot, number: int, parent: str, rng: np.random.Generato
         if kind != "fixed":
             robot.frozen[name] = 0.0
         if kind in MOVING and rng.random() < 0.5:
-            robot.fixed[name] = robot.frozen[name] = float(rng.normal())
+            robot.fixed[name] = robot.frozen[name] = float(np.clip(rng.normal(), -3.0, 3.0))
         parent = child
     return parts
 
