@@ -50,6 +50,7 @@ def test_a_rods_zero_a_turn_away_changes_nothing(dof, turns):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_arm_of_two_joints_does_what_its_two_postures_allow(shape):
     arm, actuation, place = planar(2, mass=1.0), motors([6.0, 2.0], shape), np.array([0.35, 0.1])
+    directions = UNIT[:2]
     reach = np.linalg.norm(place)
     elbow = np.arccos(reach**2 / (2 * 0.3**2) - 1.0) * np.array([1.0, -1.0])
     q = np.stack([np.arctan2(place[1], place[0]) - elbow / 2, elbow], axis=1)
@@ -63,13 +64,15 @@ def test_an_arm_of_two_joints_does_what_its_two_postures_allow(shape):
     first = np.array([[-place[1], place[0]]] * 2)
     second = 0.3 * np.stack([-np.sin(q.sum(axis=1)), np.cos(q.sum(axis=1))], axis=1)
     table = np.stack([first, second], axis=2)
-    turned = np.stack([np.linalg.solve(table[k], UNIT.T).T for k in range(2)])
+    turned = np.stack([np.linalg.solve(table[k], directions.T).T for k in range(2)])
     most = np.where(turned > 0, high[:, None], low[:, None]) / turned
-    assert pk.directional_maxima(arm, actuation, place, UNIT).values == pytest.approx(most.min(axis=2).max(axis=0))
-    pushed = np.einsum("pja,ka->pkj", np.swapaxes(table, 1, 2), UNIT)
+    assert pk.directional_maxima(arm, actuation, place, directions).values == pytest.approx(
+        most.min(axis=2).max(axis=0)
+    )
+    pushed = np.einsum("pja,ka->pkj", np.swapaxes(table, 1, 2), directions)
     stall = actuation.motors.stall
     most = np.where(pushed > 0, stall - load[:, None], -stall - load[:, None]) / pushed
-    found = pk.directional_maxima(arm, actuation, place, UNIT, quantity="force")
+    found = pk.directional_maxima(arm, actuation, place, directions, quantity="force")
     assert found.values == pytest.approx(most.min(axis=2).max(axis=0))
 
 
