@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,40 +12,14 @@ import rerun as rr
 import paretoik as pk
 from paretoik.formulations.protocol import is_loop, reweigh
 from problems import marcos_2012
-from tests.cli.commands import first_progress
 from tests.closed_loop.postures import posture
 
-ROOT = Path(__file__).parents[2]
 STEPS = 12
-MINE = """
-import numpy as np
-import paretoik as pk
-
-START = np.array({start})
-
-def short() -> pk.ClosedLoop:
-    '''A few steps for tests.'''
-    return loop(12)
-
-def long() -> pk.ClosedLoop:
-    return loop(4000)
-
-def loop(steps):
-    path = pk.circle((0.7, 0.0), 0.5, duration=1e-3 * steps, samples=steps + 1, turns=1.1e-3 * steps, timing="uniform")
-    return pk.ClosedLoop(pk.arms.marcos_nr(3), path, start=START, population=20, generations=10)
-"""
 
 
 def short(**settings):
     given = {"start": posture(3), "steps": STEPS, "population": 20, "generations": 10}
     return marcos_2012.loop(3, 0.7, **{**given, **settings})
-
-
-@pytest.fixture(scope="module")
-def mine(tmp_path_factory):
-    file = tmp_path_factory.mktemp("loops") / "users_own_loops.py"
-    file.write_text(MINE.format(start=posture(3).tolist()))
-    return str(file)
 
 
 @pytest.fixture(scope="module")
@@ -189,48 +158,6 @@ def test_warm_starts_begin_with_the_population_before():
         moved.append((first.F[1:, 1].mean(), second.F[1:, 1].mean()))
     cold_median, warm_median = np.median(moved, axis=0)
     assert warm_median < 0.7 * cold_median
-
-
-def command(*words, **environment):
-    return subprocess.Popen(
-        [sys.executable, "-m", "paretoik", *map(str, words)],
-        cwd=ROOT,
-        env=os.environ | {"OMP_NUM_THREADS": "1"} | environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def test_the_command_line_lists_follows_and_chooses_anew(mine, tmp_path):
-    out, _ = command("list", mine).communicate(timeout=60)
-    assert f"{mine}:short" in out
-    assert "A few steps for tests." in out
-    out, err = command("solve", f"{mine}:short", "--out", tmp_path / "run", "--seed", 2).communicate(timeout=120)
-    assert "12 of 12 steps" in out
-    assert first_progress(err.splitlines()).startswith("step 1/12, front ")
-    chosen = command(
-        "select", tmp_path / "run", "--weights", "position_error=1", "--out", tmp_path / "other", "--quiet", "--json"
-    )
-    out, err = chosen.communicate(timeout=120)
-    assert err == ""
-    other = pk.load_front(tmp_path / "other", None)
-    assert json.loads(out)["objectives"]["position_error"] == other.objectives[0, 1]
-    assert other.provenance["settings"]["weights"] == {"joint_displacement": 0.0, "position_error": 1.0}
-    assert other.provenance["settings"]["seed"] == 2
-    _, err = command("select", tmp_path / "run", "--weights", "speed=1").communicate(timeout=60)
-    assert err.startswith("error: weights: wanted names among joint_displacement, position_error, got 'speed'")
-
-
-def test_an_interrupted_loop_keeps_its_steps(mine, tmp_path):
-    process = command("solve", f"{mine}:long", "--out", tmp_path / "run")
-    assert first_progress(process.stderr).startswith("step 1/4000, front ")
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "of 4000 steps" in out
-    assert "Traceback" not in err
-    assert pk.load_front(tmp_path / "run").motions.q.shape[1] >= 3
 
 
 @pytest.mark.parametrize("verb", [pk.plan, pk.epsilon_front, lambda loop: pk.refine(pk.solve(loop))])

@@ -66,19 +66,23 @@ def strict(text: str) -> object:
 
 def started(mine: str, out: Path) -> subprocess.Popen[str]:
     """Return a run in a process of its own that has finished its first generation and would go on for long."""
-    command = [sys.executable, "-m", "paretoik", "solve", f"{mine}:good", "--out", str(out)]
-    command += ["--population", "40", "--generations", "100000"]
-    process = subprocess.Popen(
-        command,
+    endless = "--population", "40", "--generations", "100000"
+    process = start_process("solve", f"{mine}:good", "--out", out, *endless)
+    assert process.stderr is not None
+    assert first_progress(process.stderr).startswith("generation 1/100000, front ")
+    return process
+
+
+def start_process(*words: str | Path) -> subprocess.Popen[str]:
+    """Return the command line at work in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "paretoik", *map(str, words)],
         cwd=ROOT,
         env=os.environ | {"OMP_NUM_THREADS": "1"},
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert process.stderr is not None
-    assert first_progress(process.stderr).startswith("generation 1/100000, front ")
-    return process
 
 
 def first_progress(stderr: Iterable[str]) -> str:

@@ -1,13 +1,12 @@
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from paretoik.cli import main
-from tests.cli.commands import MINE, ROOT, SMALL, Ended
+from tests.cli.commands import MINE, SMALL, Ended
 
 
 @pytest.fixture
@@ -35,6 +34,9 @@ def mine(tmp_path_factory):
 def finished(tmp_path_factory, mine):
     """A finished run, to be read only."""
     out = tmp_path_factory.mktemp("runs") / "finished"
-    command = [sys.executable, "-m", "paretoik", "solve", f"{mine}:good", "--out", str(out), *SMALL, "--quiet"]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["paretoik", "solve", f"{mine}:good", "--out", str(out), *SMALL, "--quiet"])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    assert not ended.value.code
     return out

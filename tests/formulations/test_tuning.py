@@ -262,7 +262,7 @@ def test_no_motion_beats_the_optimum_and_a_front_trades_work_for_energy(predicti
 
 
 def test_extremals_that_run_into_a_singularity_are_infeasible_beside_others():
-    into = line(FIRST, [0.4895, 0.0], duration=1.0, samples=51)
+    into = line(FIRST, [0.4899, 0.0], duration=1.0, samples=51)  # stretched, 0.4895 m
     problem = pk.Tuning(tringali_3r(), into, methods.Nedungadi(), starts=[START], tolerance=1e-6)
     motion = problem.decode(genes_of(problem, 2))
     assert (motion.traces.status[:, -1] == "held").all()

@@ -48,7 +48,7 @@ class Found:
 def found():
     """Study in short."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(command, "bounded", lambda simulation, **_: bounded(simulation, resolution=0.03))
+        patch.setattr(command, "bounded", lambda simulation, **_: bounded(simulation, resolution=0.06))
         return Found(*command.studied(starts=12, points=3, most=300, seeds=2, finer=None, rehearsed=False))
 
 

@@ -298,6 +298,6 @@ def test_what_cannot_be_run_is_refused(words, capsys):
 @pytest.mark.parametrize(("does", "said"), [(partial(time.sleep, 60), "did not end"), (os.abort, "crashed")])
 def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, does, said):
     with ProcessPool(1, context=get_context("spawn")) as pool:
-        found = running._ended(pool.schedule(does, timeout=3.0), "energy_torque", "a peer")
+        found = running._ended(pool.schedule(does, timeout=1.0), "energy_torque", "a peer")
     assert found.F.shape == (0, 2)
     assert capsys.readouterr().err.startswith(f"a peer {said}")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi
 import numpy as np
 import pytest
 
 import paretoik as pk
-from studies.benchmarks.planner import simulations
+from paretoik.trajectory.grid_oracle import grid_oracle
+from studies.benchmarks.planner import optima, simulations
 from studies.benchmarks.planner.compiling import COMPILER, blockwise, compiled
 from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
@@ -170,6 +173,7 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
         simulations, "BEGINNINGS", simulations.BEGINNINGS[1:2]
     )  # a peer takes seconds to build for each
     monkeypatch.setattr(simulations, "WARMS", simulations.WARMS[:1])
+    monkeypatch.setattr(optima, "grid_oracle", partial(grid_oracle, resolution=0.06))
     effort = simulations.Effort(starts=4, repeats=1)
     _, starts = motions("simulation_1", count=3)
     question = Question(solver="fatrop", problem="simulation_1", samples=FEW)
