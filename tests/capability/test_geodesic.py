@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -248,6 +248,7 @@ def test_a_ridge_along_the_straight_way_is_left_for_the_valley_beside_it(lowest,
     assert path.duration == pytest.approx(alone, rel=1e-7)
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 50), st.floats(0.1, 10.0))
 def test_slower_by_a_factor_takes_longer_by_that_factor_and_back_takes_as_long(seed, slowness):
     model, (start, target) = Waves(seed), ends(seed)

@@ -42,7 +42,7 @@ def test_values_of_postures_are_those_of_the_readable_problem(links):
 
 
 def test_errors_are_distributed_as_those_of_the_search_in_pymoo():
-    task, seeds = task_of(3), range(24)
+    task, seeds = task_of(3), range(16)
     population, generations = 60, 30
     options = OpenLoopOptions(population=population, generations=generations)
 

@@ -75,6 +75,7 @@ def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
 
 def test_starts_reach_the_circle_and_decide_the_numbers(monkeypatch):
     monkeypatch.setattr(starts, "DISTANCES", (0.7,))
+    monkeypatch.setattr(starts, "WEIGHTS", (0.0, 0.5, 1.0))
     monkeypatch.setattr(starts, "NARROW", 1e-2)  # an exact loop a trial, and the angle is not looked at
     for angle in np.linspace(-np.pi, np.pi, 8, endpoint=False):
         for side in (1, -1):
