@@ -16,7 +16,6 @@ from paretoik.capability.posture_samples import sample_holdable_postures, sample
 from paretoik.robot.arm import Arm
 
 TILT_TOLERANCE = 1e-12  # of 1 − cos: a base tilted less leaves an arm planar
-ERROR_SAMPLES = 400  # postures that an error is about, at most
 
 
 def best_postures(
@@ -74,6 +73,6 @@ def _search_curves(
     if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
         raise planar_reach_error(table, position)
     if (values < 0).any():
-        postures = sample_postures_at(arm, position, min(samples, ERROR_SAMPLES), rng)
+        postures = sample_postures_at(arm, position, min(samples, 400), rng)
         raise postures_error(arm, actuation, postures, position)
     return q

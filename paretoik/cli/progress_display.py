@@ -15,8 +15,6 @@ from paretoik.compilation_notices import observe_compilation
 if TYPE_CHECKING:
     from paretoik.api.progress import Observer, RunProgress
 
-LINE_INTERVAL = 5.0  # s between lines of progress, where stderr is no terminal
-
 
 @contextmanager
 def show_status(text: str, quiet: bool) -> Iterator[None]:
@@ -56,15 +54,15 @@ def show_progress(time_limit: float | None, quiet: bool) -> Iterator[Observer | 
 
 
 class _LinePrinter:
-    """Prints a line of progress on stderr, at most one in ``LINE_INTERVAL``."""
+    """Prints a line of progress on stderr, at most one in ``interval`` [s]."""
 
-    def __init__(self, time_limit: float | None) -> None:
-        self.time_limit, self.due = time_limit, 0.0
+    def __init__(self, time_limit: float | None, interval: float = 5.0) -> None:
+        self.time_limit, self.interval, self.due = time_limit, interval, 0.0
 
     def __call__(self, progress: RunProgress) -> None:
         now = time.monotonic()
         if now >= self.due or progress.stage == "compilation":
-            self.due = now + LINE_INTERVAL
+            self.due = now + self.interval
             print(progress_text(progress, self.time_limit), file=sys.stderr, flush=True)
 
 

@@ -24,10 +24,17 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.canonical import CanonicalForm, Parameters, Structure
 from paretoik.nlp.conic import Constraints
 
-NEAR_SHARE = 0.01  # of the radius: inequalities that a step so short cannot reach are left out at first
-GAIN_TOLERANCE = 1e-10  # of the steepest gradient's length: a gain that further inequalities could only lower to 0
-TOLERANCE = 1e-11  # of Clarabel's gaps and infeasibilities
-PATTERNS = 64  # canonicalised statements that are remembered
+
+@dataclass(frozen=True, kw_only=True)
+class CriticalityOptions:
+    """How the criticality is computed; no field has a unit."""
+
+    near_share: float = 0.01  # of the radius: inequalities that no step so short reaches are left out at first
+    gain_tolerance: float = 1e-10  # of the steepest gradient's length: a gain that is as good as 0
+    solver_tolerance: float = 1e-11  # of Clarabel's gaps and infeasibilities
+
+
+OPTIONS = CriticalityOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,9 +57,9 @@ def criticality(
     with all. Raises SolverFailed where Clarabel ends without a solution.
     """
     program, scale = _program(_Pattern.of(gradients, constraints)), _scale(gradients)
-    near = constraints.within_reach(NEAR_SHARE * radius, order=2)
+    near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
     first = program.solve(gradients, constraints, radius, near)
-    if first.value <= GAIN_TOLERANCE * scale:
+    if first.value <= OPTIONS.gain_tolerance * scale:
         return first
     return program.solve(gradients, constraints, radius, constraints.within_reach(radius, order=2))
 
@@ -119,7 +126,7 @@ class _CriticalityProgram:
         used[: self._rows] = False
         used[near] = True
         numbers = _numbers(gradients / scale, constraints, radius, norms)
-        solution = self._form.solve("criticality", numbers, None, used, TOLERANCE)
+        solution = self._form.solve("criticality", numbers, None, used, OPTIONS.solver_tolerance)
         multipliers, first = np.zeros(self._rows), len(near) + self._objectives
         multipliers[near] = solution.dual[: len(near)] * scale / norms[near]
         weights = solution.dual[len(near) : first]
@@ -132,7 +139,7 @@ class _CriticalityProgram:
         )
 
 
-@lru_cache(maxsize=PATTERNS)
+@lru_cache(maxsize=64)  # canonicalised statements
 def _program(pattern: _Pattern) -> _CriticalityProgram:
     return _CriticalityProgram(pattern)
 

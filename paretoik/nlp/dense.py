@@ -21,7 +21,6 @@ from paretoik.nlp.traced import Rows
 if TYPE_CHECKING:
     from paretoik.nlp.compiled.dense_kernel import DenseKernel
 
-RETRACTIONS = 6  # Gauss–Newton steps with one Jacobian
 EQUALITY_TOLERANCE = 1e-13  # of an equality that holds
 
 
@@ -141,7 +140,7 @@ class DenseLinearisation:
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:
         """Return the point that a step leads to, back on the equalities, or nearer to them; None if not finite."""
         x = self.x + self.basis @ step
-        for _ in range(RETRACTIONS):
+        for _ in range(6):  # Gauss–Newton steps with one Jacobian
             equalities = self.program.rows.rows(x)[0]
             if not np.isfinite(equalities).all():
                 return None

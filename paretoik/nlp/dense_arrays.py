@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -35,36 +36,23 @@ def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
     equalities = sum(part.program.equalities * len(part.where) for part in parts)
     inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
     first_h, first_c = 0, equalities
-    tables, programs, rows, first, second = [], [], [], [], []
-    arrays: list[list[np.ndarray]] = [[], [], [], []]
-    ends = np.zeros(4, dtype=np.int64)
-    where, parameters = [], []
+    tables, rows, first, second = [], [], [], []
     begin = np.zeros(3, dtype=np.int64)
     for part in parts:
-        own, places = part.program, len(part.where)
+        program, places = part.program, len(part.where)
         lane = np.arange(places)
         row = np.concatenate(
             [
-                first_h + np.arange(own.equalities)[:, None] + own.equalities * lane,
-                first_c + np.arange(own.inequalities)[:, None] + own.inequalities * lane,
+                first_h + np.arange(program.equalities)[:, None] + program.equalities * lane,
+                first_c + np.arange(program.inequalities)[:, None] + program.inequalities * lane,
             ]
         )
-        first_h, first_c = first_h + own.equalities * places, first_c + own.inequalities * places
-        tables.append([places, part.where.shape[1], part.parameters.shape[1], len(row), own.equalities > 0, *begin])
+        first_h, first_c = first_h + program.equalities * places, first_c + program.inequalities * places
+        counts = [places, part.where.shape[1], part.parameters.shape[1], len(row)]
+        tables.append([*counts, program.equalities > 0, *begin])
         begin += part.where.size, part.parameters.size, row.size
-        table = []
-        for one in (own.values, own.first, own.second):
-            each = (one.code, one.constants, one.inputs, one.outputs)
-            sizes = np.array([len(array) for array in each])
-            table.append([*np.stack([ends, ends + sizes], axis=1).ravel(), one.registers, len(one.outputs)])
-            ends = ends + sizes
-            for known, array in zip(arrays, each, strict=True):
-                known.append(array)
-        programs.append(table)
         rows.append(row.ravel())
-        where.append(part.where.T.ravel())
-        parameters.append(part.parameters.T.ravel())
-        (i, j), (a, b) = own.places, own.bends
+        (i, j), (a, b) = program.places, program.bends
         first.append((row[i].ravel(), part.where.T[j].ravel()))
         second.append((part.where.T[a].ravel(), part.where.T[b].ravel()))
     first_row, first_column = (np.concatenate([pair[k] for pair in first]).astype(np.int64) for k in (0, 1))
@@ -76,14 +64,10 @@ def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
         equalities=equalities,
         inequalities=inequalities,
         objectives=np.zeros((0, unknowns)),
-        code=np.concatenate(arrays[0]),
-        constants=np.concatenate(arrays[1]),
-        inputs=np.concatenate(arrays[2]),
-        outputs=np.concatenate(arrays[3]),
-        programs=np.array(programs, dtype=np.int64),
+        **_concatenate_evaluators(parts),
         parts=np.array(tables, dtype=np.int64),
-        where=np.concatenate(where).astype(np.int64),
-        parameters=np.concatenate(parameters),
+        where=np.concatenate([part.where.T.ravel() for part in parts]).astype(np.int64),
+        parameters=np.concatenate([part.parameters.T.ravel() for part in parts]),
         row=np.concatenate(rows).astype(np.int64),
         begin_first=np.cumsum([0, *(len(pair[0]) for pair in first)]),
         first_row=first_row,
@@ -94,3 +78,22 @@ def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
         by_row=by_row,
         begin_row=np.searchsorted(first_row[by_row], equalities + np.arange(inequalities + 1)),
     )
+
+
+def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
+    """Return the code, constants, inputs and outputs of all evaluators, and a table of where each one's are."""
+    arrays: list[list[np.ndarray]] = [[], [], [], []]
+    ends, programs = np.zeros(4, dtype=np.int64), []
+    for part in parts:
+        table = []
+        for evaluator in (part.program.values, part.program.first, part.program.second):
+            each = (evaluator.code, evaluator.constants, evaluator.inputs, evaluator.outputs)
+            sizes = np.array([len(array) for array in each])
+            table.append([*np.stack([ends, ends + sizes], axis=1).ravel(), evaluator.registers, len(evaluator.outputs)])
+            ends = ends + sizes
+            for collected, array in zip(arrays, each, strict=True):
+                collected.append(array)
+        programs.append(table)
+    names = ("code", "constants", "inputs", "outputs")
+    joined = {name: np.concatenate(collected) for name, collected in zip(names, arrays, strict=True)}
+    return joined | {"programs": np.array(programs, dtype=np.int64)}

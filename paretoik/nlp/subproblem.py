@@ -29,7 +29,6 @@ from paretoik.nlp.canonical import CanonicalForm, Parameters, Structure
 from paretoik.nlp.conic import Constraints, Entries
 
 TOLERANCE = 1e-10  # of Clarabel's gaps and infeasibilities
-PATTERNS = 64  # canonicalised statements that are remembered
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,7 +152,7 @@ class ConvexSubproblem:
         return sparse.csc_matrix((value[upper], column[upper] + self._d[0], indptr), shape=(size, size))
 
 
-@lru_cache(maxsize=PATTERNS)
+@lru_cache(maxsize=64)  # canonicalised statements
 def _subproblem(pattern: _Pattern) -> ConvexSubproblem:
     return ConvexSubproblem(pattern)
 

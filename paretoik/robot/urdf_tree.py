@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 
 from paretoik.robot.urdf_description import JointDescription, LinkDescription
 
-MAX_NAMES = 10  # of many roots, this many are named in a message
-
 Fault = tuple[int, str]  # line of the file, message
 
 
@@ -36,7 +34,7 @@ def find_tree_faults(
         faults.append((lines[loop[0]], f"joint {loop[0]!r}: mimics itself"))
     roots = [link for link in links if link not in parent_joint]
     if len(roots) > 1:
-        names = ", ".join(repr(root) for root in roots[:MAX_NAMES]) + (", ..." if len(roots) > MAX_NAMES else "")
+        names = ", ".join(repr(root) for root in roots[:10]) + (", ..." if len(roots) > 10 else "")
         faults.append((1, f"the robot must have one root link, has {len(roots)}: {names}"))
     return faults
 

@@ -76,17 +76,18 @@ def code_lines(tree: ast.Module) -> set[int]:
 
 
 def numeric_constants(tree: ast.Module) -> Iterator[str]:
-    """Yield the names in capitals that a module gives a number, or several."""
+    """Yield the names in capitals that a module gives a number, or several.
+
+    Names that are given numbers together, as ``A, B = range(2)``, are an enumeration or coefficients, and not counted.
+    """
     for node in tree.body:
-        targets = (
-            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
-        )
-        value = getattr(node, "value", None)
-        numbers = [part for part in ast.walk(value) if isinstance(part, ast.Constant)] if value is not None else []
-        if numbers and all(isinstance(part.value, int | float) and part.value is not True for part in numbers):
-            for target in targets:
-                names = target.elts if isinstance(target, ast.Tuple) else [target]
-                yield from (one.id for one in names if isinstance(one, ast.Name) and one.id.lstrip("_").isupper())
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or isinstance(node.value, ast.Dict | None):
+            continue
+        numbers = [part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant)]
+        if numbers and all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                if isinstance(target, ast.Name) and target.id.lstrip("_").isupper():
+                    yield target.id
 
 
 def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:

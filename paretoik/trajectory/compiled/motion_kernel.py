@@ -16,17 +16,7 @@ from paretoik.compilation import compiled
 from paretoik.nlp.compiled import kernel_steps as steps
 from paretoik.nlp.compiled.array_loops import add_scaled, clear, inner_product, norm
 from paretoik.nlp.compiled.kernel_steps import implement
-from paretoik.trajectory.compiled.self_motion_steps import (
-    add_hessian,
-    add_transposed_stencil,
-    apply_stencil,
-    expand_motion_step,
-    path_multipliers,
-    project_gradient,
-    retract_motion,
-    tangent_frames,
-    tie_last_sample,
-)
+from paretoik.trajectory.compiled import self_motion_steps
 
 
 class MotionKernel(NamedTuple):
@@ -131,7 +121,7 @@ def evaluate(kernel, work, x, F, c):
     sums, variables = len(F), len(work.gradient_u)
     inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
     limited, sides, bounds = kernel.limited, kernel.sides, kernel.bounds
-    apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
+    self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
     run(kernel.value, work.inputs, work.values)
     for k in range(sums):
         F[k] = 0.0
@@ -152,10 +142,10 @@ def linearise(kernel, work, x):
         for s in range(x.shape[0]):
             inputs[j, s] = x[s, j]
     run(kernel.track, work.inputs, work.tracked)
-    if not tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
+    if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
-        tie_last_sample(work.tangent, work.normal)
+        self_motion_steps.tie_last_sample(work.tangent, work.normal)
     run(kernel.slope, work.inputs, work.slopes)
     functions = len(gradients)
     for e in range(len(slope_of)):
@@ -164,7 +154,9 @@ def linearise(kernel, work, x):
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
         clear(gradient)
-        add_transposed_stencil(work.gradients[k], kernel.quadrature, kernel.neighbours, kernel.coefficients, gradient)
+        self_motion_steps.add_transposed_stencil(
+            work.gradients[k], kernel.quadrature, kernel.neighbours, kernel.coefficients, gradient
+        )
     return True
 
 
@@ -174,11 +166,13 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
     clear(work.gradient_q)
     if len(multipliers):
         _limit_gradient(kernel, work, multipliers)
-        add_transposed_stencil(work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q)
+        self_motion_steps.add_transposed_stencil(
+            work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
+        )
     for k in range(len(weights)):
         if weights[k] != 0.0:
             add_scaled(work.gradient_q, weights[k], work.objective_gradients[k])
-    project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, out)
+    self_motion_steps.project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, out)
 
 
 @compiled
@@ -210,7 +204,7 @@ def prepare_multipliers(kernel, work, weights):
     for k in range(len(weights)):
         for s in range(samples):
             inputs[first[1] + k, s] = weights[k] * quadrature[s]
-    path_multipliers(work.gradient_q, work.normal, work.triangle, inputs[first[0] : first[1]])
+    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, inputs[first[0] : first[1]])
 
 
 @implement(steps.residual_norm, MotionKernel)
@@ -232,7 +226,7 @@ def assemble(kernel, work, stiffness, A, B, C):
         by_row[limited[i, 0], limited[i, 1]] += stiffness[i]
     for s in range(samples):
         _sample_hessian(kernel, work, s, row, phi)
-        add_hessian(
+        self_motion_steps.add_hessian(
             s, phi, kernel.neighbours, kernel.coefficients, work.tangent, kernel.first_unknown, local, half, A, B, C
         )
     largest = 0.0
@@ -265,7 +259,7 @@ def _sample_hessian(kernel, work, s, row, phi):
 @implement(steps.expand_step, MotionKernel)
 def expand_step(kernel, work, step, dx):
     """Write the change of q; return its largest entry."""
-    return expand_motion_step(step, work.tangent, kernel.first_unknown, dx)
+    return self_motion_steps.expand_motion_step(step, work.tangent, kernel.first_unknown, dx)
 
 
 @implement(steps.directional_derivatives, MotionKernel)
@@ -275,7 +269,7 @@ def directional_derivatives(kernel, work, dx, dF, dc):
     limited, sides = kernel.limited, kernel.sides
     variables, samples = du.shape
     sums = len(dF)
-    apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
+    self_motion_steps.apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
     for k in range(sums):
         dF[k] = inner_product(work.objective_gradients[k], dx)
     for a in range(variables):
@@ -301,4 +295,4 @@ def retract(kernel, work, x, dx, length, trial):
     if kernel.stops:
         for j in range(n):
             trial[-1, j] = trial[-2, j]
-    return retract_motion(kernel.track, work.inputs, trial, work.normal, work.triangle, work.tracked)
+    return self_motion_steps.retract_motion(kernel.track, work.inputs, trial, work.normal, work.triangle, work.tracked)
