@@ -19,7 +19,7 @@ from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.compiled.actuators import gears
 from paretoik.capability.joint_capability import joint_speeds, torque_capacity
 from paretoik.capability.motor_curves import MotorCurve
-from paretoik.nlp.traced import Smooth, smooth
+from paretoik.nlp.traced import TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 
@@ -110,13 +110,13 @@ class DirectionalProgram:
         position: Float[np.ndarray, " task"],
         directions: Float[np.ndarray, "directions task"],
         size: float,
-    ) -> Smooth:
+    ) -> TracedRows:
         """Return the program at a position along directions; traced once for all of them."""
         return replace(_transcribe(self), parameters=np.concatenate([position, directions.ravel(), [size]]))
 
 
 @lru_cache(maxsize=32)
-def _transcribe(settings: DirectionalProgram) -> Smooth:
+def _transcribe(settings: DirectionalProgram) -> TracedRows:
     task, arm = settings.task, settings.arm
 
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
@@ -156,7 +156,7 @@ def _transcribe(settings: DirectionalProgram) -> Smooth:
                 slacks.append(at["power"][0] - sum(work))
         return equal, slacks
 
-    return smooth(settings.unknowns, task * (1 + settings.count) + 1, rows)
+    return trace_rows(settings.unknowns, task * (1 + settings.count) + 1, rows)
 
 
 def ratios_and_slacks(

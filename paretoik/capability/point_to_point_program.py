@@ -16,8 +16,8 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import back_sliders, ratios_and_slacks
-from paretoik.nlp.assembled import Assembled, Part
-from paretoik.nlp.traced import Smooth, smooth
+from paretoik.nlp.assembled import AssembledRows, Part
+from paretoik.nlp.traced import TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 
@@ -88,7 +88,7 @@ class PointToPointProgram:
         return q, z[:, self.slices["front"]].reshape(shape) * self.actuation.rod
 
     @cached_property
-    def program(self) -> Assembled:
+    def program(self) -> AssembledRows:
         """The whole program."""
         steps, samples = len(self.spline) - 1, len(self.spline)
         first = np.array([np.flatnonzero(self.spline[i] > 0)[0] for i in range(samples)])
@@ -108,7 +108,7 @@ class PointToPointProgram:
         bounded = _sample(self.arm, self.actuation, reach)
         if bounded.inequalities:
             parts.append(Part(program=bounded, where=self._where(near), parameters=weights))
-        return Assembled(unknowns=self.count, parts=tuple(parts))
+        return AssembledRows(unknowns=self.count, parts=tuple(parts))
 
     def _where(self, near: np.ndarray) -> np.ndarray:
         """Return which unknowns hold coefficients (batch, reach) of all joints, then of all sliders."""
@@ -125,16 +125,16 @@ class PointToPointProgram:
 
 
 @lru_cache(maxsize=32)
-def _end(arm: Arm, task: int) -> Smooth:
+def _end(arm: Arm, task: int) -> TracedRows:
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
         place = kinematics.frame_components(arm, kinematics.link_frames(arm, z), arm.frame("tool"))[1]
         return [place[a] - known[a] for a in range(task)], []
 
-    return smooth(arm.dof, task, rows)
+    return trace_rows(arm.dof, task, rows)
 
 
 @lru_cache(maxsize=32)
-def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
+def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
     """Return the program of the bounds at one sample, and of motors that hold the arm there."""
 
     def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
@@ -147,11 +147,11 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> Smooth:
                 slacks += [1.0 - share, 1.0 + share]
         return [], slacks
 
-    return smooth(_size(arm, actuation, reach), reach, rows)
+    return trace_rows(_size(arm, actuation, reach), reach, rows)
 
 
 @lru_cache(maxsize=32)
-def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit: float) -> Smooth:
+def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit: float) -> TracedRows:
     """Return the program of the motors between two samples."""
     curves = actuation.curves
     size, dof = _size(arm, actuation, reach), arm.dof
@@ -175,7 +175,7 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit
             slacks += [w + sign * one for w, one in zip(work[m], done, strict=True) for sign in (-1.0, 1.0)]
         return [], slacks
 
-    return smooth(size + 1 + len(curves) * dof, 2 * reach, rows)
+    return trace_rows(size + 1 + len(curves) * dof, 2 * reach, rows)
 
 
 def _size(arm: Arm, actuation: Actuation, reach: int) -> int:

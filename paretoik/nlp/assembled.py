@@ -1,4 +1,4 @@
-"""Large smooth programs out of small ones: the same rows again and again, each of a few of the unknowns."""
+"""The rows of large smooth programs out of those of small ones, each of a few of the unknowns, lane by lane."""
 
 from __future__ import annotations
 
@@ -8,62 +8,61 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.autodiff.evaluator import Evaluator
-from paretoik.nlp.traced import Smooth
+from paretoik.nlp.traced import TracedRows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """A program that holds at several places: of the unknowns ``where`` (lanes, its unknowns), each with parameters."""
+    """Rows in several lanes: of the unknowns ``where`` (lanes, unknowns of the part), each with parameters."""
 
-    program: Smooth
+    program: TracedRows
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
 
-    def run(self, program: Evaluator, z: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-        """Return what one of its programs says at every place, (outputs, lanes)."""
-        count = self.program.equalities + self.program.inequalities
-        given = np.zeros((count, len(self.where))) if weights is None else weights
-        return program(np.concatenate([z[self.where].T, self.parameters.T, given]))
+    def run(self, evaluator: Evaluator, z: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
+        """Return what one of its evaluators gives in every lane, (outputs, lanes)."""
+        rows = self.program.equalities + self.program.inequalities
+        factors = np.zeros((rows, len(self.where))) if weights is None else weights
+        return evaluator(np.concatenate([z[self.where].T, self.parameters.T, factors]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Assembled:
-    """A program of parts: the equalities of all in order, then the inequalities of all, lane by lane."""
+class AssembledRows:
+    """The rows of parts: the equalities of all in order, then the inequalities of all, lane by lane."""
 
     unknowns: int
     parts: tuple[Part, ...]
 
     def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return both kinds of rows."""
-        found = [(part.program.equalities, part.run(part.program.values, z, None)) for part in self.parts]
-        equal = [values[:count].T.ravel() for count, values in found]
-        return np.concatenate(equal), np.concatenate([values[count:].T.ravel() for count, values in found])
+        """Return h and c."""
+        values = [(part.program.equalities, part.run(part.program.values, z, None)) for part in self.parts]
+        equalities = [rows[:count].T.ravel() for count, rows in values]
+        return np.concatenate(equalities), np.concatenate([rows[count:].T.ravel() for count, rows in values])
 
     def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
-        """Return the first derivatives of all rows, equalities first."""
-        equal, room = list[np.ndarray](), list[np.ndarray]()
+        """Return the Jacobian of h, then c."""
+        equalities, inequalities = list[np.ndarray](), list[np.ndarray]()
         for part in self.parts:
-            own, (row, column) = part.program, part.program.places
-            table = np.zeros((len(part.where), own.equalities + own.inequalities, self.unknowns))
+            program, (row, column) = part.program, part.program.jacobian_pattern
+            jacobian = np.zeros((len(part.where), program.equalities + program.inequalities, self.unknowns))
             lane = np.arange(len(part.where))[:, None]
-            table[lane, row, part.where[:, column]] = part.run(own.first, z, None).T
-            equal.append(table[:, : own.equalities].reshape(-1, self.unknowns))
-            room.append(table[:, own.equalities :].reshape(-1, self.unknowns))
-        return np.concatenate([*equal, *room])
+            jacobian[lane, row, part.where[:, column]] = part.run(program.jacobian_entries, z, None).T
+            equalities.append(jacobian[:, : program.equalities].reshape(-1, self.unknowns))
+            inequalities.append(jacobian[:, program.equalities :].reshape(-1, self.unknowns))
+        return np.concatenate([*equalities, *inequalities])
 
-    def curvature(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
-        """Return the second derivatives of weights · rows, (unknowns, unknowns)."""
-        found = np.zeros((self.unknowns, self.unknowns))
-        equal, room = 0, sum(part.program.equalities * len(part.where) for part in self.parts)
+    def hessian(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
+        """Return the Hessian (unknowns, unknowns) of weights · (h, c)."""
+        hessian = np.zeros((self.unknowns, self.unknowns))
+        h, c = 0, sum(part.program.equalities * len(part.where) for part in self.parts)  # first rows of a part
         for part in self.parts:
-            own, lanes = part.program, len(part.where)
-            ends = equal + own.equalities * lanes, room + own.inequalities * lanes
-            mine = weights[equal : ends[0]].reshape(lanes, -1), weights[room : ends[1]].reshape(lanes, -1)
-            equal, room = ends
-            given = np.concatenate(mine, axis=1).T
-            row, column = own.bends
-            values = part.run(own.second, z, given).T
-            np.add.at(found, (part.where[:, row], part.where[:, column]), values)
-            apart = row != column
-            np.add.at(found, (part.where[:, column[apart]], part.where[:, row[apart]]), values[:, apart])
-        return found
+            program, lanes = part.program, len(part.where)
+            ends = h + program.equalities * lanes, c + program.inequalities * lanes
+            factors = weights[h : ends[0]].reshape(lanes, -1), weights[c : ends[1]].reshape(lanes, -1)
+            h, c = ends
+            row, column = program.hessian_pattern
+            values = part.run(program.hessian_entries, z, np.concatenate(factors, axis=1).T).T
+            np.add.at(hessian, (part.where[:, row], part.where[:, column]), values)
+            off = row != column
+            np.add.at(hessian, (part.where[:, column[off]], part.where[:, row[off]]), values[:, off])
+        return hessian

@@ -134,7 +134,7 @@ class DenseLinearisation:
         assert not cone_multipliers, "dense programs have no cones"
         gradient = weights @ self.program.costs - multipliers @ self.inequality_jacobian
         equality_multipliers = -self.pseudoinverse.T @ gradient
-        hessian = self.program.rows.curvature(self.x, np.concatenate([equality_multipliers, -multipliers]))
+        hessian = self.program.rows.hessian(self.x, np.concatenate([equality_multipliers, -multipliers]))
         return dense_rows(self.basis.T @ hessian @ self.basis)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:

@@ -10,14 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.assembled import Assembled, Part
+from paretoik.nlp.assembled import AssembledRows, Part
 from paretoik.nlp.compiled.dense_kernel import DenseKernel
-from paretoik.nlp.traced import Rows, Smooth
+from paretoik.nlp.traced import Rows, TracedRows
 
 
 def dense_kernel(program: Rows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
     """Return rows and linear objectives as compiled code takes them; raise EvaluationFailed for too few unknowns."""
-    assert isinstance(program, Assembled | Smooth)
+    assert isinstance(program, AssembledRows | TracedRows)
     kernel = _kernel(program, costs.shape[1])
     if kernel.equalities > kernel.unknowns:
         raise EvaluationFailed(f"program: at least {kernel.equalities} unknowns wanted, got {kernel.unknowns}")
@@ -25,8 +25,8 @@ def dense_kernel(program: Rows, costs: Float[np.ndarray, "objectives unknowns"])
 
 
 @lru_cache(maxsize=64)
-def _kernel(program: Assembled | Smooth, unknowns: int) -> DenseKernel:
-    if isinstance(program, Assembled):
+def _kernel(program: AssembledRows | TracedRows, unknowns: int) -> DenseKernel:
+    if isinstance(program, AssembledRows):
         return _kernel_of_parts(unknowns, program.parts)
     whole = Part(program=program, where=np.arange(unknowns)[None], parameters=program.parameters[None])
     return _kernel_of_parts(unknowns, [whole])
@@ -52,7 +52,7 @@ def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
         tables.append([*counts, program.equalities > 0, *begin])
         begin += part.where.size, part.parameters.size, row.size
         rows.append(row.ravel())
-        (i, j), (a, b) = program.places, program.bends
+        (i, j), (a, b) = program.jacobian_pattern, program.hessian_pattern
         first.append((row[i].ravel(), part.where.T[j].ravel()))
         second.append((part.where.T[a].ravel(), part.where.T[b].ravel()))
     first_row, first_column = (np.concatenate([pair[k] for pair in first]).astype(np.int64) for k in (0, 1))
@@ -86,7 +86,7 @@ def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
     ends, programs = np.zeros(4, dtype=np.int64), []
     for part in parts:
         table = []
-        for evaluator in (part.program.values, part.program.first, part.program.second):
+        for evaluator in (part.program.values, part.program.jacobian_entries, part.program.hessian_entries):
             each = (evaluator.code, evaluator.constants, evaluator.inputs, evaluator.outputs)
             sizes = np.array([len(array) for array in each])
             table.append([*np.stack([ends, ends + sizes], axis=1).ravel(), evaluator.registers, len(evaluator.outputs)])

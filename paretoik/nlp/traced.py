@@ -1,6 +1,6 @@
-"""Small smooth programs, written down once: rows that must be 0, rows that must not be negative, and derivatives.
+"""Equalities and inequalities of small smooth programs, traced once, with their first and second derivatives.
 
-``sequential`` solves them; ``assembled`` makes large ones of them.
+``assembled`` makes the rows of large programs of them.
 """
 
 from __future__ import annotations
@@ -19,87 +19,89 @@ from paretoik.autodiff.tape import Expression, Tape, as_entry
 
 @runtime_checkable
 class Rows(Protocol):
-    """Rows that must be 0 and rows that must not be negative, with derivatives, of unknowns of the order of 1."""
+    """Equalities h(z) = 0 and inequalities c(z) ≥ 0, with derivatives, of unknowns of the order of 1."""
 
     def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return both kinds of rows."""
+        """Return h and c."""
 
     def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
-        """Return the first derivatives of all rows, equalities first."""
+        """Return the Jacobian of h, then c."""
 
-    def curvature(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
-        """Return the second derivatives of weights · rows, (unknowns, unknowns)."""
+    def hessian(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
+        """Return the Hessian (unknowns, unknowns) of weights · (h, c)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Smooth:
-    """Rows that must be 0 and rows that must not be negative, of unknowns and parameters; made with ``smooth``.
+class TracedRows:
+    """Equalities and inequalities of unknowns and parameters; made with ``trace_rows``.
 
-    ``values`` computes both kinds, one below the other, ``first`` their Jacobian's entries at ``places``, ``second``,
-    of weights too, those of the second derivatives of their weighted sum at ``bends``.
+    ``values`` computes h, then c; ``jacobian_entries`` the Jacobian's entries at ``jacobian_pattern`` (rows, columns);
+    ``hessian_entries``, of weights too, those of the weighted sum's Hessian at ``hessian_pattern``, its lower triangle.
     """
 
     equalities: int
     inequalities: int
     parameters: Float[np.ndarray, " parameters"]
     values: Evaluator
-    first: Evaluator
-    second: Evaluator
-    places: tuple[np.ndarray, np.ndarray]
-    bends: tuple[np.ndarray, np.ndarray]
+    jacobian_entries: Evaluator
+    hessian_entries: Evaluator
+    jacobian_pattern: tuple[np.ndarray, np.ndarray]
+    hessian_pattern: tuple[np.ndarray, np.ndarray]
 
     def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return both kinds of rows."""
-        found = self.values(self._given(z, np.zeros(self.equalities + self.inequalities)))[:, 0]
-        return found[: self.equalities], found[self.equalities :]
+        """Return h and c."""
+        rows = self.values(self._inputs(z, np.zeros(self.equalities + self.inequalities)))[:, 0]
+        return rows[: self.equalities], rows[self.equalities :]
 
     def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
-        """Return the first derivatives of all rows, equalities first."""
-        found = np.zeros((self.equalities + self.inequalities, len(z)))
-        found[self.places] = self.first(self._given(z, np.zeros(len(found))))[:, 0]
-        return found
+        """Return the Jacobian of h, then c."""
+        jacobian = np.zeros((self.equalities + self.inequalities, len(z)))
+        jacobian[self.jacobian_pattern] = self.jacobian_entries(self._inputs(z, np.zeros(len(jacobian))))[:, 0]
+        return jacobian
 
-    def curvature(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
-        """Return the second derivatives of weights · rows, (unknowns, unknowns)."""
-        found = np.zeros((len(z), len(z)))
-        found[self.bends] = self.second(self._given(z, weights))[:, 0]
-        return found + np.tril(found, -1).T
+    def hessian(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
+        """Return the Hessian (unknowns, unknowns) of weights · (h, c)."""
+        lower = np.zeros((len(z), len(z)))
+        lower[self.hessian_pattern] = self.hessian_entries(self._inputs(z, weights))[:, 0]
+        return lower + np.tril(lower, -1).T
 
-    def _given(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def _inputs(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
         return np.concatenate([z, self.parameters, weights])[:, None]
 
 
-Written = Callable[[list[Any], list[Any]], tuple[list[Any], list[Any]]]
+Statement = Callable[[list[Any], list[Any]], tuple[list[Any], list[Any]]]
+"""Of unknowns and parameters: the equalities and the inequalities."""
 
 
-def smooth(unknowns: int, parameters: int, written: Written) -> Smooth:
-    """Write down a program once, for all parameters: ``written`` of both lists gives equalities and inequalities."""
+def trace_rows(unknowns: int, parameters: int, statement: Statement) -> TracedRows:
+    """Trace a statement once, for all values of its parameters, which are 0 at first."""
     tape = Tape()
-    z, known = [tape.input() for _ in range(unknowns)], [tape.input() for _ in range(parameters)]
-    equal, room = written(z, known)
-    variables, rows = [as_entry(tape, one) for one in z], [as_entry(tape, one) for one in (*equal, *room)]
-    slopes = {
+    z, p = [tape.input() for _ in range(unknowns)], [tape.input() for _ in range(parameters)]
+    equalities, inequalities = statement(z, p)
+    variables = [as_entry(tape, one) for one in z]
+    rows = [as_entry(tape, one) for one in (*equalities, *inequalities)]
+    jacobian = {
         (i, j): value
         for i, row in enumerate(rows)
         for j, value in enumerate(gradient(tape, row, variables))
         if value != tape.constant(0.0)
     }
-    weighed: Any = 0.0
+    weighted_sum: Any = 0.0
     for row in rows:
-        weighed = weighed + tape.input() * Expression(tape, row)
-    second = hessian(tape, as_entry(tape, weighed), variables)
-    return Smooth(
-        equalities=len(equal),
-        inequalities=len(room),
+        weighted_sum = weighted_sum + tape.input() * Expression(tape, row)
+    second = hessian(tape, as_entry(tape, weighted_sum), variables)
+    return TracedRows(
+        equalities=len(equalities),
+        inequalities=len(inequalities),
         parameters=np.zeros(parameters),
         values=compile_evaluator(tape, rows),
-        first=compile_evaluator(tape, list(slopes.values())),
-        second=compile_evaluator(tape, list(second.values())),
-        places=_places(slopes),
-        bends=_places(second),
+        jacobian_entries=compile_evaluator(tape, list(jacobian.values())),
+        hessian_entries=compile_evaluator(tape, list(second.values())),
+        jacobian_pattern=_pattern(jacobian),
+        hessian_pattern=_pattern(second),
     )
 
 
-def _places(table: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    row, column = np.array(list(table), dtype=int).reshape(-1, 2).T
+def _pattern(entries: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    row, column = np.array(list(entries), dtype=int).reshape(-1, 2).T
     return row, column

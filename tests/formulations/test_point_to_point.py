@@ -88,7 +88,7 @@ def test_derivatives_of_the_assembled_program_are_those_of_its_rows(problem, fro
     assert program.jacobian(z) @ way == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
     weights = rng.normal(size=len(ahead))
     slopes = [weights @ program.jacobian(z + sign * step * way) for sign in (1, -1)]
-    bend = program.curvature(z, weights)
+    bend = program.hessian(z, weights)
     assert bend @ way == pytest.approx((slopes[0] - slopes[1]) / (2 * step), abs=1e-4 * np.abs(bend).max())
     assert np.array_equal(bend, bend.T)
 

@@ -10,7 +10,7 @@ from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NOT_FINITE, VIOLATED
-from paretoik.nlp.traced import smooth
+from paretoik.nlp.traced import trace_rows
 from paretoik.trajectory.transcription import motion_program
 from problems.tringali_2020 import simulation_4
 
@@ -21,7 +21,7 @@ def dense():
     def rows(z, known):
         return [], [z[2] - z[0] - z[1] * z[1], z[0] - z[1] * z[1] + 1.0, 2.0 - z[0], 2.0 - z[1]]
 
-    return DenseProgram(rows=smooth(3, 0, rows), costs=np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+    return DenseProgram(rows=trace_rows(3, 0, rows), costs=np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
 
 
 def motion():
@@ -76,14 +76,14 @@ def test_bounds_on_dense_objectives_hold_and_raise_the_other():
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_where_a_point_cannot_be_solved_is_in_its_status_and_the_others_go_on():
-    rows = smooth(2, 0, lambda z, known: ([z[0] - z[1]], [np.log(z[0])]))
+    rows = trace_rows(2, 0, lambda z, known: ([z[0] - z[1]], [np.log(z[0])]))
     ends = minimise(DenseProgram(rows=rows, costs=np.eye(2)[:1]), np.array([[-1.0, -1.0], [3.0, 3.0]]), np.ones((1, 1)))
     assert ends.status.tolist() == [NOT_FINITE, CONVERGED]
     assert ends.violation[0] == np.inf
 
 
 def test_equalities_without_a_solution_are_said_with_what_is_left_of_them():
-    rows = smooth(2, 0, lambda z, known: ([z[0] * z[0] + 1.0], [z[1]]))
+    rows = trace_rows(2, 0, lambda z, known: ([z[0] * z[0] + 1.0], [z[1]]))
     end = minimise(DenseProgram(rows=rows, costs=np.eye(2)[1:]), np.array([[0.5, 1.0]]), np.ones((1, 1)))
     assert end.status.tolist() == [VIOLATED]
     assert end.violation[0] == pytest.approx(1.0, abs=1e-6)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.traced import smooth
+from paretoik.nlp.traced import trace_rows
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.pareto.epsilon import epsilon_points
 
@@ -22,7 +22,7 @@ def sketched(unknowns, values, within=lambda x: ([], [])):
         return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *slack]
 
     count = len(values(np.zeros(unknowns)))
-    program = smooth(unknowns + count, 0, rows)
+    program = trace_rows(unknowns + count, 0, rows)
     names = tuple(f"f{k + 1}" for k in range(count))
     return DenseProgram(rows=program, costs=np.eye(unknowns + count)[unknowns:], objective_names=names)
 

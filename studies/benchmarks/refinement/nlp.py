@@ -84,7 +84,7 @@ def dense_nlp(program: DenseProgram, weights: Vector) -> Nlp:
         gradient=lambda z: costs,
         rows=lambda z: np.concatenate(split(z)),
         jacobian=lambda z: sparse.csr_array(rows.jacobian(z)),
-        hessian=lambda z, v: sparse.csr_array(rows.curvature(z, v)),
+        hessian=lambda z, v: sparse.csr_array(rows.hessian(z, v)),
         lower=np.zeros(count),
         upper=np.append(np.zeros(equalities), np.full(inequalities, np.inf)),
         bounds=np.tile([[-np.inf], [np.inf]], (1, len(costs))),
