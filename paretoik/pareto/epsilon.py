@@ -172,7 +172,7 @@ class _Sweep:
     n_obj: int
     x: Points
     objectives: Float[np.ndarray, "points objectives"]
-    pool: Float[np.ndarray, "pool *point"]
+    pool: Float[np.ndarray, " pool *point"]
     points: int
     solver: Solver
     observe: Observe | None

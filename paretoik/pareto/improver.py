@@ -48,7 +48,7 @@ class Improver:
         """Return whether it is time for points again, and iterations are left."""
         return generation % OPTIONS.every == 0 and self.spent <= OPTIONS.share * evaluations
 
-    def suggest(self, x: Points, objectives: Float[np.ndarray, "front n_obj"]) -> Float[np.ndarray, suggested *point]:
+    def suggest(self, x: Points, objectives: Float[np.ndarray, "front n_obj"]) -> Float[np.ndarray, suggested * point]:
         """Return points that a few iterations from those of a front (two at least) lead to."""
         rows, mains, upper = self._aims(objectives, x)
         upper[np.arange(len(rows)), mains] = np.inf
