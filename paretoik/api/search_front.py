@@ -22,7 +22,7 @@ from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.pareto.ranges import ranges_of
+from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.generation import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
