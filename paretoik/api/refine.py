@@ -21,7 +21,7 @@ from paretoik.pareto.improver import Improver
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
-from paretoik.search.progress import Progress
+from paretoik.search.endings import Progress
 
 
 def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observe: Observer | None = None) -> Front:

@@ -25,9 +25,8 @@ from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.generation import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
-from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
+from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
-from paretoik.search.progress import Progress
 
 INTERRUPTED = ("SIGINT", "SIGTERM", "interrupted")
 
