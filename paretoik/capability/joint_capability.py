@@ -53,8 +53,12 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
 
 
 def motor_speeds(
-    actuation: Actuation, q: Joints, front: Joints, torque: Joints, dq: Joints
-) -> tuple[Float[np.ndarray, "*batch motors dof"], Float[np.ndarray, "*batch motors dof"]]:
+    actuation: Actuation,
+    q: Float[np.ndarray, "*#batch dof"],
+    front: Float[np.ndarray, "*#batch dof"],
+    torque: Float[np.ndarray, "*#batch dof"],
+    dq: Joints,
+) -> tuple[Float[np.ndarray, "*batch motors dof"], Float[np.ndarray, "*#batch motors dof"]]:
     """Return speeds and efforts of all motors that turn joints at dq under a torque.
 
     The sliders of a joint share its speed: each runs in proportion to its highest speed under its load.

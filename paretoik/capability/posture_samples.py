@@ -52,10 +52,8 @@ def sample_holdable_postures(
     for _ in range(OPTIONS.batches):
         batch = sample_postures_at(restricted, position, samples, rng)
         within = (limit_excess(arm, batch) <= 0).all(axis=1)
-        q, feasible = (
-            np.concatenate([q, batch]),
-            np.concatenate([feasible, batch[within & can_hold(arm, actuation, batch)]]),
-        )
+        q = np.concatenate([q, batch])
+        feasible = np.concatenate([feasible, batch[within & can_hold(arm, actuation, batch)]])
         if len(feasible) >= min(OPTIONS.enough, samples):
             break
     if len(feasible):
