@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.capability.actuation import Actuation
-from paretoik.capability.directional_program import DirectionalProgram, Quantity
-from paretoik.capability.posture_values import values_at
+from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.joint_capability import Quantity, values_at
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
