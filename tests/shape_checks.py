@@ -41,7 +41,7 @@ def _decorate(*, typechecker: object) -> Callable[..., Any]:
 
 
 def check_some(item: Any) -> Any:
-    """Return the function or data class, with arguments and results checked at its first calls in a test, then at a few."""
+    """Return the function or data class, checked at its first calls in a test and then at a few."""
     if inspect.isclass(item):
         if dataclasses.is_dataclass(item) and "__init__" in vars(item):
             item.__init__ = check_some(item.__init__)  # type: ignore[misc]

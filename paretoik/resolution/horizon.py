@@ -101,7 +101,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int, interva
     jerk = trace.inputs(n)
     previous, previous_rate = posture, velocity
     total, equations, jacobian = tape.constant(0.0), list[int](), list[int]()
-    for k, (q, numbers) in enumerate(zip(samples, targets, strict=True)):
+    for q, numbers in zip(samples, targets, strict=True):
         dq = (q - previous) * (1.0 / interval)
         ddq = (dq - previous_rate) * (1.0 / interval)
         previous, previous_rate = q, dq
