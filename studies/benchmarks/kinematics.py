@@ -17,8 +17,7 @@ import numpy as np
 from paretoik.formulations.tracking import Tracking
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import tringali_3r
-from paretoik.robot.blocks import evaluate_in_blocks
-from paretoik.robot.components import Component
+from paretoik.robot.components import Component, evaluate_in_blocks
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames
 from paretoik.search.seeding import seeded_population
