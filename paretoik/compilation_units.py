@@ -87,7 +87,7 @@ class EntryLibrary(JITCodeLibrary):
                     self._codegen.set_env(name, environment)
 
     def _optimize_final_module(self) -> None:
-        """Run LLVM's passes once; numba runs them twice for the sake of reference counts, which inner code has few of."""
+        """Run LLVM's passes once; numba runs them twice, to remove reference counts that inner code has few of."""
         passes, builder = self._codegen._module_pass_manager(opt=OPTIMISATION_LEVEL)
         passes.run(self._final_module, builder)
 
