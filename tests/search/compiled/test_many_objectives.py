@@ -37,11 +37,9 @@ def test_whole_ranks_are_chosen_and_then_always_the_farthest(shape, share):
     objectives, count = F.shape
     places = max(1, int(share * (count - 1)))
     chosen, distance = np.empty(count, dtype=int), np.empty(count)
-    spare = np.empty((objectives, count)), np.empty(count), np.empty(count, dtype=int), np.empty(count + 2, dtype=int)
-    Z, nearest, members, begins = spare
-    size = select_by_distance(
-        F, rank, places, chosen, distance, Z, nearest, members, begins, np.empty((objectives, count))
-    )
+    members, begins, Z = np.empty(count, dtype=int), np.empty(count + 2, dtype=int), np.empty((2, objectives, count))
+    work = Z[0], np.empty(count), members, begins, Z[1]
+    size = select_by_distance(F, rank, places, chosen, distance, *work)
     chosen = chosen[:size]
     assert size == places
     assert len(set(chosen)) == size
