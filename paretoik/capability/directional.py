@@ -149,12 +149,7 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
 
 
 def _polygon(
-    arm: Arm,
-    actuation: Actuation,
-    quantity: Quantity,
-    position: np.ndarray,
-    directions: np.ndarray,
-    q: np.ndarray,
+    arm: Arm, actuation: Actuation, quantity: Quantity, position: np.ndarray, directions: np.ndarray, q: np.ndarray
 ) -> PerformancePolygon:
     """Return the maxima in postures, one a direction, with what every motor does."""
     columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)

@@ -37,11 +37,7 @@ OPTIONS = PostureSampleOptions()
 
 
 def sample_holdable_postures(
-    arm: Arm,
-    actuation: Actuation,
-    position: Float[np.ndarray, " task"],
-    samples: int,
-    rng: np.random.Generator,
+    arm: Arm, actuation: Actuation, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
     """Return postures that reach a position, within limits, in which motors can hold the arm.
 
