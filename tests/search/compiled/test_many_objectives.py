@@ -48,7 +48,7 @@ def test_whole_ranks_are_chosen_and_then_always_the_farthest(shape, share):
     np.testing.assert_array_equal(np.sort(rank[chosen]), np.sort(rank[1:])[:size])
     first = F[:, rank == 0]
     width = np.ptp(first, axis=1, keepdims=True)
-    scaled = (np.nan_to_num(F) - first.min(axis=1, keepdims=True)) / np.where(width > 0, width, np.inf)
+    scaled = (np.where(np.isfinite(F), F, 0.0) - first.min(axis=1, keepdims=True)) / np.where(width > 0, width, np.inf)
     for k in range(1, size):
         if not np.isfinite(distance[k]):
             continue  # the ends along the axes come first
