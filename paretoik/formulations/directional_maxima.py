@@ -21,8 +21,8 @@ from paretoik.arrays import Genes
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.joint_capability import values_at
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
-from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_points import dense_cold_search, dense_front_points, dense_individuals
@@ -34,6 +34,7 @@ from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.inverse_kinematics import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 

@@ -12,8 +12,8 @@ Source: Tringali & Cocuzza 2021, Eq. 4.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,9 +44,9 @@ class HorizonSolution:
 class HorizonProgram:
     """The program of ``horizon`` samples ahead, ``interval`` [s] from each other.
 
-    ``derivatives`` gives, of positions ahead, posture, velocity and targets, the objective, its gradient, the path's
-    equations and their Jacobian, sample by sample; ``hessian``, of multipliers too, the entries of the Hessian of the
-    Lagrangian at ``indices`` (rows, columns).
+    The last sample counts ``terminal`` times more. ``derivatives`` gives, of positions ahead, posture, velocity,
+    targets and terminal weight, the objective, its gradient, the path's equations and their Jacobian, sample by sample;
+    ``hessian``, of multipliers too, the entries of the Hessian of the Lagrangian at ``indices`` (rows, columns).
     """
 
     horizon: int
@@ -56,6 +56,7 @@ class HorizonProgram:
     derivatives: Evaluator
     hessian: Evaluator
     indices: tuple[np.ndarray, np.ndarray]
+    terminal: float = 0.0
 
     def solve(
         self,
@@ -66,7 +67,7 @@ class HorizonProgram:
     ) -> HorizonSolution:
         """Return the local minimum from positions ahead."""
         zeros = np.zeros(self.horizon * self.rows + self.dof)  # multipliers and jerk
-        inputs = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), zeros])[:, None]
+        inputs = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), [self.terminal], zeros])[:, None]
         value, converged, iterations = _compiled()(
             self.derivatives.arrays, self.hessian.arrays, *self.indices, inputs, self.horizon, self.dof, self.rows
         )
@@ -82,6 +83,11 @@ def horizon_program(
     Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
     accelerations, or depends on none of them.
     """
+    return replace(_trace_program(task, objective, horizon, interval), terminal=terminal)
+
+
+@lru_cache(maxsize=64)  # a search over a method's numbers asks for the same few programs again and again
+def _trace_program(task: MotionTask, objective: Objective, horizon: int, interval: float) -> HorizonProgram:
     n, what = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
         raise InvalidInput(f"{what}: form 'integral' wanted, got {objective.form!r}")
@@ -90,11 +96,12 @@ def horizon_program(
     samples = [trace.inputs(n) for _ in range(horizon)]
     posture, velocity = trace.inputs(n), trace.inputs(n)
     targets = [list(trace.inputs(task.targets.shape[1]).entries) for _ in range(horizon)]
+    (terminal,) = trace.inputs(1).entries
     multipliers = [trace.inputs(task.rows) for _ in range(horizon)]
     jerk = trace.inputs(n)
     previous, previous_rate = posture, velocity
     total, equations, jacobian = tape.constant(0.0), list[int](), list[int]()
-    for k, (q, numbers) in enumerate(zip(samples, targets, strict=True)):
+    for q, numbers in zip(samples, targets, strict=True):
         dq = (q - previous) * (1.0 / interval)
         ddq = (dq - previous_rate) * (1.0 / interval)
         previous, previous_rate = q, dq
@@ -102,8 +109,7 @@ def horizon_program(
         value = trace_sample_function(motion, what, objective.function)
         if value is None:
             raise InvalidInput(f"{what}: looks at more than one sample")
-        weight = 1.0 + terminal if k == horizon - 1 else 1.0
-        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * weight)
+        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval)
         total = as_entry(tape, Expression(tape, total) + term)
         links, first = link_frames(task.arm, list(q.entries)), 0
         for each in task.tasks:
@@ -111,6 +117,7 @@ def horizon_program(
             equations += [as_entry(tape, one) for one in residuals]
             jacobian += [as_entry(tape, one) for row in each.jacobian(task.arm, links) for one in row]
             first += each.target_size
+    total = as_entry(tape, Expression(tape, total) + terminal * term)
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")

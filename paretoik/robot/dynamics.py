@@ -42,6 +42,11 @@ def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
 
+def gravity_torques(arm: Arm, q: Joints) -> Joints:
+    """Return the torques (*batch, dof) [N m, N] that hold the arm at rest."""
+    return inverse_dynamics(arm, q, np.zeros_like(q), np.zeros_like(q))
+
+
 def torque_components(
     arm: Arm, q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]
 ) -> list[Component]:
