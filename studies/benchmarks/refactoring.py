@@ -99,6 +99,13 @@ def run():
         maxima = pk.directional_maxima(arms.kim_3r(), motors, kim_2021.PLACE, directions)
     return {{"sum of speeds": sum(maxima.values)}}
 """
+POINT_TO_POINT = """
+problem = kim_2021.point_to_point_jam()
+def run():
+    front = pk.epsilon_front(problem, points={points}, starts=4, seed=0)
+    ends = dict(zip(("least time", "least energy"), front.minimised.min(axis=0)))
+    return measure(front, [1.5, 0.045], [3.6, 0.3]) | ends
+"""
 CASES: dict[str, Case] = {
     **{
         f"plan, simulation {number}, {masses}": Case(code=PLAN.format(number=number, masses=masses), repeats=15)
@@ -128,17 +135,14 @@ def run():
 """,
         reason="points stand elsewhere along the same front",
     ),
-    "point-to-point front of 5 points, joint motors": Case(
-        code="""
-problem = kim_2021.point_to_point_jam()
-def run():
-    front = pk.epsilon_front(problem, points=5, starts=4, seed=0)
-    ends = dict(zip(("least time", "least energy"), front.minimised.min(axis=0)))
-    return measure(front, [1.5, 0.045], [3.6, 0.3]) | ends
-""",
-        repeats=1,
-        reason="sweeps follow branches and try cold starts now: less work at the slow end, points stand elsewhere",
-    ),
+    **{
+        f"point-to-point front of {points} points, joint motors": Case(
+            code=POINT_TO_POINT.format(points=points),
+            repeats=1,
+            reason="sweeps follow branches and try cold starts now: other points, fewer of them in poor basins",
+        )
+        for points in (5, 20)
+    },
     **{
         f"10 closed-loop steps of 200 generations, {links}R{' with obstacles' * blocked}": Case(
             code=LOOP.format(links=links, blocked=blocked, start=STARTS[links])
