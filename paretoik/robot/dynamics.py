@@ -14,7 +14,6 @@ import numpy as np
 from paretoik.arrays import InertiaMatrices, Joints, Values
 from paretoik.robot.arm import Arm
 from paretoik.robot.arm_constants import ArmConstants, LinkConstants, arm_constants, joint_cosines_and_sines
-from paretoik.robot.blocks import evaluate_in_blocks
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -25,6 +24,7 @@ from paretoik.robot.components import (
     apply_transposed,
     cross,
     dot,
+    evaluate_in_blocks,
     minus,
     plus,
     rotate_about_z,
