@@ -6,15 +6,12 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import paretoik as pk
 from paretoik import line
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.horizon import horizon_program
-from paretoik.resolution.quartic_spline import quartic_spline
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.motion_task_validation import motion_task
@@ -96,28 +93,6 @@ def test_the_last_sample_may_count_more():
         tringali_3r(), straight(0.1), pk.methods.PredictiveKineticEnergy(terminal=np.array([0.0, 2.0])), start=START
     )
     assert np.abs(motion.q[0] - motion.q[1]).max() > 1e-4
-
-
-@given(pieces=st.integers(1, 6), seed=st.integers(0, 1000))
-def test_the_spline_goes_through_all_points_and_keeps_rates(pieces, seed):
-    rng = np.random.default_rng(seed)
-    points, rate, second = rng.normal(size=(pieces + 1, 2)), rng.normal(size=2), rng.normal(size=2)
-    found = quartic_spline(points, rate, second)
-
-    def at(piece, u, order):
-        part = np.polynomial.Polynomial
-        return np.array(
-            [part(found[piece, :, j]).deriv(order)(u) if order else part(found[piece, :, j])(u) for j in (0, 1)]
-        )
-
-    for piece in range(pieces):
-        np.testing.assert_allclose(at(piece, 0, 0), points[piece], atol=1e-8)
-        np.testing.assert_allclose(at(piece, 1, 0), points[piece + 1], atol=1e-8)
-        for order in (1, 2) if piece else ():
-            np.testing.assert_allclose(at(piece - 1, 1, order), at(piece, 0, order), atol=1e-7)
-    np.testing.assert_allclose([at(0, 0, 1), at(0, 0, 2)], [rate, second], atol=1e-8)
-    for order in (1, 2) if pieces > 1 else (1,):
-        np.testing.assert_allclose(at(pieces - 1, 1, order), 0.0, atol=1e-7)
 
 
 def test_looking_ahead_costs_less_than_the_least_velocities_and_more_than_the_optimum():

@@ -201,7 +201,7 @@ def test_losses_are_said(ways, trajectories):
 
 def test_other_assumptions_change_who_is_sooner():
     several = [Assumptions(), Assumptions(mass=0.0), Assumptions(base_angle=60.0)]
-    rows = {row.row: row for row in straight_rows(several, pieces=4, cell=1.0)}
+    rows = {row.row: row for row in straight_rows(several, pieces=4, cell=2.0)}
     assert rows["as is"].ours > 10
     assert rows["mass 0"].ours < 5
     assert "DAM: no postures" in rows["base angle 60"].note
