@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,25 @@ from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
+from paretoik.nlp.program import Solver
+from paretoik.pareto.cold_search import StartSearch
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
+DRAWS = 10  # of as many starts as are to be had: in some no motor can hold the arm
+
+
+def dense_cold_search(
+    problem: Any, *, starts: int, seed: int, solver: Solver, observe: Callable[[int, int], object] | None
+) -> StartSearch:
+    """Return how optima are found from nothing: from so many starts that motors can hold, each by itself."""
+    rng = np.random.default_rng(seed)
+    x = problem.points(problem.sample_starts(starts, rng))
+    for _ in range(DRAWS):
+        if np.isfinite(x).all(axis=1).sum() >= starts:
+            break
+        x = np.concatenate([x, problem.points(problem.sample_starts(starts, rng))])
+    x = x[np.isfinite(x).all(axis=1)][:starts]
+    return StartSearch(program_of=problem.program, starts=x, n_obj=problem.n_obj, solver=solver, observe=observe)
 
 
 def dense_individuals(problem: Any, x: Points, genes: Genes | None) -> Individuals:

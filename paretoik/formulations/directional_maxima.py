@@ -25,7 +25,7 @@ from paretoik.capability.joint_capability import values_at
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
-from paretoik.formulations.dense_points import dense_front_points, dense_individuals
+from paretoik.formulations.dense_points import dense_cold_search, dense_front_points, dense_individuals
 from paretoik.formulations.protocol import Individuals
 from paretoik.formulations.violations import explain_worst
 from paretoik.front.front import Front
@@ -181,8 +181,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
     ) -> StartSearch:
         """Return how optima are found from nothing: from so many starts, each by itself."""
-        x = self.points(self.sample_starts(starts, np.random.default_rng(seed)))
-        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
+        return dense_cold_search(self, starts=starts, seed=seed, solver=solver, observe=observe)
 
     @cached_property
     def size(self) -> float:

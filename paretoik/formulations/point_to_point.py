@@ -25,7 +25,7 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.dense_points import dense_front_points, dense_individuals
+from paretoik.formulations.dense_points import dense_cold_search, dense_front_points, dense_individuals
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
 from paretoik.formulations.protocol import Individuals
 from paretoik.formulations.violations import explain_worst
@@ -195,8 +195,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
     ) -> StartSearch:
         """Return how optima are found from nothing: from so many starts, each by itself."""
-        x = self.points(self.sample_starts(starts, np.random.default_rng(seed)))
-        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
+        return dense_cold_search(self, starts=starts, seed=seed, solver=solver, observe=observe)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
