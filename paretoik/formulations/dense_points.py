@@ -9,22 +9,24 @@ import numpy as np
 
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Individuals
+from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
-DRAWS = 10  # of as many starts as are to be had: in some no motor can hold the arm
 
 
 def dense_cold_search(
     problem: Any, *, starts: int, seed: int, solver: Solver, observe: Callable[[int, int], object] | None
 ) -> StartSearch:
-    """Return how optima are found from nothing: from so many starts that motors can hold, each by itself."""
+    """Return how optima are found from nothing: from so many starts that motors can hold, each by itself.
+
+    Starts are drawn up to ten times, since in some postures no motor can hold the arm.
+    """
     rng = np.random.default_rng(seed)
     x = problem.points(problem.sample_starts(starts, rng))
-    for _ in range(DRAWS):
+    for _ in range(10):
         if np.isfinite(x).all(axis=1).sum() >= starts:
             break
         x = np.concatenate([x, problem.points(problem.sample_starts(starts, rng))])
@@ -46,7 +48,7 @@ def dense_individuals(problem: Any, x: Points, genes: Genes | None) -> Individua
         x=x,
         objectives=F,
         genes=rows,
-        motions=problem.decode(rows) if hasattr(problem, "decode") else None,
+        motions=decode(problem, rows),
         violation_between=np.maximum(problem.violation_between(rows), G.max(axis=1)),
     )
 
