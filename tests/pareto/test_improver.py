@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.pareto.improver import OPTIONS, Improver
+from paretoik.pareto.improver import suggest_points
 from tests.pareto.sketches import sketched
 
 
@@ -24,27 +24,17 @@ def near_the_front(count, height=0.2):
 @pytest.mark.parametrize("count", [2, 5])
 def test_points_come_nearer_to_the_front_and_its_ends_move_out(count):
     x, F = near_the_front(count)
-    improver = Improver(program(), lambda points: ["one"] * len(points))
-    suggested = improver.suggest(x, F)
+    suggested, iterations = suggest_points(program(), x, F, ["one"] * count)
     values = np.stack([(suggested[:, :2] ** 2).sum(axis=1), ((suggested[:, :2] - [1, 0]) ** 2).sum(axis=1)], axis=1)
     assert len(values) >= 3
     assert (values.min(axis=0) < 0.5 * F.min(axis=0)).all()
     assert np.abs(suggested[:, 1]).min() < 0.5 * 0.2
-    assert improver.spent > 0
+    assert 0 < iterations <= 5 * (len(suggested) + 1)
 
 
 def test_every_branch_is_aimed_at():
     x, F = near_the_front(6)
     x[3:, 1] *= -1
-    improver = Improver(program(), lambda points: ["above" if y > 0 else "below" for y in points[:, 1]])
-    suggested = improver.suggest(x, F)
-    assert len(suggested) == len(Improver(program(), lambda points: ["one"] * len(points)).suggest(x, F)) + 1
-
-
-def test_it_is_due_every_few_generations_while_iterations_are_left():
-    improver = Improver(program(), lambda points: ["one"] * len(points))
-    assert [k for k in range(1, 31) if improver.is_due(k, 1000)] == [10, 20, 30]
-    improver.spent = 301
-    assert OPTIONS.share == pytest.approx(0.3)
-    assert not improver.is_due(10, 1000)
-    assert improver.is_due(10, 1004)
+    both, _ = suggest_points(program(), x, F, ["above" if y > 0 else "below" for y in x[:, 1]])
+    alone, _ = suggest_points(program(), x, F, ["one"] * 6)
+    assert len(both) == len(alone) + 1
