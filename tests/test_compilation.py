@@ -104,11 +104,11 @@ def test_the_fingerprint_of_a_function_has_the_code_and_the_constants_of_what_it
         exec(compile(source, str(path), "exec"), names)
         return compilation._fingerprint(names["outer"].py_func)
 
-    known = fingerprint(KERNELS)
-    assert fingerprint(KERNELS) == known
-    assert fingerprint(KERNELS.replace("2.0 * x", "3.0 * x")) != known
-    assert fingerprint(KERNELS.replace("2.0 * x", "x * 2.0")) != known
-    assert fingerprint(KERNELS + "\nunrelated = 5\n") == known
+    before = fingerprint(KERNELS)
+    assert fingerprint(KERNELS) == before
+    assert fingerprint(KERNELS.replace("2.0 * x", "3.0 * x")) != before
+    assert fingerprint(KERNELS.replace("2.0 * x", "x * 2.0")) != before
+    assert fingerprint(KERNELS + "\nunrelated = 5\n") == before
 
 
 def in_a_new_process(folder, code, *, prefix=(), write=True, **variables):

@@ -19,17 +19,17 @@ ROOT = Path(__file__).parents[1]
 
 
 def tracked() -> list[Path]:
-    found = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
-    if found.returncode:
+    listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listing.returncode:
         pytest.skip("not a git checkout")
-    return [ROOT / line for line in found.stdout.splitlines() if (ROOT / line).is_file()]
+    return [ROOT / line for line in listing.stdout.splitlines() if (ROOT / line).is_file()]
 
 
 def test_importing_paretoik_loads_nothing_heavy():
     heavy = ("pymoo", "cvxpy", "numba", "matplotlib", "rerun", "scipy", "pinocchio")
     script = f"import sys, paretoik; print([name for name in {heavy} if name in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    imported = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert imported.stdout.strip() == "[]"
 
 
 def test_the_public_names_are_those_of_the_snapshot():
@@ -40,8 +40,8 @@ def test_the_public_names_are_those_of_the_snapshot():
 
 @pytest.mark.parametrize("name", sorted(paretoik.__all__))
 def test_each_public_name_loads_and_says_what_it_is(name):
-    found = getattr(paretoik, name)
-    assert (found.__doc__ or getattr(found, "function", found).__doc__ or "").strip()
+    item = getattr(paretoik, name)
+    assert (item.__doc__ or getattr(item, "function", item).__doc__ or "").strip()
 
 
 @pytest.mark.parametrize("namespace", [name for name in paretoik.__all__ if inspect.ismodule(getattr(paretoik, name))])
@@ -65,13 +65,13 @@ def raised(function: ast.FunctionDef) -> set[str]:
 
 @pytest.mark.parametrize("name", sorted(paretoik.__all__))
 def test_what_a_public_name_raises_stands_in_its_documentation(name):
-    found = getattr(paretoik, name)
-    found = getattr(found, "function", found)
-    if not (inspect.isclass(found) or inspect.isfunction(found)):
+    item = getattr(paretoik, name)
+    item = getattr(item, "function", item)
+    if not (inspect.isclass(item) or inspect.isfunction(item)):
         pytest.skip("neither a class nor a function")
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(found)))).body
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(item)))).body
     whole = ast.get_docstring(tree) or ""
-    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)] if inspect.isclass(found) else [tree]
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)] if inspect.isclass(item) else [tree]
     public = [node for node in functions if not node.name.startswith("_") or node.name in ("__init__", "__post_init__")]
     unsaid = {
         node.name: missing

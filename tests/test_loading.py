@@ -68,10 +68,10 @@ def file(tmp_path):
 
 
 def test_a_file_offers_its_own_problems_with_the_first_line_of_their_documentation(file):
-    found = problems_in(file("simple.py", SIMPLE))
-    assert found.keys() == {"small", "sized", "broken", "ready"}
-    assert found["small"] == "Three genes."
-    assert found["sized"] == ""
+    problems = problems_in(file("simple.py", SIMPLE))
+    assert problems.keys() == {"small", "sized", "broken", "ready"}
+    assert problems["small"] == "Three genes."
+    assert problems["sized"] == ""
 
 
 @pytest.mark.parametrize(("name", "genes"), [("small", 3), ("sized", 4), ("unsaid", 5), ("ready", 6), ("ZDT1", 30)])

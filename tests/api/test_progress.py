@@ -56,9 +56,9 @@ VERBS = {
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, capsys):
     module, name, objectives, settings, stages = VERBS[verb]
-    given = problem = tracking(*objectives)
+    subject = problem = tracking(*objectives)
     if verb == "refine":
-        given = pk.solve(problem, population=8, generations=2, points=2)
+        subject = pk.solve(problem, population=8, generations=2, points=2)
     work = getattr(import_module(f"paretoik.{module}"), name)
 
     def compile_first(*args, **kwargs):
@@ -67,7 +67,7 @@ def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, cap
 
     monkeypatch.setattr(f"paretoik.{module}.{name}", compile_first)
     seen: list[RunProgress] = []
-    getattr(pk, verb)(given, **settings, observe=lambda progress: bool(seen.append(progress)))
+    getattr(pk, verb)(subject, **settings, observe=lambda progress: bool(seen.append(progress)))
     assert {one.stage for one in seen} == {"compilation", *stages}
     assert capsys.readouterr().err == ""
     for stage in stages:

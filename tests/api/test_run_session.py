@@ -22,8 +22,8 @@ DISPLAY = {"names": ("a",), "units": ("",), "maximised": (False,), "timeline": "
 
 
 def session(out, **settings):
-    given = {"settings": {"seed": 1}, "overwrite": False, "reference": None, "observe": None}
-    return run_session(Constant(1), out=out, **(given | settings))
+    arguments = {"settings": {"seed": 1}, "overwrite": False, "reference": None, "observe": None}
+    return run_session(Constant(1), out=out, **(arguments | settings))
 
 
 def front(provenance, value: float = 1.0) -> Front:
@@ -64,9 +64,9 @@ def test_a_failure_after_a_draft_keeps_the_draft(tmp_path):
 
     with pytest.raises(RuntimeError):
         work()
-    kept = Front.load(tmp_path)
-    assert kept.objectives[0, 0] == 3.0
-    assert (kept.provenance["status"], kept.provenance["reason"]) == ("RuntimeError", "the lamp went out")
+    draft = Front.load(tmp_path)
+    assert draft.objectives[0, 0] == 3.0
+    assert (draft.provenance["status"], draft.provenance["reason"]) == ("RuntimeError", "the lamp went out")
 
 
 def test_a_failure_after_the_end_leaves_the_front_as_it_is(tmp_path):

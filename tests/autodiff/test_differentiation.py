@@ -19,12 +19,12 @@ STEP = 1e-6
 def test_the_gradient_is_that_of_the_complex_step(tree, seed):
     tape, value, variables = taped(tree)
     at = points(seed)
-    found = evaluated(tape, gradient(tape, value, variables), at)
+    slopes = evaluated(tape, gradient(tape, value, variables), at)
     for i in range(VARIABLES):
         stepped = at.astype(complex)
         stepped[i] += 1e-30j
-        wanted = np.broadcast_to(np.imag(tree(*stepped)) / 1e-30, at.shape[1:])
-        np.testing.assert_allclose(found[i], wanted, rtol=1e-8, atol=1e-10 * max(1.0, np.abs(found).max()))
+        expected = np.broadcast_to(np.imag(tree(*stepped)) / 1e-30, at.shape[1:])
+        np.testing.assert_allclose(slopes[i], expected, rtol=1e-8, atol=1e-10 * max(1.0, np.abs(slopes).max()))
 
 
 @settings(max_examples=60)
@@ -32,11 +32,11 @@ def test_the_gradient_is_that_of_the_complex_step(tree, seed):
 def test_the_gradient_is_that_of_central_differences(tree, seed):
     tape, value, variables = taped(tree)
     at = points(seed)
-    found = evaluated(tape, gradient(tape, value, variables), at)
+    slopes = evaluated(tape, gradient(tape, value, variables), at)
     curved = evaluated(tape, hessian(tape, value, variables).values(), at)
     assume(np.abs(curved).max(initial=0.0) < 1e4)  # a kink nearly met, of sqrt(a² + b²) with both small
-    scale = max(1.0, np.abs(found).max(), np.abs(evaluated(tape, [value], at)).max())
-    for i, slope in enumerate(found):
+    scale = max(1.0, np.abs(slopes).max(), np.abs(evaluated(tape, [value], at)).max())
+    for i, slope in enumerate(slopes):
         agree(slope, differences(tape, [value], at, i)[0], scale, 1e-6)
 
 
@@ -68,8 +68,8 @@ def differences(tape, outputs, at, i):
         behind[i] -= step
         return (evaluated(tape, outputs, ahead) - evaluated(tape, outputs, behind)) / (2 * step)
 
-    found, nearer = with_step(STEP), with_step(STEP / 3)
-    return np.where(np.abs(found - nearer) < 1e-4 * (1.0 + np.abs(found) + np.abs(at).max()), found, np.nan)
+    slopes, nearer = with_step(STEP), with_step(STEP / 3)
+    return np.where(np.abs(slopes - nearer) < 1e-4 * (1.0 + np.abs(slopes) + np.abs(at).max()), slopes, np.nan)
 
 
 def agree(slopes, differences, scale, tolerance):
@@ -155,8 +155,8 @@ def test_the_length_of_nothing_grows_nowhere(at):
     tape, value, variables = taped(lambda x, y, z: np.sqrt(x * x + y * y) + z)
     first = gradient(tape, value, variables)
     second = [slope for variable in variables for slope in tangents(tape, first, {variable: tape.constant(1.0)})]
-    found = evaluated(tape, [*first, *second], np.array(at)[:, None])[:, 0]
-    np.testing.assert_array_equal(found, [0.0, 0.0, 1.0, *[0.0] * 9])
+    derivatives = evaluated(tape, [*first, *second], np.array(at)[:, None])[:, 0]
+    np.testing.assert_array_equal(derivatives, [0.0, 0.0, 1.0, *[0.0] * 9])
 
 
 def test_what_does_not_depend_has_no_derivative_at_all():
@@ -173,10 +173,10 @@ def test_what_does_not_depend_has_no_derivative_at_all():
 def test_dependencies_are_only_what_an_output_needs_in_order():
     tape = Tape()
     x, y = tape.input(), tape.input()
-    wanted = np.sin(x * 2.0)
+    output = np.sin(x * 2.0)
     np.cos(y)
-    found = dependencies(tape, [wanted.index])
-    assert found == sorted(found)
-    assert y.index not in found
-    assert {x.index, wanted.index} <= set(found)
-    assert len(found) == 4
+    order = dependencies(tape, [output.index])
+    assert order == sorted(order)
+    assert y.index not in order
+    assert {x.index, output.index} <= set(order)
+    assert len(order) == 4

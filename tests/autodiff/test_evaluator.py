@@ -32,9 +32,9 @@ def test_an_evaluator_gives_the_same_bits_for_any_number_of_points(tree, seed):
 def test_no_register_is_freed_before_its_value_was_last_read(tree, seed):
     tape, value, variables = taped(tree)
     outputs = [value, *gradient(tape, value, variables)]
-    found = compile_evaluator(tape, outputs)
-    held = dict.fromkeys(range(len(found.inputs) + len(found.constants)), "given")
-    for op, to, *operands in found.code.tolist():
+    evaluator = compile_evaluator(tape, outputs)
+    held = dict.fromkeys(range(len(evaluator.inputs) + len(evaluator.constants)), "given")
+    for op, to, *operands in evaluator.code.tolist():
         own = () if op in set(Fused) else next(e for e in tape.entries if e[0] == op)[1:]
         count = sum(k != NO_OPERAND for k in own) if own else 3
         count, written = (1, [to, operands[1]]) if op == Fused.SINE_COSINE else (count, [to])
@@ -42,10 +42,10 @@ def test_no_register_is_freed_before_its_value_was_last_read(tree, seed):
         for register in written:
             assert register not in operands[:count]
             assert held.get(register) != "given"
-            assert register < found.registers
+            assert register < evaluator.registers
             held[register] = "computed"
         assert len(set(written)) == len(written)
-    assert all(register in held for register in found.outputs)
+    assert all(register in held for register in evaluator.outputs)
 
 
 def test_registers_are_reused():
@@ -54,39 +54,39 @@ def test_registers_are_reused():
     total = x
     for k in range(500):
         total = total + np.sin(x * (1 + k % 7)) * total
-    found = compile_evaluator(tape, [total.index])
-    assert len(found.code) > 500
-    assert found.registers < 25
+    evaluator = compile_evaluator(tape, [total.index])
+    assert len(evaluator.code) > 500
+    assert evaluator.registers < 25
     (at,) = points(0)[:1]
-    wanted = at
+    expected = at
     for k in range(500):
-        wanted = wanted + np.sin(at * (1 + k % 7)) * wanted
-    np.testing.assert_allclose(found(at[None])[0], wanted, rtol=1e-9)
+        expected = expected + np.sin(at * (1 + k % 7)) * expected
+    np.testing.assert_allclose(evaluator(at[None])[0], expected, rtol=1e-9)
 
 
 def test_a_product_that_one_sum_or_difference_uses_is_fused_with_it():
     tape = Tape()
     x, y, z = (tape.input() for _ in range(3))
     a, b, c = at = points(3)[:3]
-    found = compile_evaluator(tape, [e.index for e in (x * y + z, x + y * z, x * z - y, y - x * x)])
-    np.testing.assert_array_equal(found(at), [a * b + c, a + b * c, a * c - b, b - a * a])
-    assert [op for op, *_ in found.code.tolist()] == [
+    evaluator = compile_evaluator(tape, [e.index for e in (x * y + z, x + y * z, x * z - y, y - x * x)])
+    np.testing.assert_array_equal(evaluator(at), [a * b + c, a + b * c, a * c - b, b - a * a])
+    assert [op for op, *_ in evaluator.code.tolist()] == [
         Fused.MULTIPLY_ADD,
         Fused.MULTIPLY_ADD,
         Fused.MULTIPLY_SUBTRACT,
         Fused.SUBTRACT_PRODUCT,
     ]
-    found = compile_evaluator(tape, [e.index for e in (x * y + z, x * y - z, x * z, x * z + y, x * x - z * z)])
-    np.testing.assert_array_equal(found(at), [a * b + c, a * b - c, a * c, a * c + b, a * a - c * c])
-    assert [op for op, *_ in found.code.tolist()].count(Op.MULTIPLY) == 3  # two are wanted twice, one is z²
+    evaluator = compile_evaluator(tape, [e.index for e in (x * y + z, x * y - z, x * z, x * z + y, x * x - z * z)])
+    np.testing.assert_array_equal(evaluator(at), [a * b + c, a * b - c, a * c, a * c + b, a * a - c * c])
+    assert [op for op, *_ in evaluator.code.tolist()].count(Op.MULTIPLY) == 3  # two are wanted twice, one is z²
 
 
 def test_only_the_inputs_that_matter_are_loaded():
     tape = Tape()
     inputs = [tape.input() for _ in range(10)]
-    found = compile_evaluator(tape, [(inputs[7] - inputs[2]).index])
-    assert found.inputs.tolist() == [2, 7]
-    np.testing.assert_array_equal(found(np.arange(20.0).reshape(10, 2)), [[10.0, 10.0]])
+    evaluator = compile_evaluator(tape, [(inputs[7] - inputs[2]).index])
+    assert evaluator.inputs.tolist() == [2, 7]
+    np.testing.assert_array_equal(evaluator(np.arange(20.0).reshape(10, 2)), [[10.0, 10.0]])
 
 
 def test_an_output_may_be_an_input_a_constant_or_another_output_again():
@@ -94,8 +94,8 @@ def test_an_output_may_be_an_input_a_constant_or_another_output_again():
     x, y = tape.input(), tape.input()
     both = x + y
     outputs = [y.index, tape.constant(3.0), both.index, both.index, (both * 2).index, x.index]
-    found = compile_evaluator(tape, outputs)(np.array([[1.0, 2.0], [10.0, 20.0]]))
-    np.testing.assert_array_equal(found, [[10, 20], [3, 3], [11, 22], [11, 22], [22, 44], [1, 2]])
+    values = compile_evaluator(tape, outputs)(np.array([[1.0, 2.0], [10.0, 20.0]]))
+    np.testing.assert_array_equal(values, [[10, 20], [3, 3], [11, 22], [11, 22], [22, 44], [1, 2]])
 
 
 def test_an_evaluator_of_no_outputs_and_of_no_points():
@@ -121,10 +121,10 @@ def test_compiled_operations_are_those_that_fold_constants(op):
         at = at[:, at[1] == 0.5]
     tape = Tape()
     variables = [tape.input() for _ in range(arity)]
-    found = compile_evaluator(tape, [tape.apply(op, *(v.index for v in variables))])(at)[0]
+    results = compile_evaluator(tape, [tape.apply(op, *(v.index for v in variables))])(at)[0]
     for lane, numbers in enumerate(at.T):
         folded = tape.apply(op, *(as_entry(tape, number) for number in numbers))
-        np.testing.assert_allclose(found[lane], tape.values[folded], rtol=1e-14, atol=1e-300)
+        np.testing.assert_allclose(results[lane], tape.values[folded], rtol=1e-14, atol=1e-300)
 
 
 PAIRS = {Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.ARC_TANGENT, Op.POWER, Op.MASKED_MULTIPLY}
@@ -134,19 +134,19 @@ PAIRS |= {Op.MAXIMUM, Op.MINIMUM, Op.LESS, Op.LESS_EQUAL}
 def test_one_evaluator_runs_in_many_threads_at_once():
     tape, value, variables = taped(lambda x, y, z: np.hypot(np.sin(x * y), z) ** 2.5 / (1 + np.exp(x)))
     run = compile_evaluator(tape, [value, *gradient(tape, value, variables)])
-    given = [points(seed, lanes=500) for seed in range(8)]
-    wanted = [run(at) for at in given]
-    found = [None] * len(given)
+    inputs = [points(seed, lanes=500) for seed in range(8)]
+    expected = [run(at) for at in inputs]
+    results = [None] * len(inputs)
 
     def work(k):
         for _ in range(50):
-            found[k] = run(given[k])
-            if not np.array_equal(found[k], wanted[k]):
+            results[k] = run(inputs[k])
+            if not np.array_equal(results[k], expected[k]):
                 return
 
-    threads = [threading.Thread(target=work, args=(k,)) for k in range(len(given))]
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(len(inputs))]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    np.testing.assert_array_equal(found, wanted)
+    np.testing.assert_array_equal(results, expected)

@@ -25,12 +25,12 @@ def test_every_function_is_numpys_at_numbers_and_at_expressions(name):
     if name in OF_BOOLEANS:
         pairs = (pairs > 0).astype(float)
     with np.errstate(all="ignore"):
-        wanted = function(*(pairs.astype(bool) if name in OF_BOOLEANS else pairs)).astype(float)
+        expected = function(*(pairs.astype(bool) if name in OF_BOOLEANS else pairs)).astype(float)
     tape = Tape()
     operands = [tape.input() for _ in range(count)]
     found = evaluated(tape, [function(*operands).index], pairs)[0]
-    np.testing.assert_allclose(found, wanted, rtol=1e-13, atol=1e-15)
-    for numbers, value in zip(pairs.T, wanted, strict=True):
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)
+    for numbers, value in zip(pairs.T, expected, strict=True):
         folded = function(*(operands[0] * 0.0 + number for number in numbers))
         assert tape.values[folded.index] == pytest.approx(value, rel=1e-13, abs=1e-15, nan_ok=True)
 
@@ -50,16 +50,16 @@ def test_nan_and_inf_are_treated_as_in_numpy(name, pair):
     x, y = tape.input(), tape.input()
     function = getattr(np, name)
     for operands, numbers in (((x, y), pair), ((y, x), pair[::-1])):
-        found = evaluated(tape, [function(*operands).index], np.array([pair]).T)[0, 0]
-        np.testing.assert_equal(found, float(function(*numbers)))
+        values = evaluated(tape, [function(*operands).index], np.array([pair]).T)[0, 0]
+        np.testing.assert_equal(values, float(function(*numbers)))
 
 
 def test_isnan_and_isfinite():
     tape = Tape()
     x = tape.input()
     at = np.array([NAN, INF, -INF, 0.0, 1.0])
-    found = evaluated(tape, [np.isnan(x).index, np.isfinite(x).index], at)
-    np.testing.assert_array_equal(found, [np.isnan(at), np.isfinite(at)])
+    values = evaluated(tape, [np.isnan(x).index, np.isfinite(x).index], at)
+    np.testing.assert_array_equal(values, [np.isnan(at), np.isfinite(at)])
 
 
 def test_every_operation_has_a_ufunc():

@@ -5,17 +5,17 @@ from paretoik.autodiff.sine_cosine import MAX_REDUCED, cosines, sines
 
 
 def written(function, x):
-    found = np.empty(len(x))
-    function(found, x, len(x))
-    return found
+    values = np.empty(len(x))
+    function(values, x, len(x))
+    return values
 
 
 @pytest.mark.parametrize(("function", "known"), [(sines, np.sin), (cosines, np.cos)])
 @pytest.mark.parametrize("largest", [1e-300, 1e-8, 0.1, 1.0, 10.0, 1e3, MAX_REDUCED, 10 * MAX_REDUCED])
 def test_every_digit_is_right(function, known, largest):
     x = np.random.default_rng(0).uniform(-largest, largest, size=5000)
-    wanted = known(x)
-    assert np.all(np.abs(written(function, x) - wanted) <= np.spacing(np.abs(wanted)))
+    expected = known(x)
+    assert np.all(np.abs(written(function, x) - expected) <= np.spacing(np.abs(expected)))
 
 
 @pytest.mark.parametrize(("function", "known"), [(sines, np.sin), (cosines, np.cos)])
@@ -32,6 +32,6 @@ def test_what_is_no_angle_is_no_number(function):
 
 
 def test_only_the_first_numbers_are_written():
-    found = np.full(4, 7.0)
-    sines(found, np.zeros(4), 2)
-    assert found.tolist() == [0.0, 0.0, 7.0, 7.0]
+    values = np.full(4, 7.0)
+    sines(values, np.zeros(4), 2)
+    assert values.tolist() == [0.0, 0.0, 7.0, 7.0]

@@ -16,14 +16,16 @@ from paretoik.errors import InvalidInput
 from tests.autodiff.samples import RNG, ROW, SAMPLES, TABLE, TIME, TURNS, Q, R, V, numbers, traced
 
 
-def agrees(function, *given, samples=SAMPLES):
+def agrees(function, *arrays, samples=SAMPLES):
     """Hold a function of traced arrays against NumPy."""
-    trace, inputs = traced(*given, samples=samples)
-    found, wanted = function(*inputs), function(*given)
-    assert isinstance(found, TracedArray)
-    assert found.shape == np.shape(wanted)
-    assert found.ndim == np.ndim(wanted)
-    np.testing.assert_allclose(numbers(trace, found, *given), np.asarray(wanted, float), rtol=1e-12, atol=1e-13)
+    trace, inputs = traced(*arrays, samples=samples)
+    traced_value, expected = function(*inputs), function(*arrays)
+    assert isinstance(traced_value, TracedArray)
+    assert traced_value.shape == np.shape(expected)
+    assert traced_value.ndim == np.ndim(expected)
+    np.testing.assert_allclose(
+        numbers(trace, traced_value, *arrays), np.asarray(expected, float), rtol=1e-12, atol=1e-13
+    )
 
 
 def accumulated(q):
@@ -223,12 +225,12 @@ def test_any_index_gives_what_numpy_gives_or_looks_along_time(index):
     source = np.arange(SAMPLES * 6.0).reshape(SAMPLES, 3, 2)
     trace, (array,) = traced(source)
     try:
-        found = array[index]
+        picked = array[index]
     except NotLocal:
         samples = source[index] // 6
         assert samples.shape[:1] != (SAMPLES,) or (np.moveaxis(samples, 0, -1) != np.arange(SAMPLES)).any()
         return
-    np.testing.assert_array_equal(numbers(trace, found, source), source[index])
+    np.testing.assert_array_equal(numbers(trace, picked, source), source[index])
 
 
 @settings(max_examples=100)
@@ -249,16 +251,16 @@ def test_plain_arrays_meet_traced_ones_where_numpy_lets_them(shape, wide):
     source, plain = (Q if wide else Q[:, 0]), np.random.default_rng(0).normal(size=shape)
     trace, (array,) = traced(source)
     try:
-        wanted = source * plain
+        expected = source * plain
     except ValueError:
         with pytest.raises(InvalidInput, match="do not go together"):
             array * plain
         return
-    if wanted.shape[0] != SAMPLES or wanted.ndim > source.ndim:  # a batch, which a traced motion is none of
+    if expected.shape[0] != SAMPLES or expected.ndim > source.ndim:  # a batch, which a traced motion is none of
         with pytest.raises(InvalidInput, match="do not go together"):
             array * plain
         return
-    np.testing.assert_array_equal(numbers(trace, array * plain, source), wanted)
+    np.testing.assert_array_equal(numbers(trace, array * plain, source), expected)
 
 
 def test_plain_numbers_by_the_sample_become_inputs_once_and_constants_none():

@@ -65,15 +65,15 @@ def test_an_arm_of_two_joints_does_what_its_two_postures_allow(shape):
     second = 0.3 * np.stack([-np.sin(q.sum(axis=1)), np.cos(q.sum(axis=1))], axis=1)
     table = np.stack([first, second], axis=2)
     turned = np.stack([np.linalg.solve(table[k], directions.T).T for k in range(2)])
-    most = np.where(turned > 0, high[:, None], low[:, None]) / turned
+    largest = np.where(turned > 0, high[:, None], low[:, None]) / turned
     assert pk.directional_maxima(arm, actuation, place, directions).values == pytest.approx(
-        most.min(axis=2).max(axis=0)
+        largest.min(axis=2).max(axis=0)
     )
     pushed = np.einsum("pja,ka->pkj", np.swapaxes(table, 1, 2), directions)
     stall = actuation.motors.stall
-    most = np.where(pushed > 0, stall - load[:, None], -stall - load[:, None]) / pushed
-    found = pk.directional_maxima(arm, actuation, place, directions, quantity="force")
-    assert found.values == pytest.approx(most.min(axis=2).max(axis=0))
+    largest = np.where(pushed > 0, stall - load[:, None], -stall - load[:, None]) / pushed
+    forces = pk.directional_maxima(arm, actuation, place, directions, quantity="force")
+    assert forces.values == pytest.approx(largest.min(axis=2).max(axis=0))
 
 
 @pytest.mark.parametrize(("dof", "joint"), [(3, 0), (3, 1), (3, 2), (4, 0), (4, 3)])

@@ -64,9 +64,9 @@ def test_ellipsoids_of_single_positions_are_exact(task):
 @pytest.mark.parametrize("size", [1e-4, 1e-3, 1e-2])
 def test_no_other_model_has_smaller_errors(arm, size):
     fitted, rng = fit_ellipsoids(*arm), np.random.default_rng(0)
-    least = symmetric_errors(fitted, *arm)
+    errors = symmetric_errors(fitted, *arm)
     for _ in range(20):
-        assert symmetric_errors(nudged(fitted, rng, size=size), *arm) > least
+        assert symmetric_errors(nudged(fitted, rng, size=size), *arm) > errors
 
 
 @pytest.mark.parametrize("safe", [False, True])
@@ -111,11 +111,11 @@ def test_no_other_model_below_the_samples_has_smaller_errors(seed):
     positions, directions = within(truth, 8), units(12)
     speeds = truth.speeds(positions, directions) * np.exp(rng.uniform(-0.2, 0.2, size=(8, 12)))
     safe = fit_ellipsoids(positions, directions, speeds, degree=1, safe=True)
-    least = symmetric_errors(safe, positions, directions, speeds)
+    errors = symmetric_errors(safe, positions, directions, speeds)
     for size in np.geomspace(1e-4, 1e-1, 50):
         other = nudged(safe, rng, size=size)
         other = other.scaled(np.exp(-log_errors(other, positions, directions, speeds).max()))
-        assert symmetric_errors(other, positions, directions, speeds) > least
+        assert symmetric_errors(other, positions, directions, speeds) > errors
 
 
 def test_a_safe_fit_of_ellipsoids_is_exact():

@@ -228,19 +228,19 @@ def lattice_time(model, start, target, rows, columns):
 @pytest.mark.parametrize("seed", range(4))
 def test_no_path_along_a_lattice_is_faster(seed):
     model = Waves(seed)
-    found = lattice_time(model, (4, 6), (35, 30), 41, 41)
+    shortest_time = lattice_time(model, (4, 6), (35, 30), 41, 41)
     path = fastest_path(model, [4 / 40, 6 / 40], [35 / 40, 30 / 40])
-    assert 0.95 * found < path.duration < found * (1 + 1e-6)
+    assert 0.95 * shortest_time < path.duration < shortest_time * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(("lowest", "level"), [(-0.5, 100), (0.0, 0)])
 def test_a_ridge_along_the_straight_way_is_left_for_the_valley_beside_it(lowest, level):
     """On the ridge, which may be a wall too, the straight way is stationary, and slower than those close beside it."""
     model, ends = Ridge(lowest), ([0.1, 0.0], [0.9, 0.0])
-    found = lattice_time(model, (4, level), (36, level), 41, 101 + level)
+    shortest_time = lattice_time(model, (4, level), (36, level), 41, 101 + level)
     path = fastest_path(model, *ends)
-    assert found < 0.9 * path_time(model, ends)
-    assert 0.98 * found < path.duration < found
+    assert shortest_time < 0.9 * path_time(model, ends)
+    assert 0.98 * shortest_time < path.duration < shortest_time
     cuts = np.linspace(0, 100, 100_001)
     fine = np.stack([np.interp(cuts, np.arange(101), column) for column in path.points.T], axis=1)
     roots, _ = model.roots((fine[1:] + fine[:-1]) / 2)

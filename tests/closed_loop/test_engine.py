@@ -58,20 +58,20 @@ def test_the_compiled_selection_is_that_of_maximin(kind, N):
     F = fronts(kind, 6 * N, rng)
     made, inside = selected(F, np.arange(N))
     single_rank = inside(np.arange(N), False)
-    kept = np.arange(N)
+    parents = np.arange(N)
     for turn in range(1, 6):
         children = np.arange(turn * N, (turn + 1) * N)
-        both = np.concatenate([kept, children])
-        wanted = both[survivors(F[both], np.zeros(2 * N), N).index]
+        both = np.concatenate([parents, children])
+        survivor_points = both[survivors(F[both], np.zeros(2 * N), N).index]
         single_rank = inside(children, single_rank)
-        kept = made.genes[made.order, 0].astype(int)
-        np.testing.assert_array_equal(made.F[:, :N].T, F[kept])
+        parents = made.genes[made.order, 0].astype(int)
+        np.testing.assert_array_equal(made.F[:, :N].T, F[parents])
         if kind == "ties":  # of equals either may stay: as many of every rank are kept
             ranks = pareto_rank(F[both])
             expected = np.sort(ranks)[:N]
-            np.testing.assert_array_equal(np.sort(ranks[np.isin(both, kept)]), expected)
+            np.testing.assert_array_equal(np.sort(ranks[np.isin(both, parents)]), expected)
         else:
-            assert sorted(kept) == sorted(wanted.tolist())
+            assert sorted(parents) == sorted(survivor_points.tolist())
 
 
 def test_three_objectives_are_selected_as_maximin_does():
@@ -79,13 +79,13 @@ def test_three_objectives_are_selected_as_maximin_does():
     F = rng.normal(size=(3 * N, 3))
     made, inside = selected(F, np.arange(N))
     single_rank = inside(np.arange(N), False)
-    kept = np.arange(N)
+    parents = np.arange(N)
     for turn in (1, 2):
-        both = np.concatenate([kept, np.arange(turn * N, (turn + 1) * N)])
-        wanted = both[survivors(F[both], np.zeros(2 * N), N).index]
+        both = np.concatenate([parents, np.arange(turn * N, (turn + 1) * N)])
+        survivor_points = both[survivors(F[both], np.zeros(2 * N), N).index]
         single_rank = inside(both[N:], single_rank)
-        kept = made.genes[made.order, 0].astype(int)
-        assert sorted(kept) == sorted(wanted.tolist())
+        parents = made.genes[made.order, 0].astype(int)
+        assert sorted(parents) == sorted(survivor_points.tolist())
 
 
 def test_failed_points_survive_only_where_no_others_are_left():
@@ -104,11 +104,11 @@ def loop(request):
 
 
 def test_objectives_of_a_search_are_those_of_its_genes(loop):
-    found = loop.step_search()(loop.control_step(1))
+    population = loop.step_search()(loop.control_step(1))
     step = StepProblem(loop.control_step(1), loop.objectives)
-    np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)
-    np.testing.assert_allclose(step.score(found.q), found.F, rtol=1e-7, atol=1e-12)
-    assert np.abs(found.genes).max() <= 1.0
+    np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-9)
+    np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-7, atol=1e-12)
+    assert np.abs(population.genes).max() <= 1.0
 
 
 def test_the_same_seed_and_step_give_the_same_bits(loop):
@@ -122,13 +122,13 @@ def test_the_same_seed_and_step_give_the_same_bits(loop):
 
 
 def test_longer_searches_find_better_fronts(loop):
-    search, found = loop.step_search(), []
+    search, volumes = loop.step_search(), []
     for generations in (2, 60):
         search.generations = generations
-        found.append(search(loop.control_step(1)).F)
-    corner = found[0].max(axis=0)
-    assert hypervolume(found[1], corner) > hypervolume(found[0], corner)
-    assert np.all(found[1].min(axis=0) <= found[0].min(axis=0))
+        volumes.append(search(loop.control_step(1)).F)
+    corner = volumes[0].max(axis=0)
+    assert hypervolume(volumes[1], corner) > hypervolume(volumes[0], corner)
+    assert np.all(volumes[1].min(axis=0) <= volumes[0].min(axis=0))
 
 
 def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
@@ -137,9 +137,9 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
     where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
     objectives = [joint_displacement, position_error, pk.joint_limit_distance]
-    found = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
-    population = found.step_search()(found.control_step(1))
-    step = StepProblem(found.control_step(1), found.objectives)
+    closed_loop = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
+    population = closed_loop.step_search()(closed_loop.control_step(1))
+    step = StepProblem(closed_loop.control_step(1), closed_loop.objectives)
     np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-8)
     np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-6, atol=1e-10)
 
@@ -153,6 +153,6 @@ def test_steps_that_are_too_long_are_shortened_alike_by_engine_and_problem():
     assert step.is_admissible(short).all()
     near = step.is_admissible(drawn)
     np.testing.assert_array_equal(short[near], drawn[near])
-    found = loop.step_search()(loop.control_step(1))
-    assert np.abs(found.q - loop.start).max() <= 0.1 * (1 + 1e-9)
-    np.testing.assert_allclose(step.decode(found.genes), found.q, atol=1e-9)
+    searched = loop.step_search()(loop.control_step(1))
+    assert np.abs(searched.q - loop.start).max() <= 0.1 * (1 + 1e-9)
+    np.testing.assert_allclose(step.decode(searched.genes), searched.q, atol=1e-9)

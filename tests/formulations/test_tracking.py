@@ -36,12 +36,12 @@ def hold(name, count):
         motions = problem.decode(genes)
         arrived = out["G"][:, 0] <= 0
         fine = (out["G"] <= 0).all(axis=1)
-        told = [bool(reason) for reason in problem.explain(genes[:60])]
+        explained = [bool(reason) for reason in problem.explain(genes[:60])]
         assert np.isfinite(out["F"]).all()
         assert np.isfinite(out["G"]).all()
         assert (motions.tracking_error[arrived] < 1e-9).all()
         assert (np.abs(np.diff(motions.q[arrived], axis=1)) < 2.5).all()
-        assert told == (~fine[:60]).tolist()
+        assert explained == (~fine[:60]).tolist()
         on_path, feasible = on_path + arrived.sum(), feasible + fine.sum()
     return on_path / count, feasible / count
 
@@ -116,12 +116,12 @@ def test_objectives_are_those_of_the_decoded_motions():
     problem = paper_3r(objectives=[pk.kinetic_energy, pk.manipulability])
     genes = genes_of(problem, 30)
     motions = problem.decode(genes)
-    found = evaluate(problem, genes)["F"]
+    F = evaluate(problem, genes)["F"]
     assert problem.names == ("kinetic_energy", "manipulability")
     assert problem.units == ("J s", "")
     assert problem.maximised == (False, True)
-    np.testing.assert_allclose(found[:, 0], pk.kinetic_energy(motions), rtol=1e-12)
-    np.testing.assert_allclose(-found[:, 1], pk.manipulability(motions), rtol=1e-12)
+    np.testing.assert_allclose(F[:, 0], pk.kinetic_energy(motions), rtol=1e-12)
+    np.testing.assert_allclose(-F[:, 1], pk.manipulability(motions), rtol=1e-12)
 
 
 def test_constraint_columns_are_named_and_explained():
@@ -143,11 +143,11 @@ def test_constraint_columns_are_named_and_explained():
 
 def test_pymoos_own_minimize_solves_it():
     problem = paper_3r(limits=Limits(position=POSITION, velocity=3.8))
-    found = minimize(problem, NSGA2(pop_size=24), ("n_gen", 6), seed=1)
-    assert found.F.shape[1] == 2
-    assert np.isfinite(found.F).all()
-    assert (problem.decode(np.atleast_2d(found.X)).tracking_error < 1e-9).all()
-    assert (found.G <= 0).all()
+    result = minimize(problem, NSGA2(pop_size=24), ("n_gen", 6), seed=1)
+    assert result.F.shape[1] == 2
+    assert np.isfinite(result.F).all()
+    assert (problem.decode(np.atleast_2d(result.X)).tracking_error < 1e-9).all()
+    assert (result.G <= 0).all()
 
 
 def test_obstacles_become_a_constraint_that_motions_really_keep():

@@ -46,29 +46,29 @@ def test_clarabel_and_cvxpy_agree(seed):
 
 def test_without_limits_one_objective_gains_its_slope_times_the_radius():
     gradient = np.array([[3.0, 4.0]])
-    found = criticality(gradient, free(2), radius=2.0)
-    assert found.value == pytest.approx(10.0, rel=1e-8)
-    assert found.step == pytest.approx([-1.2, -1.6], abs=1e-6)
+    solution = criticality(gradient, free(2), radius=2.0)
+    assert solution.value == pytest.approx(10.0, rel=1e-8)
+    assert solution.step == pytest.approx([-1.2, -1.6], abs=1e-6)
 
 
 def test_opposed_gradients_leave_nothing_to_gain_and_weights_that_balance():
-    found = criticality(np.array([[1.0, 0.0], [-3.0, 0.0]]), free(2), radius=1.0)
-    assert found.value == pytest.approx(0.0, abs=1e-9)
-    assert found.weights == pytest.approx([0.75, 0.25], abs=1e-6)
+    solution = criticality(np.array([[1.0, 0.0], [-3.0, 0.0]]), free(2), radius=1.0)
+    assert solution.value == pytest.approx(0.0, abs=1e-9)
+    assert solution.weights == pytest.approx([0.75, 0.25], abs=1e-6)
 
 
 def test_a_limit_that_is_reached_takes_the_gain_and_its_multiplier_says_so():
     wall = Constraints(unknowns=2, values=np.zeros(1), jacobian=sparse.csr_array(np.array([[1.0, 0.0]])))
-    found = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
-    assert found.value == pytest.approx(0.0, abs=1e-9)
-    assert found.multipliers == pytest.approx([2.0], abs=1e-6)
+    solution = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
+    assert solution.value == pytest.approx(0.0, abs=1e-9)
+    assert solution.multipliers == pytest.approx([2.0], abs=1e-6)
 
 
 def test_a_far_limit_takes_what_goes_beyond_it():
     wall = Constraints(unknowns=2, values=np.array([0.5]), jacobian=sparse.csr_array(np.array([[1.0, 0.0]])))
-    found = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
-    assert found.value == pytest.approx(1.0, rel=1e-8)
-    assert found.multipliers == pytest.approx([2.0], abs=1e-6)
+    solution = criticality(np.array([[2.0, 0.0]]), wall, radius=1.0)
+    assert solution.value == pytest.approx(1.0, rel=1e-8)
+    assert solution.multipliers == pytest.approx([2.0], abs=1e-6)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
@@ -80,9 +80,9 @@ def test_the_criticality_scales_with_the_objectives(factor):
 
 def test_limits_out_of_reach_change_nothing():
     gradients, within = random_point(1)
-    found = criticality(gradients, replace(within, values=within.values + 100.0), radius=1.0)
-    assert found.value == pytest.approx(criticality(gradients, free(40), radius=1.0).value, rel=1e-9)
-    assert not found.multipliers.any()
+    solution = criticality(gradients, replace(within, values=within.values + 100.0), radius=1.0)
+    assert solution.value == pytest.approx(criticality(gradients, free(40), radius=1.0).value, rel=1e-9)
+    assert not solution.multipliers.any()
 
 
 @pytest.mark.parametrize("seed", range(3))

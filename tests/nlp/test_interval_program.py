@@ -63,21 +63,21 @@ def test_a_solver_that_has_solved_others_answers_as_a_new_one(common):
 def test_moves_keep_the_box_and_the_limits_in_any_units(units):
     pieces, (lower, upper) = random_pieces(1), random_box(1)
     scaled = Pieces(values=units * pieces.values, before=units * pieces.before, after=units * pieces.after)
-    found = IntervalSolver(6, 2).solve(scaled, lower, upper)
-    assert np.all(found.moves >= lower - 1e-8)
-    assert np.all(found.moves <= upper + 1e-8)
-    ends = np.pad(found.moves, ((1, 1), (0, 0)))
+    solution = IntervalSolver(6, 2).solve(scaled, lower, upper)
+    assert np.all(solution.moves >= lower - 1e-8)
+    assert np.all(solution.moves <= upper + 1e-8)
+    ends = np.pad(solution.moves, ((1, 1), (0, 0)))
     times = np.einsum("lij,lj->li", pieces.before, ends[:-1]) + np.einsum("lij,lj->li", pieces.after, ends[1:])
-    assert np.all(np.linalg.norm(pieces.values + times, axis=1) <= found.intervals / units + 1e-8)
-    assert np.ptp(found.intervals) == 0.0
+    assert np.all(np.linalg.norm(pieces.values + times, axis=1) <= solution.intervals / units + 1e-8)
+    assert np.ptp(solution.intervals) == 0.0
 
 
 def test_at_even_speed_a_bent_path_becomes_straight_with_equal_pieces():
     bent = np.array([[0.0, 0.0], [0.1, 0.4], [0.5, 0.3], [0.6, -0.2], [1.0, 0.5]])
     wide = np.full((3, 2), 2.0)
-    found = IntervalSolver(4, 2).solve(even_speed(bent), -wide, wide)
-    assert bent[1:-1] + found.moves == pytest.approx(np.linspace(bent[0], bent[-1], 5)[1:-1], abs=1e-5)
-    assert found.intervals == pytest.approx(np.full(4, np.hypot(1.0, 0.5) / 4), rel=1e-9)
+    solution = IntervalSolver(4, 2).solve(even_speed(bent), -wide, wide)
+    assert bent[1:-1] + solution.moves == pytest.approx(np.linspace(bent[0], bent[-1], 5)[1:-1], abs=1e-5)
+    assert solution.intervals == pytest.approx(np.full(4, np.hypot(1.0, 0.5) / 4), rel=1e-9)
 
 
 def test_a_box_without_inside_is_an_error_by_name():

@@ -24,9 +24,9 @@ def random_model(seed, *, unknowns=20, extra=4, limits=40):
     return gradient, sparse.csr_array(hessian), constraints
 
 
-def objective(model, found, penalty):
+def objective(model, solution, penalty):
     gradient, hessian, _ = model
-    return gradient @ found.step + found.step @ (hessian @ found.step) / 2 + penalty * found.violation
+    return gradient @ solution.step + solution.step @ (hessian @ solution.step) / 2 + penalty * solution.violation
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -56,12 +56,12 @@ def test_clarabel_and_cvxpy_agree_about_cones(seed):
 def test_without_limits_a_small_step_is_newtons():
     hessian = sparse.csr_array(np.diag([2.0, 4.0]))
     within = Constraints(unknowns=2, values=np.empty(0), jacobian=sparse.csr_array((0, 2)))
-    found = solve_subproblem(np.array([-0.2, 0.4]), hessian, within, elastic=0, radius=1.0, penalty=1.0)
-    assert found.step == pytest.approx([0.1, -0.1], abs=1e-8)
+    solution = solve_subproblem(np.array([-0.2, 0.4]), hessian, within, elastic=0, radius=1.0, penalty=1.0)
+    assert solution.step == pytest.approx([0.1, -0.1], abs=1e-8)
 
 
 def test_a_limit_that_cannot_be_kept_within_the_box_is_kept_as_far_as_it_can():
     wall = Constraints(unknowns=1, values=np.array([-1.0]), jacobian=sparse.csr_array(np.ones((1, 1))))
-    found = solve_subproblem(np.zeros(1), sparse.csr_array((1, 1)), wall, elastic=1, radius=0.25, penalty=10.0)
-    assert found.step == pytest.approx([0.25], abs=1e-7)
-    assert found.violation == pytest.approx(0.75, abs=1e-7)
+    solution = solve_subproblem(np.zeros(1), sparse.csr_array((1, 1)), wall, elastic=1, radius=0.25, penalty=10.0)
+    assert solution.step == pytest.approx([0.25], abs=1e-7)
+    assert solution.violation == pytest.approx(0.75, abs=1e-7)

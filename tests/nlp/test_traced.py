@@ -26,9 +26,9 @@ def sphere(z, known):
 
 def test_the_lowest_point_of_a_sphere_above_a_plane():
     program = trace_rows(3, 1, sphere).at([1.0])
-    found = minimise_by_sqp(program, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8]))
-    assert found.status == [CONVERGED]
-    assert found.x[0] == pytest.approx([-np.sqrt(0.99), 0.0, 0.1], abs=1e-7)
+    solution = minimise_by_sqp(program, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8]))
+    assert solution.status == [CONVERGED]
+    assert solution.x[0] == pytest.approx([-np.sqrt(0.99), 0.0, 0.1], abs=1e-7)
 
 
 def test_derivatives_are_those_of_the_rows():
@@ -78,6 +78,6 @@ def test_no_worse_than_slsqp_from_the_same_start(seed):
 
 def test_what_cannot_be_met_is_said():
     program = trace_rows(1, 0, lambda z, known: ([], [z[0] - 1.0, -1.0 - z[0]])).at()
-    found = minimise_by_sqp(program, np.array([1.0]), np.array([0.3]))
-    assert found.status != [CONVERGED]
-    assert found.violation[0] == pytest.approx(1.0, abs=1e-6)
+    solution = minimise_by_sqp(program, np.array([1.0]), np.array([0.3]))
+    assert solution.status != [CONVERGED]
+    assert solution.violation[0] == pytest.approx(1.0, abs=1e-6)

@@ -43,44 +43,44 @@ SHARES = np.array([0.2, 0.5, 0.8, 0.9])
 
 def test_minima_are_called_minima_with_the_weights_that_made_them():
     program, ranges = sketched(2, ellipses), np.array([2.0, 25.0])
-    known = certificates(program, placed(ellipses, [ellipses_best(share) for share in SHARES]), ranges)
-    assert known.status.tolist() == ["minimum"] * 4
-    assert known.kkt_residual.max() <= 1e-9
-    assert known.violation.max() <= 1e-12
+    certificate = certificates(program, placed(ellipses, [ellipses_best(share) for share in SHARES]), ranges)
+    assert certificate.status.tolist() == ["minimum"] * 4
+    assert certificate.kkt_residual.max() <= 1e-9
+    assert certificate.violation.max() <= 1e-12
     weights = np.stack([SHARES, 1 - SHARES], axis=1) * ranges
-    assert known.weights == pytest.approx(weights / weights.sum(axis=1, keepdims=True), rel=1e-6)
+    assert certificate.weights == pytest.approx(weights / weights.sum(axis=1, keepdims=True), rel=1e-6)
 
 
 @pytest.mark.parametrize("signs", [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
 def test_exchange_rates_are_the_slopes_of_the_front_and_what_is_maximised_has_its_own_sign(signs):
     program, step = sketched(2, ellipses), 1e-4
-    known = certificates(program, placed(ellipses, [ellipses_best(s) for s in SHARES]), (2.0, 25.0), signs)
+    certificate = certificates(program, placed(ellipses, [ellipses_best(s) for s in SHARES]), (2.0, 25.0), signs)
     beside = np.array([[ellipses(ellipses_best(s + sign * step)) for sign in (-1, 1)] for s in SHARES])
     change = np.diff(beside * signs, axis=1)[:, 0]
-    assert known.exchange_rates[:, 0, 1] == pytest.approx(change[:, 1] / change[:, 0], rel=1e-5)
-    assert known.exchange_rates[:, 1, 0] == pytest.approx(change[:, 0] / change[:, 1], rel=1e-5)
-    assert known.exchange_intervals[:, 0, 1] == pytest.approx(
-        np.repeat(known.exchange_rates[:, 0, 1, None], 2, axis=1), rel=1e-4
+    assert certificate.exchange_rates[:, 0, 1] == pytest.approx(change[:, 1] / change[:, 0], rel=1e-5)
+    assert certificate.exchange_rates[:, 1, 0] == pytest.approx(change[:, 0] / change[:, 1], rel=1e-5)
+    assert certificate.exchange_intervals[:, 0, 1] == pytest.approx(
+        np.repeat(certificate.exchange_rates[:, 0, 1, None], 2, axis=1), rel=1e-4
     )
 
 
 def test_at_a_corner_of_the_front_the_exchange_lies_between_the_slopes_of_both_sides():
     """On x + y ≥ 1 and 3 x + y ≥ 1.5 from (0.25, 0.75): y falls by 1 for x to one side, by 3 to the other."""
     program = sketched(2, lambda x: [x[0], x[1]], lambda x: ([], [x[0] + x[1] - 1.0, 3 * x[0] + x[1] - 1.5]))
-    known = certificates(program, np.array([[0.25, 0.75, 0.25, 0.75]]))
-    assert known.status[0] == "minimum"
-    assert np.sort(known.exchange_intervals[0, 0, 1]) == pytest.approx([-3.0, -1.0], abs=1e-5)
-    assert np.sort(known.exchange_intervals[0, 1, 0]) == pytest.approx([-1.0, -1 / 3], abs=1e-5)
+    certificate = certificates(program, np.array([[0.25, 0.75, 0.25, 0.75]]))
+    assert certificate.status[0] == "minimum"
+    assert np.sort(certificate.exchange_intervals[0, 0, 1]) == pytest.approx([-3.0, -1.0], abs=1e-5)
+    assert np.sort(certificate.exchange_intervals[0, 1, 0]) == pytest.approx([-1.0, -1 / 3], abs=1e-5)
 
 
 @pytest.mark.parametrize("place", [0.2, 0.5, 0.7])
 def test_a_saddle_is_called_one_and_the_valleys_beside_it_minima(place):
     program = sketched(2, saddle)
     root = np.sqrt(0.5)
-    known = certificates(program, placed(saddle, [[place, 0.0], [place, root], [place, -root]]))
-    assert known.kkt_residual.max() <= 1e-6
-    assert known.status.tolist() == ["saddle", "minimum", "minimum"]
-    assert known.weights == pytest.approx(np.tile([1 - place, place], (3, 1)), abs=1e-6)
+    certificate = certificates(program, placed(saddle, [[place, 0.0], [place, root], [place, -root]]))
+    assert certificate.kkt_residual.max() <= 1e-6
+    assert certificate.status.tolist() == ["saddle", "minimum", "minimum"]
+    assert certificate.weights == pytest.approx(np.tile([1 - place, place], (3, 1)), abs=1e-6)
 
 
 @pytest.mark.parametrize("low", [0.0, -1e-3])
@@ -88,16 +88,16 @@ def test_what_limits_keep_from_going_down_is_a_minimum_unless_there_is_another_s
     """At the saddle the last coordinate may only rise, or not even that."""
     within = sketched(2, saddle, lambda x: ([], [x[1] - low, -x[1] - low]))
     z = placed(saddle, [[0.5, 0.0]])
-    known = certificates(within, z)
-    assert known.status[0] == ("minimum" if low == 0.0 else "saddle")
+    certificate = certificates(within, z)
+    assert certificate.status[0] == ("minimum" if low == 0.0 else "saddle")
     one_sided = sketched(2, saddle, lambda x: ([], [x[1]]))
     assert certificates(one_sided, z).status[0] == "saddle"
 
 
 def test_what_could_gain_in_both_is_not_critical_and_past_limits_says_by_how_much():
     program = sketched(2, ellipses, lambda x: ([], [0.8 - x[0]]))
-    known = certificates(program, placed(ellipses, [[0.3, 0.9], [1.0, 0.5]]), (2.0, 25.0))
-    assert known.status[0] == "undetermined"
-    assert known.kkt_residual[0] > 1e-2
-    assert known.violation == pytest.approx([0.0, 0.2])
-    assert np.array_equal(known.violation_between, known.violation)
+    certificate = certificates(program, placed(ellipses, [[0.3, 0.9], [1.0, 0.5]]), (2.0, 25.0))
+    assert certificate.status[0] == "undetermined"
+    assert certificate.kkt_residual[0] > 1e-2
+    assert certificate.violation == pytest.approx([0.0, 0.2])
+    assert np.array_equal(certificate.violation_between, certificate.violation)

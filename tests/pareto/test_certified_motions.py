@@ -12,22 +12,22 @@ from tests.pareto.motions import certify_motions
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
 def test_planned_optima_are_certified_minima(name):
     problem = getattr(tringali_2020, name)()
-    found = pk.plan(problem, starts=24)
-    known = certify_motions(
-        problem.task, np.stack([o.motion.q for o in found.optima]), np.array([found.best.objective])
+    planned = pk.plan(problem, starts=24)
+    certificate = certify_motions(
+        problem.task, np.stack([o.motion.q for o in planned.optima]), np.array([planned.best.objective])
     )
-    assert known.kkt_residual.max() <= 1e-6
-    assert known.violation.max() <= 1e-8
-    assert set(known.status) == {"minimum"}
+    assert certificate.kkt_residual.max() <= 1e-6
+    assert certificate.violation.max() <= 1e-8
+    assert set(certificate.status) == {"minimum"}
 
 
 def test_a_motion_that_is_not_optimal_has_a_criticality():
     problem = tringali_2020.simulation_1()
     best = pk.plan(problem, starts=12).best
     q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
-    known = certify_motions(problem.task, q, np.array([best.objective]))
-    assert known.kkt_residual[0] > 1e-3
-    assert known.status[0] == "undetermined"
+    certificate = certify_motions(problem.task, q, np.array([best.objective]))
+    assert certificate.kkt_residual[0] > 1e-3
+    assert certificate.status[0] == "undetermined"
 
 
 def test_units_do_not_matter():
@@ -55,8 +55,8 @@ def test_where_more_multipliers_balance_the_gradients_exchange_rates_are_an_inte
     gradients = np.array([[1.0, 0.0], [0.0, 1.0]])
     slopes = sparse.csr_array(np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
     at_a_corner = Constraints(unknowns=2, values=np.zeros(3), jacobian=slopes)
-    found = weight_ratios(gradients, at_a_corner, np.array([0.5, 0.5]))
-    assert found[0, 1] == pytest.approx([0.0, np.inf])
+    ratios = weight_ratios(gradients, at_a_corner, np.array([0.5, 0.5]))
+    assert ratios[0, 1] == pytest.approx([0.0, np.inf])
     apart = Constraints(unknowns=2, values=np.ones(3), jacobian=slopes)
     assert weight_ratios(np.array([[1.0, 0.0], [-3.0, 0.0]]), apart, np.array([0.75, 0.25]))[0, 1] == pytest.approx(
         [3, 3]
@@ -67,5 +67,7 @@ def test_the_ends_of_an_interval_are_those_of_the_dual_set():
     # λ₁ + λ₂ = μ₁ + μ₂ and λ₁ = 2 μ₁ + μ₂ / 2: λ₁ / λ₂ is at least 1 (μ₁ = 0), and unbounded (μ₂ = 0 needs λ₂ < 0).
     gradients = np.array([[1.0, 1.0], [1.0, 0.0]])
     slopes = sparse.csr_array(np.array([[1.0, 2.0], [1.0, 0.5]]))
-    found = weight_ratios(gradients, Constraints(unknowns=2, values=np.zeros(2), jacobian=slopes), np.array([0.6, 0.4]))
-    assert found[0, 1, 0] == pytest.approx(1.0, abs=1e-5)
+    ratios = weight_ratios(
+        gradients, Constraints(unknowns=2, values=np.zeros(2), jacobian=slopes), np.array([0.6, 0.4])
+    )
+    assert ratios[0, 1, 0] == pytest.approx(1.0, abs=1e-5)

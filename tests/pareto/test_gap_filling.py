@@ -34,10 +34,10 @@ def test_too_many_points_are_thinned_to_those_well_apart():
 def test_the_front_is_what_nothing_else_is_as_good_as_everywhere(seed, n_obj):
     rng = np.random.default_rng(seed)
     shares = rng.integers(0, 6, (rng.integers(1, 25), n_obj)) / 6 + rng.uniform(-0.4, 0.4, (1, n_obj)) * POINT_TOLERANCE
-    kept = front_rows(shares)
+    rows = front_rows(shares)
     best = [one for one in shares.tolist() if not any(_dominates(other, one) for other in shares.tolist())]
-    assert sorted(map(tuple, shares[kept].tolist())) == sorted(set(map(tuple, best)))
-    assert (np.diff(shares[kept, 0]) >= 0).all()
+    assert sorted(map(tuple, shares[rows].tolist())) == sorted(set(map(tuple, best)))
+    assert (np.diff(shares[rows, 0]) >= 0).all()
 
 
 def _dominates(one, other):
@@ -48,10 +48,10 @@ def _dominates(one, other):
 def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_front_has_another(seed):
     rng = np.random.default_rng(seed)
     shares = np.repeat(rng.uniform(size=(12, 2)), 2, axis=0) + rng.uniform(-1.0, 1.0, (24, 2)) * POINT_TOLERANCE
-    kept = shares[front_rows(shares)]
+    front = shares[front_rows(shares)]
     for one in shares:
-        assert any(np.all(other <= one + 2 * POINT_TOLERANCE) for other in kept)
-    for one, other in combinations(kept, 2):
+        assert any(np.all(other <= one + 2 * POINT_TOLERANCE) for other in front)
+    for one, other in combinations(front, 2):
         assert not np.all(one <= other) or np.all(other <= one)
         assert np.abs(one - other).max() > POINT_TOLERANCE
 
@@ -60,15 +60,15 @@ def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_fro
 def test_what_is_thinned_out_is_nearer_to_what_is_left_than_that_is_to_each_other(seed, n_obj, most):
     rng = np.random.default_rng(seed)
     shares = rng.uniform(size=(rng.integers(1, 16), n_obj))
-    kept = spread_rows(shares, most)
-    assert len(kept) == min(most, len(shares))
-    assert np.array_equal(kept, np.unique(kept))
+    rows = spread_rows(shares, most)
+    assert len(rows) == min(most, len(shares))
+    assert np.array_equal(rows, np.unique(rows))
     ends = set(shares.argmin(axis=0).tolist())
-    assert ends <= set(kept.tolist())
+    assert ends <= set(rows.tolist())
     apart = np.linalg.norm(shares[:, None] - shares[None], axis=2)
-    radius = apart[:, kept].min(axis=1).max()
-    for i in set(kept.tolist()) - ends:
-        assert min(apart[i, j] for j in kept if j != i) >= radius
+    radius = apart[:, rows].min(axis=1).max()
+    for i in set(rows.tolist()) - ends:
+        assert min(apart[i, j] for j in rows if j != i) >= radius
 
 
 @given(seed=seeds, n_obj=st.integers(2, 4))
@@ -76,14 +76,14 @@ def test_neighbours_have_no_point_in_the_ball_between_them_and_the_farthest_come
     rng = np.random.default_rng(seed)
     values = rng.uniform(size=(rng.integers(1, 14), n_obj))
     values = np.concatenate([values, values[:2] + 1e-8])
-    found, wanted = _gaps(values), set()
+    gaps, expected = _gaps(values), set()
     for i, j in combinations(range(len(values)), 2):
         middle, radius = (values[i] + values[j]) / 2, np.linalg.norm(values[i] - values[j]) / 2
         others = [np.linalg.norm(values[k] - middle) for k in range(len(values)) if k not in (i, j)]
         if radius > 5 * POINT_TOLERANCE and all(distance >= radius * (1 - 1e-12) for distance in others):
-            wanted.add((i, j))
-    assert set(found) == wanted
-    lengths = [np.linalg.norm(values[i] - values[j]) for i, j in found]
+            expected.add((i, j))
+    assert set(gaps) == expected
+    lengths = [np.linalg.norm(values[i] - values[j]) for i, j in gaps]
     assert lengths == sorted(lengths, reverse=True)
 
 

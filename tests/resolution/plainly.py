@@ -11,27 +11,29 @@ from paretoik.task.retraction import task_errors
 
 def weights_of_clamping(q, lower, upper, buffer):
     """Return e_c of every joint (Eqs. 16 and 17)."""
-    found = np.ones(len(q))
+    weights = np.ones(len(q))
     for i, place in enumerate(q):
         if not np.isfinite(upper[i] - lower[i]):
             continue
         high, low = (1 - buffer) * upper[i] + buffer * lower[i], (1 - buffer) * lower[i] + buffer * upper[i]
         d = (low - place) / (low - lower[i]) if place <= low else (place - high) / (upper[i] - high)
         if d >= 1:
-            found[i] = 0.0
+            weights[i] = 0.0
         elif d > 0:
-            found[i] = 0.5 - 0.5 * np.tanh(1 / (1 - d) - 1 / d)
-    return found
+            weights[i] = 0.5 - 0.5 * np.tanh(1 / (1 - d) - 1 / d)
+    return weights
 
 
 def repulsions(q, lower, upper, buffer, most):
     """Return t_r of every joint (Eq. 20), no more than at its limit past it."""
-    found = np.zeros(len(q))
+    speeds = np.zeros(len(q))
     for i, place in enumerate(q):
         if np.isfinite(upper[i] - lower[i]):
             high, low = (1 - buffer) * upper[i] + buffer * lower[i], (1 - buffer) * lower[i] + buffer * upper[i]
-            found[i] = min(max(place - high, 0) / (upper[i] - high), 1) - min(max(low - place, 0) / (low - lower[i]), 1)
-    return most * found
+            speeds[i] = min(max(place - high, 0) / (upper[i] - high), 1) - min(
+                max(low - place, 0) / (low - lower[i]), 1
+            )
+    return most * speeds
 
 
 def coefficient(value, band):
@@ -41,8 +43,8 @@ def coefficient(value, band):
 
 def damping(matrix, region, most):
     """Return ρ² (Eq. 4)."""
-    least = np.linalg.svd(matrix)[1].min()
-    return max(0.0, most**2 * (1 - (least / region) ** 2)) if region > 0 else 0.0
+    smallest = np.linalg.svd(matrix)[1].min()
+    return max(0.0, most**2 * (1 - (smallest / region) ** 2)) if region > 0 else 0.0
 
 
 class Plainly:

@@ -55,19 +55,19 @@ def test_what_is_found_ahead_is_what_another_solver_finds(name, ahead, objective
     path = begun(arm, start)
     task, rng = task_of(arm, path, objective), np.random.default_rng(0)
     velocity, targets = rng.normal(scale=0.05, size=arm.dof), task.targets[8 : 8 * ahead + 1 : 8]
-    found = horizon_program(task, objective, ahead, 0.4).solve(np.tile(start, (ahead, 1)), start, velocity, targets)
-    assert found.converged
-    wanted = plainly(arm, objective, found.q, start, velocity, 0.4)
-    assert found.value == pytest.approx(wanted, rel=1e-10)
-    left = task_errors(arm, task.tasks, found.q, targets)[0]
+    solution = horizon_program(task, objective, ahead, 0.4).solve(np.tile(start, (ahead, 1)), start, velocity, targets)
+    assert solution.converged
+    energy = plainly(arm, objective, solution.q, start, velocity, 0.4)
+    assert solution.value == pytest.approx(energy, rel=1e-10)
+    left = task_errors(arm, task.tasks, solution.q, targets)[0]
     assert np.abs(left).max() < 1e-9
 
     def gaps(z):
-        return task_errors(arm, task.tasks, z.reshape(found.q.shape), targets)[0].T.ravel()
+        return task_errors(arm, task.tasks, z.reshape(solution.q.shape), targets)[0].T.ravel()
 
     other = minimize(
-        lambda z: plainly(arm, objective, z.reshape(found.q.shape), start, velocity, 0.4) / wanted,
-        found.q.ravel() + rng.normal(scale=1e-3, size=found.q.size),
+        lambda z: plainly(arm, objective, z.reshape(solution.q.shape), start, velocity, 0.4) / energy,
+        solution.q.ravel() + rng.normal(scale=1e-3, size=solution.q.size),
         method="SLSQP",
         constraints={"type": "eq", "fun": gaps},
         options={"ftol": 1e-13, "maxiter": 300},
@@ -98,13 +98,13 @@ def test_the_last_sample_may_count_more():
 def test_looking_ahead_costs_less_than_the_least_velocities_and_more_than_the_optimum():
     path = straight(0.1)
     problem = pk.Tracking(tringali_3r(), path, objectives=[pk.kinetic_energy], start=START)
-    least = pk.plan(problem, starts=8).best.objective
+    optimum = pk.plan(problem, starts=8).best.objective
     ahead, local = (
         pk.resolve(tringali_3r(), path, m, start=START)
         for m in (pk.methods.PredictiveKineticEnergy(), pk.methods.LeastSquaresVelocity())
     )
-    assert least < pk.kinetic_energy(ahead) < 1.02 * least
-    assert pk.kinetic_energy(local) > 1.3 * least
+    assert optimum < pk.kinetic_energy(ahead) < 1.02 * optimum
+    assert pk.kinetic_energy(local) > 1.3 * optimum
 
 
 def test_it_passes_where_the_least_velocities_meet_a_singularity():
@@ -173,8 +173,8 @@ def test_nedungadis_motion_is_the_variational_one():
     motion = pk.resolve(tringali_3r(), path, pk.methods.Nedungadi(), start=np.stack([START, START]))
     assert motion.q.shape == (2, 101, 3)
     assert motion.tracking_error.max() < 1e-9
-    least = pk.resolve(tringali_3r(), path, pk.methods.LeastSquaresVelocity(), start=START)
-    assert pk.kinetic_energy(motion[0]) < pk.kinetic_energy(least)
+    least_squares = pk.resolve(tringali_3r(), path, pk.methods.LeastSquaresVelocity(), start=START)
+    assert pk.kinetic_energy(motion[0]) < pk.kinetic_energy(least_squares)
     assert np.abs(motion.dq[0, 1:] - motion.traces.velocities[0]).max() < 0.02
     with pytest.raises(Infeasible, match="no velocities do what the task wants"):
         pk.resolve(

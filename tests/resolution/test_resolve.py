@@ -201,11 +201,11 @@ def test_a_clamped_joint_does_nothing_for_the_task():
 
 def test_weighted_projection_frees_a_joint_that_the_weighted_least_norm_keeps_at_its_limit():
     limits = Limits(position=([-3.0, -3.0, -0.80], [3.0, 3.0, 1.0]))
-    kept, freed = (
+    least_norm, freed = (
         pk.resolve(tringali_3r(), DOWN.resample(201), method, start=START, limits=limits).q[-1, 2]
         for method in (pk.methods.WeightedLeastNorm(), pk.methods.WeightedGradientProjection())
     )
-    assert kept < -0.75
+    assert least_norm < -0.75
     assert freed > -0.6
 
 
@@ -243,10 +243,10 @@ def test_starts_and_numbers_are_broadcast():
 
 
 def test_open_loop_errors_stay_and_feedback_takes_them_away():
-    drifting, kept = (
+    drifting, corrected = (
         followed("planar", method) for method in (pk.methods.LeastSquaresVelocity(), pk.methods.PseudoInverse())
     )
-    assert drifting.tracking_error[-1] > 10 * kept.tracking_error[-1]
+    assert drifting.tracking_error[-1] > 10 * corrected.tracking_error[-1]
     half = pk.resolve(tringali_3r(), DOWN.resample(81), pk.methods.LeastSquaresVelocity(), start=START)
     whole = pk.resolve(tringali_3r(), DOWN, pk.methods.LeastSquaresVelocity(), start=START)
     assert half.tracking_error[-1] / whole.tracking_error[-1] == pytest.approx(0.5, abs=0.1)  # Euler's
@@ -339,8 +339,8 @@ def test_a_criterion_sees_the_time_of_its_path():
     for k in (0, 12, 30):
         free = -2 * (motion.q[k, 0] - motion.time[k]) * np.array([1.0, 0.0, 0.0])
         jacobian = kinematics.jacobian(tringali_3r(), motion.q[k])[:2]
-        wanted = free - np.linalg.pinv(jacobian) @ jacobian @ free
-        np.testing.assert_allclose(motion.traces.projected[k, 0], wanted, atol=1e-10)
+        expected = free - np.linalg.pinv(jacobian) @ jacobian @ free
+        np.testing.assert_allclose(motion.traces.projected[k, 0], expected, atol=1e-10)
 
 
 def test_a_criterion_without_a_value_is_named_or_left_out():
@@ -462,9 +462,9 @@ def test_more_redundancy_and_several_tasks():
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(changed, said):
-    given = {"method": pk.methods.PseudoInverse(), "start": START, **changed}
+    arguments = {"method": pk.methods.PseudoInverse(), "start": START, **changed}
     with pytest.raises(InvalidInput, match=re.escape(said)):
-        pk.resolve(tringali_3r(), DOWN, **given)
+        pk.resolve(tringali_3r(), DOWN, **arguments)
 
 
 @pytest.mark.usefixtures("unchecked")

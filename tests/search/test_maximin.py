@@ -76,16 +76,16 @@ def one_rank(F, data):
 @given(objectives(2), st.data())
 def test_the_fast_two_objective_selection_equals_brute_force_bit_for_bit(F, data):
     problem = one_rank(F, data)
-    for found, expected in zip(front_order(*problem), brute_force(*problem), strict=True):
-        assert np.array_equal(found, expected)
+    for actual, expected in zip(front_order(*problem), brute_force(*problem), strict=True):
+        assert np.array_equal(actual, expected)
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.integers(1, 4).flatmap(objectives), st.data())
 def test_the_greedy_selection_equals_brute_force_bit_for_bit(F, data):
     problem = one_rank(F, data)
-    for found, expected in zip(greedy_order(*problem), brute_force(*problem), strict=True):
-        assert np.array_equal(found, expected)
+    for actual, expected in zip(greedy_order(*problem), brute_force(*problem), strict=True):
+        assert np.array_equal(actual, expected)
 
 
 @pytest.mark.parametrize("tail", [0.0, 1.0])
@@ -96,10 +96,10 @@ def test_fast_and_greedy_selection_agree_on_large_fronts_and_geometric_tails(cou
     Z = np.column_stack((x, 1.0 - x))
     nearest = np.full(300, np.inf)
     starts = starting_points(Z)[:count]
-    for found, expected in zip(
+    for actual, expected in zip(
         front_order(Z, count, nearest, starts), greedy_order(Z, count, nearest, starts), strict=True
     ):
-        assert np.array_equal(found, expected)
+        assert np.array_equal(actual, expected)
 
 
 def test_distances_without_the_matrix_are_the_same(monkeypatch):
@@ -115,11 +115,11 @@ def test_distances_without_the_matrix_are_the_same(monkeypatch):
 @given(st.integers(1, 4).flatmap(objectives), st.data())
 def test_better_ranks_come_first_and_each_point_once(F, data):
     count = data.draw(st.integers(1, len(F)))
-    kept = survivors(F, np.zeros(len(F)), count)
-    assert len(np.unique(kept.index)) == count
-    assert (np.diff(kept.rank) >= 0).all()
-    assert kept.rank.max() == np.sort(pareto_rank(F))[count - 1]
-    assert not np.isnan(kept.distance).any()
+    selection = survivors(F, np.zeros(len(F)), count)
+    assert len(np.unique(selection.index)) == count
+    assert (np.diff(selection.rank) >= 0).all()
+    assert selection.rank.max() == np.sort(pareto_rank(F))[count - 1]
+    assert not np.isnan(selection.distance).any()
 
 
 @settings(max_examples=60, deadline=None)
@@ -127,36 +127,36 @@ def test_better_ranks_come_first_and_each_point_once(F, data):
 def test_selection_does_not_depend_on_units(F, scale, shift):
     F = np.round(F)
     count = max(1, len(F) // 2)
-    kept = survivors(F, np.zeros(len(F)), count)
+    selection = survivors(F, np.zeros(len(F)), count)
     other = survivors((F + shift) * 2.0**scale, np.zeros(len(F)), count)  # integers and powers of two keep every bit
-    assert np.array_equal(kept.index, other.index)
-    assert np.array_equal(kept.distance, other.distance)
+    assert np.array_equal(selection.index, other.index)
+    assert np.array_equal(selection.distance, other.distance)
 
 
 def test_two_objectives_start_from_both_ends():
     F = np.array([[0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [0.4, 0.6]])
-    kept = survivors(F, np.zeros(4), 3)
-    assert kept.index.tolist() == [1, 2, 0]
-    assert kept.distance[:2].tolist() == [np.inf, np.inf]
+    selection = survivors(F, np.zeros(4), 3)
+    assert selection.index.tolist() == [1, 2, 0]
+    assert selection.distance[:2].tolist() == [np.inf, np.inf]
 
 
 def test_three_objectives_start_from_the_corners_and_not_from_their_neighbours():
     corners = np.eye(3)
     near = np.array([[0.999, 0.02, 0.0], [0.0, 0.999, 0.02], [0.02, 0.0, 0.999]])
-    kept = survivors(np.concatenate((near, corners)), np.zeros(6), 3)
-    assert sorted(kept.index.tolist()) == [3, 4, 5]
+    selection = survivors(np.concatenate((near, corners)), np.zeros(6), 3)
+    assert sorted(selection.index.tolist()) == [3, 4, 5]
 
 
 def test_an_axis_without_range_counts_nothing():
     x = np.linspace(0, 1, 9)
     F = np.column_stack((x, 1 - x, np.full(9, 7.0)))
-    kept = survivors(F, np.zeros(9), 5)
-    assert np.allclose(np.sort(F[kept.index, 0]), [0, 0.25, 0.5, 0.75, 1])
+    selection = survivors(F, np.zeros(9), 5)
+    assert np.allclose(np.sort(F[selection.index, 0]), [0, 0.25, 0.5, 0.75, 1])
 
 
 def test_equal_points_are_taken_lowest_index_first():
-    kept = survivors(np.ones((6, 2)), np.zeros(6), 4)
-    assert kept.index.tolist() == [0, 1, 2, 3]
+    selection = survivors(np.ones((6, 2)), np.zeros(6), 4)
+    assert selection.index.tolist() == [0, 1, 2, 3]
 
 
 def test_a_box_of_interest_keeps_the_population_out_of_a_steep_tail():
@@ -177,11 +177,11 @@ def test_points_that_are_not_finite_come_last_and_do_not_touch_the_ranges():
     bad = np.array([[np.nan, 0.0], [-np.inf, 0.0], [np.inf, np.inf]])
     violation = np.concatenate(([np.inf], np.zeros(6), [np.inf], np.zeros(6), [np.inf]))
     mixed = np.concatenate((bad[:1], F[:6], bad[1:2], F[6:], bad[2:]))
-    kept = survivors(mixed, violation, 14)
-    assert np.isfinite(mixed[kept.index[:12]]).all()
+    selection = survivors(mixed, violation, 14)
+    assert np.isfinite(mixed[selection.index[:12]]).all()
     alone = survivors(F, np.zeros(12), 12)
-    assert np.array_equal(mixed[kept.index[:12]], F[alone.index])
-    assert np.array_equal(kept.distance[:12], alone.distance)
+    assert np.array_equal(mixed[selection.index[:12]], F[alone.index])
+    assert np.array_equal(selection.distance[:12], alone.distance)
 
 
 def test_infeasible_points_follow_by_violation():
@@ -198,9 +198,9 @@ def test_a_share_of_infeasible_points_that_no_feasible_one_dominates_may_stay():
     F = np.concatenate((feasible, beyond))
     violation = np.concatenate((np.zeros(20), [0.2, 0.1, 0.3]))
     assert survivors(F, violation, 20).index.max() < 20
-    kept = survivors(F, violation, 20, infeasible_share=0.1)
-    assert kept.index[-2:].tolist() == [20, 22]
-    assert (kept.rank[-2:] > 0).all()
+    selection = survivors(F, violation, 20, infeasible_share=0.1)
+    assert selection.index[-2:].tolist() == [20, 22]
+    assert (selection.rank[-2:] > 0).all()
 
 
 def test_each_live_species_keeps_its_best_within_half_of_the_places():
@@ -210,9 +210,9 @@ def test_each_live_species_keeps_its_best_within_half_of_the_places():
     species = np.concatenate((np.zeros(60, int), np.repeat([1, 2, 3], 3), np.full(3, 4)))
     violation = np.zeros(len(F))
     violation[-3:] = 1.0  # species 4 has no feasible member: not live
-    kept = survivors(F, violation, 50, species=species)
-    assert len(np.unique(kept.index)) == 50
-    assert np.bincount(species[kept.index], minlength=5).tolist() == [41, 3, 3, 3, 0]
+    selection = survivors(F, violation, 50, species=species)
+    assert len(np.unique(selection.index)) == 50
+    assert np.bincount(species[selection.index], minlength=5).tolist() == [41, 3, 3, 3, 0]
     crowded = survivors(F[:60], np.zeros(60), 20, species=np.arange(60) % 30)
     assert len(np.unique(crowded.index)) == 20
 

@@ -77,11 +77,11 @@ def led(task, near):
     ).q
 
 
-def driving(found):
+def driving(extremal):
     """Return the torques (time, redundancy) that drive the self-motion, relative to all torques there are."""
-    motion, arm = found.motion, found.motion.arm.mounted(gravity=(0.0, 0.0, 0.0))
-    bend = CubicSpline(motion.time, found.dq, axis=-2).derivative()(motion.time)
-    torque = dynamics.inverse_dynamics(arm, motion.q, found.dq, bend)
+    motion, arm = extremal.motion, extremal.motion.arm.mounted(gravity=(0.0, 0.0, 0.0))
+    bend = CubicSpline(motion.time, extremal.dq, axis=-2).derivative()(motion.time)
+    torque = dynamics.inverse_dynamics(arm, motion.q, extremal.dq, bend)
     task = task_of(motion.arm, list(motion.tasks))
     normal = build_charts(task, motion.q[None]).null_space[0]
     return np.einsum("td,tdr->tr", torque, normal)[2:-2] / np.abs(torque).max()
@@ -101,15 +101,15 @@ def best(samples=26, tolerance=1e-7):
 @pytest.mark.parametrize("make", TASKS.values(), ids=TASKS.keys())
 def test_no_torque_drives_the_self_motion(make):
     task = make()
-    found = integrate_extremal(task, posture(task)[0], tolerance=1e-7)
-    assert np.abs(driving(found)).max() < 3e-4
-    assert found.motion.tracking_error.max() < 1e-9
+    extremal = integrate_extremal(task, posture(task)[0], tolerance=1e-7)
+    assert np.abs(driving(extremal)).max() < 3e-4
+    assert extremal.motion.tracking_error.max() < 1e-9
 
 
 def test_a_torque_drives_it_with_the_sign_as_printed():
-    found = integrate_extremal(paper(), np.array(BEST), tolerance=1e-6, as_printed=True)
-    assert np.abs(driving(found)).max() > 0.03
-    assert found.energy > 2 * best().energy
+    extremal = integrate_extremal(paper(), np.array(BEST), tolerance=1e-6, as_printed=True)
+    assert np.abs(driving(extremal)).max() > 0.03
+    assert extremal.energy > 2 * best().energy
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
@@ -131,12 +131,12 @@ def test_the_planner_s_optimum_comes_nearer_as_its_steps_are_halved():
     for samples in (26, 51):
         path = line(FROM, TO, duration=1.0, samples=samples)
         planned = plan(Tracking(tringali_3r("fitted"), path, objectives=[kinetic_energy]), starts=12).best
-        found = integrate_extremal(paper(samples), planned.motion.q[0], tolerance=1e-7)
-        apart.append(np.abs(found.motion.q - planned.motion.q).mean())
-        differ.append(float(kinetic_energy(found.motion) - planned.objective))
+        extremal = integrate_extremal(paper(samples), planned.motion.q[0], tolerance=1e-7)
+        apart.append(np.abs(extremal.motion.q - planned.motion.q).mean())
+        differ.append(float(kinetic_energy(extremal.motion) - planned.objective))
     assert 1.7 < apart[0] / apart[1] < 2.4
     assert differ[0] > 2 * differ[1] > 0  # the planner's is the least of its discretisation
-    assert abs(planned.objective - found.energy) < 5e-3 * found.energy
+    assert abs(planned.objective - extremal.energy) < 5e-3 * extremal.energy
 
 
 def gantry() -> Arm:
@@ -164,9 +164,9 @@ def test_a_gantry_moves_in_proportion_to_its_path():
     inertia = dynamics.inertia_matrix(arm, np.zeros(4))
     spread = np.linalg.solve(inertia, jacobian.T)
     weighted = spread @ np.linalg.inv(jacobian @ spread)
-    found = integrate_extremal(task, np.zeros(4), rates=drift)
+    extremal = integrate_extremal(task, np.zeros(4), rates=drift)
     expected = (path.positions - path.positions[0]) @ weighted.T + task.times[:, None] * drift
-    np.testing.assert_allclose(found.motion.q, expected, atol=1e-8)
+    np.testing.assert_allclose(extremal.motion.q, expected, atol=1e-8)
 
 
 def test_a_motion_run_backwards_is_a_motion_of_the_path_run_backwards():
@@ -196,8 +196,8 @@ def test_each_motion_of_a_batch_is_what_it_is_alone():
 
 def test_gravity_plays_no_part_and_a_start_of_the_task_s_own_is_taken():
     hung = tringali_3r("fitted").mounted(gravity=(0.0, -9.81, 0.0))
-    found = integrate_extremal(paper(arm=hung, start=best().motion.q[0]), tolerance=1e-7)
-    np.testing.assert_allclose(found.motion.q, best().motion.q, atol=1e-9)
+    extremal = integrate_extremal(paper(arm=hung, start=best().motion.q[0]), tolerance=1e-7)
+    np.testing.assert_allclose(extremal.motion.q, best().motion.q, atol=1e-9)
 
 
 def test_shapes_and_types_hold_where_they_are_checked():
@@ -216,19 +216,22 @@ def shot():
 
 
 def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
-    task, found = shot()
-    np.testing.assert_allclose(found.motion.q[0, 0], BEST, atol=1e-4)
-    assert (np.diff(found.energy) > 0).all()
-    inertia, normal = dynamics.inertia_matrix(task.arm, found.motion.q), build_charts(task, found.motion.q).null_space
-    momentum = np.abs(np.einsum("mtd,mtde,mter->mt", found.dq, inertia, normal))
+    task, extremals = shot()
+    np.testing.assert_allclose(extremals.motion.q[0, 0], BEST, atol=1e-4)
+    assert (np.diff(extremals.energy) > 0).all()
+    inertia, normal = (
+        dynamics.inertia_matrix(task.arm, extremals.motion.q),
+        build_charts(task, extremals.motion.q).null_space,
+    )
+    momentum = np.abs(np.einsum("mtd,mtde,mter->mt", extremals.dq, inertia, normal))
     assert (momentum[:, [0, -1]].max(axis=1) < 1e-2 * momentum.max(axis=1)).all()
 
 
 def test_energy_rises_all_around_a_minimum_and_falls_somewhere_beside_a_saddle():
-    task, found = shot()
-    assert found.minimum.tolist() == [True, True, False]
-    around, steps = build_charts(task, found.motion.q), 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None]
-    for i, minimum in enumerate(found.minimum):
+    task, extremals = shot()
+    assert extremals.minimum.tolist() == [True, True, False]
+    around, steps = build_charts(task, extremals.motion.q), 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None]
+    for i, minimum in enumerate(extremals.minimum):
         rises = []
         for shape in range(4):
             y = steps * np.cos(shape * np.pi * task.times)[:, None]
@@ -242,10 +245,10 @@ def test_shooting_takes_any_degree_of_redundancy():
     task = paper(26, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
     q = posture(task, 30)
     promising = np.argsort(integrate_extremal(task, q, tolerance=1e-5).energy)[:1]
-    found = shoot_extremals(task, q[promising], tolerance=1e-6)
-    beside = led(task, found.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
-    assert found.minimum[0]
-    assert (integrate_extremal(task, beside, tolerance=1e-6).energy > found.energy[0]).all()
+    extremals = shoot_extremals(task, q[promising], tolerance=1e-6)
+    beside = led(task, extremals.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
+    assert extremals.minimum[0]
+    assert (integrate_extremal(task, beside, tolerance=1e-6).energy > extremals.energy[0]).all()
 
 
 def test_self_motion_of_the_panda_costs_energy_either_way():
@@ -254,9 +257,9 @@ def test_self_motion_of_the_panda_costs_energy_either_way():
     slopes = task_errors(task.arm, task.tasks, q[None], task.targets[:1])[1][..., 0]
     away = z @ np.linalg.svd(slopes)[2][3:]
     rates = np.concatenate([np.zeros((1, 7)), away, -away])
-    found = integrate_extremal(task, np.tile(q, (13, 1)), rates=rates, tolerance=1e-7)
-    assert found.motion.tracking_error.max() < 1e-9
-    assert (found.energy[1:7] + found.energy[7:] > 2 * found.energy[0]).all()
+    extremal = integrate_extremal(task, np.tile(q, (13, 1)), rates=rates, tolerance=1e-7)
+    assert extremal.motion.tracking_error.max() < 1e-9
+    assert (extremal.energy[1:7] + extremal.energy[7:] > 2 * extremal.energy[0]).all()
 
 
 def test_tasks_and_arms_that_have_no_such_motion_are_refused():

@@ -22,8 +22,8 @@ def test_paths_are_the_papers():
     np.testing.assert_allclose(path.positions[371], wan_2018.ENDS["experiment"][1][0], atol=1e-12)
     np.testing.assert_allclose(path.positions[[0, -1]], [wan_2018.ENDS["experiment"][0][0]] * 2, atol=1e-12)
     turned = Rotation.from_quat(wan_2018.simulation().quaternions[-1], scalar_first=True)
-    wanted = Rotation.from_euler("ZYZ", wan_2018.ENDS["simulation"][1][1], degrees=True)
-    assert (turned.inv() * wanted).magnitude() < 1e-9
+    expected = Rotation.from_euler("ZYZ", wan_2018.ENDS["simulation"][1][1], degrees=True)
+    assert (turned.inv() * expected).magnitude() < 1e-9
 
 
 def test_the_modified_trapezoid_has_its_textbooks_peaks():
@@ -36,12 +36,12 @@ def test_the_modified_trapezoid_has_its_textbooks_peaks():
 
 def test_starts_are_within_the_limits_and_on_the_first_pose():
     path, arm = wan_2018.simulation(), pk.arms.wan_7r()
-    found = start_postures(path, 60)
-    assert len(found) > 5
-    assert ((found >= arm.position_limits[:, 0]) & (found <= arm.position_limits[:, 1])).all()
-    motion = pk.resolve(arm, path, paper_methods("Table 2")["WLN"], start=found, unreachable="track")
+    postures = start_postures(path, 60)
+    assert len(postures) > 5
+    assert ((postures >= arm.position_limits[:, 0]) & (postures <= arm.position_limits[:, 1])).all()
+    motion = pk.resolve(arm, path, paper_methods("Table 2")["WLN"], start=postures, unreachable="track")
     assert np.abs(motion.traces.errors[:, 0]).max() < 1e-9
-    assert worst_errors(motion).shape == (len(found), 6)
+    assert worst_errors(motion).shape == (len(postures), 6)
 
 
 @pytest.mark.parametrize("table", ["Table 2", "Table 3"])

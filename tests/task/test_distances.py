@@ -55,8 +55,10 @@ def distance_by_search(obstacle, starts, ends):
         left, right = low + (high - low) / 3, high - (high - low) / 3
         at_left, at_right = (distance_of_points(obstacle, starts + s[:, None] * (ends - starts)) for s in (left, right))
         low, high = np.where(at_left > at_right, left, low), np.where(at_left > at_right, high, right)
-    least = [distance_of_points(obstacle, starts + s[:, None] * (ends - starts)) for s in (0 * low, low, 0 * low + 1)]
-    return np.min(least, axis=0)
+    distances = [
+        distance_of_points(obstacle, starts + s[:, None] * (ends - starts)) for s in (0 * low, low, 0 * low + 1)
+    ]
+    return np.min(distances, axis=0)
 
 
 def random_segments(count, seed=3):

@@ -85,8 +85,8 @@ def by_hand(name, motion):
     if name == "joint_limit_nearness":
         return quadrature(motion, [nearness(q[i][0], -1.0, 2.0) + nearness(q[i][1], -2.0, 2.0) for i in samples])
     if name == "velocity_limit_nearness":
-        most = {0: 30.0, 1: 40.0, 3: 50.0}
-        return quadrature(motion, [sum(nearness(v[i][j], -most[j], most[j]) for j in most) for i in samples])
+        limits = {0: 30.0, 1: 40.0, 3: 50.0}
+        return quadrature(motion, [sum(nearness(v[i][j], -limits[j], limits[j]) for j in limits) for i in samples])
     if name == "manipulability":
         planes = [jacobian(arm, q[i])[:2] for i in samples]
         return quadrature(motion, [np.sqrt(np.linalg.det(plane @ plane.T)) for plane in planes]) / duration
@@ -96,12 +96,12 @@ def by_hand(name, motion):
         return max(abs(torques[i][j]) for i in samples for j in range(4))
     if name == "jerk":
         return quadrature(motion, [jerk @ jerk for jerk in motion.jerk])
-    least = np.inf
+    clearance = np.inf
     for nodes in motion.links:
         for start, end in pairwise(nodes):
             points = start + np.linspace(0, 1, 2001)[:, None] * (end - start)
-            least = min(least, np.linalg.norm(points - BALL.center, axis=1).min())
-    return least - BALL.radius - motion.link_radius
+            clearance = min(clearance, np.linalg.norm(points - BALL.center, axis=1).min())
+    return clearance - BALL.radius - motion.link_radius
 
 
 @every_motion

@@ -39,8 +39,8 @@ def test_sums_and_rates_are_those_of_the_motion(make):
     values = program.evaluators.value(inputs)
     motion = task.motion(q)
     found = values[: program.sums] @ task.weights
-    wanted = [o(motion) * o.sign for o in task.objectives]
-    assert found == pytest.approx(wanted, rel=1e-12)
+    expected = [o(motion) * o.sign for o in task.objectives]
+    assert found == pytest.approx(expected, rel=1e-12)
     n = task.arm.dof
     assert np.allclose(inputs[n : 2 * n].T, motion.dq, rtol=0, atol=1e-10 * np.abs(motion.dq).max())
     torque = [i for i, row in enumerate(program.rows) if row.startswith("torque")]

@@ -55,12 +55,12 @@ def gears_at(actuation, angle, front):
 
 def fastest_at(actuation, gears, torque):
     """The highest joint speed with given gears, each motor at its limit; NaN where one cannot bear its effort."""
-    found = 0.0
+    speed = 0.0
     for gear, curve in zip(gears, (actuation.front, actuation.back), strict=True):
         share = gear * torque / curve.stall * np.sign(gear)
         room = {"diamond": 1 - abs(share), "strip": np.minimum(1.0, 1 - share), "box": np.ones_like(share)}[curve.shape]
-        found = found + np.where(abs(share) <= 1.0, abs(gear) * curve.fastest * room, np.nan)
-    return found
+        speed = speed + np.where(abs(share) <= 1.0, abs(gear) * curve.fastest * room, np.nan)
+    return speed
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -69,8 +69,8 @@ def test_no_place_of_thousands_turns_a_joint_faster_however_little_it_can_hold_b
     rng = np.random.default_rng(seed)
     actuation = reaching(rng, shape)
     front = np.linspace(*actuation.front_bounds[0], PLACES)[:, None]
-    least, most = actuation.angle_bounds[0]
-    angle = np.repeat(least + (most - least) * rng.uniform(0.0, 1.0, 12), len(SHARES))
+    lowest_angle, highest_angle = actuation.angle_bounds[0]
+    angle = np.repeat(lowest_angle + (highest_angle - lowest_angle) * rng.uniform(0.0, 1.0, 12), len(SHARES))
     q = (actuation.zero + actuation.bend * angle)[:, None]
     able = torque_capacity(actuation, q)[0]
     gears = gears_at(actuation, angle, front)
@@ -78,16 +78,16 @@ def test_no_place_of_thousands_turns_a_joint_faster_however_little_it_can_hold_b
         hold = np.min([actuation.front.stall / abs(gears[0]), actuation.back.stall / abs(gears[1])], axis=0)
     assert (np.nan_to_num(hold).max(axis=0) <= np.nan_to_num(able[:, 0]) * (1 + 1e-9)).all()
     torque = able * np.tile(SHARES, 12)[:, None] * rng.choice([-1.0, 1.0], len(q))[:, None]
-    found = joint_speeds(actuation, q, torque)
-    assert np.array_equal(np.isnan(found.high), np.isnan(able))
-    for ours, place, turned in ((found.high, found.front_high, torque), (-found.low, found.front_low, -torque)):
+    speeds = joint_speeds(actuation, q, torque)
+    assert np.array_equal(np.isnan(speeds.high), np.isnan(able))
+    for ours, place, turned in ((speeds.high, speeds.front_high, torque), (-speeds.low, speeds.front_low, -torque)):
         brute = np.nan_to_num(fastest_at(actuation, gears, turned[:, 0]), nan=0.0).max(axis=0)
         assert (brute <= np.nan_to_num(ours[:, 0]) * (1 + 1e-9)).all()
         held = ~np.isnan(ours[:, 0])
         own = fastest_at(actuation, gears_at(actuation, angle[held], place[held, 0]), turned[held, 0] * (1 - 1e-9))
-        kept = ~np.isnan(own)  # at its very bound a slider may be a rounding past it
-        assert kept.mean() > 0.5
-        assert own[kept] == pytest.approx(ours[held, 0][kept], rel=1e-4)
+        fits = ~np.isnan(own)  # at its very bound a slider may be a rounding past it
+        assert fits.mean() > 0.5
+        assert own[fits] == pytest.approx(ours[held, 0][fits], rel=1e-4)
 
 
 @pytest.mark.parametrize("shape", SHAPES)

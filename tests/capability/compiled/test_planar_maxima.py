@@ -112,7 +112,7 @@ class Drawn:
 @pytest.fixture(scope="module", params=["velocity", "force"])
 def compared(request):
     """Of many arms: the arm, what was found (None for nothing), and the most of all postures looked at."""
-    found = []
+    cases = []
     for seed in range(ARMS):
         drawn = Drawn(seed)
         values = drawn.values(drawn.postures(), request.param)
@@ -121,8 +121,8 @@ def compared(request):
             polygon = drawn.maxima(request.param)
         except Infeasible:
             polygon = None
-        found.append((drawn, polygon, swept))
-    return request.param, found
+        cases.append((drawn, polygon, swept))
+    return request.param, cases
 
 
 def test_where_some_posture_holds_one_is_found(compared):
@@ -139,8 +139,8 @@ def test_no_posture_of_thousands_does_more(compared):
 
 
 def test_what_is_found_can_be_done_by_other_formulae(compared):
-    quantity, found = compared
-    for drawn, polygon, _ in found:
+    quantity, cases = compared
+    for drawn, polygon, _ in cases:
         if polygon is None:
             continue
         q = polygon.q

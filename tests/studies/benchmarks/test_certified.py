@@ -80,9 +80,9 @@ def honest(subject, middle):
 def spoiled(subject, middle):
     """The same point, moved along the self-motion by a hundredth of a radian."""
     at = linearise(subject.program, subject.q[middle])
-    found = within(at, random_step(at, 1e-2, np.random.default_rng(1)), level=False)
-    assert found is not None
-    return point_of(subject, found)
+    steps = within(at, random_step(at, 1e-2, np.random.default_rng(1)), level=False)
+    assert steps is not None
+    return point_of(subject, steps)
 
 
 def test_an_honest_point_is_dominated_neither_by_ipopt_nor_by_random_steps(honest):
@@ -107,10 +107,10 @@ def test_what_ipopt_gains_costs_no_objective_anything(spoiled, monkeypatch):
         return ended[-1], 0
 
     monkeypatch.setattr(type(spoiled.peer), "solve", watched)
-    found = ipopt_attempt(spoiled, 0, 0, warm=True)
+    attempt = ipopt_attempt(spoiled, 0, 0, warm=True)
     risen = (objectives(spoiled.task, ended[-1]) - spoiled.values[0]) / spoiled.ranges
-    assert found.counts
-    assert found.gain == pytest.approx(-risen.min(), rel=1e-6)
+    assert attempt.counts
+    assert attempt.gain == pytest.approx(-risen.min(), rel=1e-6)
     assert risen.max() <= 1e-9
 
 
@@ -127,11 +127,11 @@ def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, mo
     steps = (within(at, random_step(at, 1e-4, np.random.default_rng(k)), level=False) for k in range(20))
     subject_end = next(q for q in steps if objectives(honest.task, q)[1] > honest.values[0, 1])
     monkeypatch.setattr(type(honest.peer), "solve", solve)
-    found = ipopt_attempt(honest, 0, 0, warm=True)
+    attempt = ipopt_attempt(honest, 0, 0, warm=True)
     rise = objectives(honest.task, subject_end)[1] - honest.values[0, 1]
     assert asked == pytest.approx([honest.values[0, 1], honest.values[0, 1] - 2 * rise], rel=1e-12)
-    assert found.counts
-    assert found.gain == pytest.approx(0.0, abs=1e-11)
+    assert attempt.counts
+    assert attempt.gain == pytest.approx(0.0, abs=1e-11)
 
 
 def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subject, middle):
@@ -142,8 +142,8 @@ def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subjec
         moved = at.displacement(step)
         assert np.sqrt(np.mean(np.sum(moved**2, axis=1))) == pytest.approx(size)
         assert np.abs(np.einsum("trj,tj->tr", at.path_jacobian, moved)).max() < 1e-12
-    found = perturbations(subject, middle, 40, np.random.default_rng(0))
-    assert sum(one.counts for one in found) > 20
+    motions = perturbations(subject, middle, 40, np.random.default_rng(0))
+    assert sum(one.counts for one in motions) > 20
 
 
 def test_steps_that_leave_the_limits_are_bent_back(subject):
@@ -186,10 +186,10 @@ def test_exchange_rates_agree_with_differences_and_wrong_ones_are_lost(subject):
 
 def test_quotients_at_a_kink_are_held_against_the_interval(subject):
     point, i, j = next(pairs(subject))
-    found = compare_rate(subject, point, i, j)
-    assert found is not None
-    wide = replace(found, interval=found.rate * np.array([1.1, 0.9]))
-    aside = replace(found, interval=found.rate * np.array([1.3, 1.2]))
+    quotient = compare_rate(subject, point, i, j)
+    assert quotient is not None
+    wide = replace(quotient, interval=quotient.rate * np.array([1.1, 0.9]))
+    aside = replace(quotient, interval=quotient.rate * np.array([1.3, 1.2]))
     assert not wide.unique
     assert wide.off == 0.0
     assert aside.off == pytest.approx(0.2, rel=1e3 * STEPS[0])

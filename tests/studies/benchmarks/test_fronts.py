@@ -52,12 +52,12 @@ def form_of(name):
 def table(**level):
     """Return scores of the cells, whose hypervolume is the sum of the levels of those factors that they have."""
     noise = np.random.default_rng(0).normal(0.0, 0.01, 11)
-    found = {}
+    scores = {}
     for name, cell in methods.CELLS.items():
         has = {"MaxiMin": cell.maximin, "seeding": cell.seeded, "refinement": cell.refined}
         value = 0.5 + sum(worth for factor, worth in level.items() if has[factor])
-        found[name] = [{"hypervolume": value + n, "IGD+": 1 - value - n, "epsilon": 1.0} for n in noise]
-    return found
+        scores[name] = [{"hypervolume": value + n, "IGD+": 1 - value - n, "epsilon": 1.0} for n in noise]
+    return scores
 
 
 def test_every_combination_of_the_factors_occurs_once_and_every_pair_of_levels_twice():
@@ -190,11 +190,11 @@ def test_losses_come_first_and_are_counted():
     rng = np.random.default_rng(3)
     names = [running.OURS, running.PLAIN, running.EPSILON, "weak", "strong"]
     centre = dict(zip(names, (0.5, 0.5, 0.5, 0.3, 0.9), strict=True))
-    found = {
+    scores = {
         name: [{"hypervolume": v, "IGD+": 1 - v, "epsilon": 1 - v} for v in centre[name] + rng.normal(0, 0.01, 31)]
         for name in names
     }
-    rows = judging.comparison_rows(judging.comparisons("case", "evaluations", found))
+    rows = judging.comparison_rows(judging.comparisons("case", "evaluations", scores))
     compared = [row for row in rows if row.table == judging.COMPARED]
     verdicts = [row.note.split(";")[0] for row in compared]
     assert verdicts == ["LOSS"] * 9 + ["win"] * 9
@@ -205,8 +205,8 @@ def test_losses_come_first_and_are_counted():
 
 def test_methods_that_find_nothing_at_all_are_undecided_or_equal_not_nan():
     names = [running.OURS, running.PLAIN, running.EPSILON, "peer"]
-    found = {name: [judging.score_or_corner(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
-    rows = judging.comparison_rows(judging.comparisons("case", "CPU time", found))
+    scores = {name: [judging.score_or_corner(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
+    rows = judging.comparison_rows(judging.comparisons("case", "CPU time", scores))
     assert {row.note.split(";")[0] for row in rows if row.table == judging.COMPARED} <= {"undecided", "equal"}
 
 
@@ -298,6 +298,6 @@ def test_what_cannot_be_run_is_refused(words, capsys):
 @pytest.mark.parametrize(("does", "said"), [(partial(time.sleep, 60), "did not end"), (os.abort, "crashed")])
 def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, does, said):
     with ProcessPool(1, context=get_context("spawn")) as pool:
-        found = running._ended(pool.schedule(does, timeout=1.0), "energy_torque", "a peer")
-    assert found.F.shape == (0, 2)
+        outcome = running._ended(pool.schedule(does, timeout=1.0), "energy_torque", "a peer")
+    assert outcome.F.shape == (0, 2)
     assert capsys.readouterr().err.startswith(f"a peer {said}")
