@@ -9,13 +9,11 @@ posture serves several, and that power is weighed against speed, is new.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
@@ -25,14 +23,9 @@ from paretoik.capability.posture_samples import sample_holdable_postures, statio
 from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
-from paretoik.formulations.dense_points import dense_front_points, dense_individuals
-from paretoik.formulations.protocol import Individuals
-from paretoik.formulations.violations import explain_worst
-from paretoik.front.front import Front
+from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.program import Solver
-from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.inverse_kinematics import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
@@ -51,7 +44,7 @@ class GeneRanges:
 RANGES = GeneRanges()
 
 
-class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
+class DirectionalMaxima(DenseFormulation):
     """Find postures (and sliders) that are fast along several directions at once: a vectorised pymoo problem.
 
     Objectives: ``speed_1``, ``speed_2``, ..., how fast the tool can go along each direction from one posture with its
@@ -103,13 +96,14 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.position = finite_array("position", position, (task,))
         self.directions = unit_directions(directions, task)
         count = len(self.directions)
-        self.names: Sequence[str] = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
-        self.units: Sequence[str] = (*("m/s",) * count, *(("W",) if power else ()))
-        self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
+        self.names = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
+        self.units = (*("m/s",) * count, *(("W",) if power else ()))
+        self.maximised = (*(True,) * count, *((False,) if power else ()))
         self.still = stationary_task(arm, self.position)
         self.configurations = Configurations(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
         postures = sample_holdable_postures(arm, actuation, self.position, starts, np.random.default_rng(seed))
         self.bases = self.configurations.bases(postures)
+        self.base_count = len(self.bases)
         free = self.still.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
         beside, mixed = np.full(free, RANGES.self_motion), np.full(count * free, RANGES.speed)
@@ -136,15 +130,12 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
     def configuration(self, genes: Genes) -> Configuration:
         """Return the postures, sliders and speeds of genes (points, n_var)."""
         part = self._parts(genes)
-        which = np.minimum((part["place"][:, 0] * len(self.bases)).astype(int), len(self.bases) - 1)
+        which = self.base_indices(genes)
         across, along = (each[which] for each in self.frames)
         base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
         targets = np.repeat(self.still.targets[:1], len(genes), axis=0)
         retracted = retract(self.arm, self.still.tasks, base, targets, across)
-        front = np.zeros_like(retracted.q)
-        if isinstance(self.actuation, DistributedActuation):
-            low, high = self.actuation.front_bounds.T
-            front = low + part["front"] * (high - low)
+        front = front_sliders(self.actuation, part["front"])
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
         off_path = retracted.error > ON_PATH_TOLERANCE
         return self.configurations.with_speeds(retracted.q, front, part["pace"], mixed, off_path)
@@ -163,25 +154,6 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             costs=costs / divisors[:, None],
             objective_names=tuple(self.names),
         )
-
-    def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
-        """Return the points of a front's genes."""
-        return dense_front_points(self, front)
-
-    def individuals(self, x: Float[np.ndarray, "points unknowns"], genes: Genes | None = None) -> Individuals:
-        """Return points as individuals, with genes that stand for them."""
-        return dense_individuals(self, x, genes)
-
-    def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
-        """Return the number of the base that each point is nearest to."""
-        return [str(int(place * len(self.bases))) for place in self.genes(x)[:, 0]]
-
-    def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
-    ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts, each by itself."""
-        x = self.points(self.sample_starts(starts, np.random.default_rng(seed)))
-        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
 
     @cached_property
     def size(self) -> float:
@@ -219,8 +191,7 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         dq = motors[:, :, 0]
         if isinstance(self.actuation, DistributedActuation):
             front = np.array([part["front"] for part in parts])
-            low, high = self.actuation.front_bounds.T
-            genes.append(np.clip((front - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0))
+            genes.append(np.clip(slider_shares(self.actuation, front), 0.0, 1.0))
             ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
             dq = (ratios[:, None] * motors).sum(axis=2)
         fastest, ranges, free = self.configurations.fastest(q, front)
@@ -230,20 +201,10 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return clipped
 
-    def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return 0 (points,): a posture has nothing between samples."""
-        return np.zeros(len(genes))
-
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
-        arm = self.arm
-        bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
-        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names, arm.position_limits]
-        return [*parts, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
-
-    def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual which limit is violated most, in words; "" where none is."""
-        return explain_worst(self.constraint_names, self.constraint_units, self.configuration(genes).excess)
+        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names]
+        return [*parts, *self.arm_fingerprint()]
 
     @cached_property
     def _unscaled(self) -> DirectionalProgram:

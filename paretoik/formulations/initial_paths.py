@@ -14,6 +14,7 @@ from paretoik.capability.posture_samples import restrict_to_rods, sample_holdabl
 from paretoik.capability.posture_values import gravity_torques
 from paretoik.capability.timing import minimum_timing
 from paretoik.errors import Infeasible, OutOfReach
+from paretoik.formulations.dense_formulation import front_sliders, slider_shares
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
@@ -119,10 +120,7 @@ def find_initial_paths(
     splines = _fit_spline(basis, q_samples)
     shares = _initial_sliders(actuation, arm, basis, splines)
     splines = np.repeat(splines, len(shares) // len(splines), axis=0)
-    q, front = basis @ splines, np.zeros((len(splines), samples, arm.dof))
-    if isinstance(actuation, DistributedActuation):
-        low, high = actuation.front_bounds.T
-        front = low + (basis @ shares) * (high - low)
+    q, front = basis @ splines, front_sliders(actuation, basis @ shares)
     empty = InitialPaths(
         arm=arm,
         actuation=actuation,
@@ -199,8 +197,7 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
         return np.zeros_like(coefficients)
     q = basis @ coefficients
     speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
-    low, high = actuation.front_bounds.T
-    fastest = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
+    fastest = np.where(np.isnan(speeds.high), np.nan, slider_shares(actuation, speeds.front_high))
     best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
     fixed = np.linspace(0.0, 1.0, OPTIONS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
@@ -212,10 +209,9 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
 def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
     """Return the middle of the front sliders' ranges in which back sliders are within their bounds, as shares."""
     shares = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1)
-    low, high = actuation.front_bounds.T
     fits = list[np.ndarray]()
     for share in shares:
-        back = actuation.gears(q, np.broadcast_to(low + share * (high - low), q.shape))[0]
+        back = actuation.gears(q, front_sliders(actuation, np.full(q.shape, share)))[0]
         fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
     count = np.maximum(np.sum(fits, axis=0), 1)
     middle: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count

@@ -10,14 +10,12 @@ weighed against energy is new.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
@@ -25,15 +23,10 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.dense_points import dense_front_points, dense_individuals
+from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
-from paretoik.formulations.protocol import Individuals
-from paretoik.formulations.violations import explain_worst
-from paretoik.front.front import Front
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.program import Solver
-from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
@@ -58,7 +51,7 @@ class PointToPointOptions:
 OPTIONS = PointToPointOptions()
 
 
-class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
+class PointToPoint(DenseFormulation):
     """Bring the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 
     Objectives: ``duration`` [s], the least time in which motors can follow, each within its curve under the load of
@@ -88,9 +81,9 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         Where motors can hold the arm along no path, naming joint, torque and limit.
     """
 
-    names: Sequence[str] = ("duration", "energy")
-    units: Sequence[str] = ("s", "J")
-    maximised: Sequence[bool] = (False, False)
+    names = ("duration", "energy")
+    units = ("s", "J")
+    maximised = (False, False)
     constraint_names = ("ends", "joint limits", "motors", "sliders")
     constraint_units = ("times what is accepted", "rad or m", "of what they can bear", "of the rod")
 
@@ -125,6 +118,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.initial_paths: InitialPaths = find_initial_paths(
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
+        self.base_count = len(self.initial_paths.q)
         size, beyond = self.initial_paths.size, OPTIONS.slider_overshoot
         slides = size * isinstance(actuation, DistributedActuation)
         low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -beyond)])
@@ -134,7 +128,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
         """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off [m]."""
         paths, count = self.initial_paths, len(genes)
-        which = np.minimum((genes[:, 0] * len(paths.q)).astype(int), len(paths.q) - 1)
+        which = self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
         error = np.zeros(count)
         for end, still in zip((0, -1), self._ends, strict=True):
@@ -143,32 +137,29 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
             retracted = retract(self.arm, still.tasks, np.ascontiguousarray(q[:, end]), targets, across)
             q[:, end] = retracted.q
             error = np.maximum(error, retracted.error)
-        front = np.zeros_like(q)
-        if isinstance(self.actuation, DistributedActuation):
-            low, high = self.actuation.front_bounds.T
-            front = low + genes[:, 1 + paths.size :].reshape(q.shape) * (high - low)
-        return q, front, error
+        if not isinstance(self.actuation, DistributedActuation):
+            return q, np.zeros_like(q), error
+        return q, front_sliders(self.actuation, genes[:, 1 + paths.size :].reshape(q.shape)), error
 
     def timing(self, genes: Genes) -> Timing:
         """Return the least times and the work of genes (points, n_var)."""
-        paths = self.initial_paths
-        q, front, _ = self.profiles(genes)
-        return minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
+        return minimum_timing(self.arm, self.actuation, *self._samples(genes)[:2])
+
+    def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
+        """Return positions and front sliders (points, time, dof) at the samples, and how far ends are off [m]."""
+        q, front, error = self.profiles(genes)
+        return self.initial_paths.spline @ q, self.initial_paths.spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
         """Return front and back sliders at the samples [m]; None without any."""
-        paths = self.initial_paths
         if not isinstance(self.actuation, DistributedActuation):
             return None
-        q, front, _ = self.profiles(genes)
-        places = paths.spline @ front
-        return np.stack([places, self.actuation.gears(paths.spline @ q, places)[0]], axis=2)
+        q, front, _ = self._samples(genes)
+        return np.stack([front, self.actuation.gears(q, front)[0]], axis=2)
 
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, time, dof) of genes, each with its own times."""
-        paths = self.initial_paths
-        q, front, _ = self.profiles(genes)
-        q, front = paths.spline @ q, paths.spline @ front
+        q, front, _ = self._samples(genes)
         steps = np.nan_to_num(minimum_timing(self.arm, self.actuation, q, front).intervals, nan=1.0)
         ends = np.cumsum(np.maximum(steps, OPTIONS.shortest_interval), axis=1)
         return Motion(arm=self.arm, time=np.concatenate([np.zeros((len(q), 1)), ends], axis=1), q=q)
@@ -178,25 +169,6 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         divisors = np.ones(self.n_obj) if scales is None else scales
         costs = self._unscaled.costs / divisors[:, None]
         return DenseProgram(rows=self._unscaled.program, costs=costs, objective_names=tuple(self.names))
-
-    def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
-        """Return the points of a front's genes."""
-        return dense_front_points(self, front)
-
-    def individuals(self, x: Float[np.ndarray, "points unknowns"], genes: Genes | None = None) -> Individuals:
-        """Return points as individuals, with genes that stand for them."""
-        return dense_individuals(self, x, genes)
-
-    def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
-        """Return the number of the base that each point is nearest to."""
-        return [str(int(place * len(self.initial_paths.q))) for place in self.genes(x)[:, 0]]
-
-    def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
-    ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts, each by itself."""
-        x = self.points(self.sample_starts(starts, np.random.default_rng(seed)))
-        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
@@ -213,9 +185,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         which = np.abs(difference).max(axis=(2, 3)).argmin(axis=1)
         genes = [((which + 0.5) / len(paths.q))[:, None], difference[np.arange(len(q)), which].reshape(len(q), -1)]
         if isinstance(self.actuation, DistributedActuation):
-            low, high = self.actuation.front_bounds.T
-            share = (front - low) / np.where(high > low, high - low, 1.0)
-            genes.append(share.reshape(len(q), -1))
+            genes.append(slider_shares(self.actuation, front).reshape(len(q), -1))
         clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return clipped
 
@@ -248,15 +218,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, ends and bases."""
-        paths = self.initial_paths
-        arm = self.arm
-        bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
-        parts = [self.actuation.table, self.start, self.target, paths.q, paths.spline, arm.position_limits]
-        return [*parts, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
-
-    def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual which limit is violated most, in words; "" where none is."""
-        return explain_worst(self.constraint_names, self.constraint_units, self.evaluate(genes, return_values_of=["G"]))
+        parts = [self.actuation.table, self.start, self.target, self.initial_paths.q, self.initial_paths.spline]
+        return [*parts, *self.arm_fingerprint()]
 
     @cached_property
     def _ends(self) -> tuple[MotionTask, MotionTask]:
@@ -276,12 +239,10 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         )
 
     def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:
-        q, front, error = self.profiles(X)
-        paths = self.initial_paths
-        q, front = paths.spline @ q, paths.spline @ front
+        q, front, error = self._samples(X)
         with np.errstate(invalid="ignore"):
             timing = minimum_timing(self.arm, self.actuation, q, front)
-            past = paths.past(q, front)
+            past = self.initial_paths.past(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
         G = np.stack(
             [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - LIMIT_TOLERANCE)],
