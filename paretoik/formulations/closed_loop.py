@@ -94,7 +94,10 @@ class ClosedLoop:
         self.objectives = tuple(as_step_objective(each) for each in objectives)
         if not self.objectives:
             raise InvalidInput("objectives: wants at least one, got none")
-        if len(set(self.names)) != len(self.names):
+        self.names = tuple(each.name for each in self.objectives)
+        self.signs = np.array([each.sign for each in self.objectives])
+        self.n_obj = len(self.objectives)
+        if len(set(self.names)) != self.n_obj:
             raise InvalidInput(f"objectives: names must differ, got {', '.join(self.names)}")
         check_limits(limits)
         self.task = motion_task(
@@ -164,24 +167,9 @@ class ClosedLoop:
         return search_start(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the objectives."""
-        return tuple(each.name for each in self.objectives)
-
-    @property
     def named_weights(self) -> dict[str, float]:
         """The weights by objective."""
         return dict(zip(self.names, self.weights.tolist(), strict=True))
-
-    @property
-    def signs(self) -> Float[np.ndarray, " n_obj"]:
-        """−1 for each objective that is maximised, 1 for the others."""
-        return np.array([each.sign for each in self.objectives])
-
-    @property
-    def n_obj(self) -> int:
-        """Number of objectives."""
-        return len(self.objectives)
 
     @property
     def n_var(self) -> int:

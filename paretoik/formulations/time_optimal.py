@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, fields, replace
-from typing import Any
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +11,7 @@ from jaxtyping import Float
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
-from paretoik.resolution.parameters import Number, Parameter
+from paretoik.resolution.method import Method, Number, Parameter
 from paretoik.resolution.traces import HELD, STATUS, ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
@@ -30,7 +29,7 @@ class ControlTraces(Traces):
 
 
 @dataclass(frozen=True, eq=False)
-class TimeOptimalControl:
+class TimeOptimalControl(Method):
     """Time-optimal control from the first position of a path to its last, the tool as fast as ``model`` allows.
 
     The ways between are its own, and so are the times: motions come at as many samples as the path has, evenly spaced
@@ -65,14 +64,10 @@ class TimeOptimalControl:
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
         """Return the control with values (motions,) for some of its numbers; raise InvalidInput for unknown names."""
-        names = [each.name for each in fields(self)]
-        for name in values:
-            if name not in (*names, "correction"):
-                raise InvalidInput(f"TimeOptimalControl: one of {', '.join(names)}, correction wanted, got {name!r}")
-        changed: dict[str, Any] = {name: value for name, value in values.items() if name != "correction"}
-        if "correction" in values:
-            changed["gain"] = values["correction"] / changed.get("period", self.period)
-        return replace(self, **changed)
+        changed = dict(values)
+        if "correction" in changed:
+            changed["gain"] = changed.pop("correction") / changed.get("period", self.period)
+        return super().with_values(changed, times)
 
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None

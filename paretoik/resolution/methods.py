@@ -15,11 +15,11 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array
-from paretoik.resolution.criterion import Criterion as Criterion
+from paretoik.resolution.method import Criterion as Criterion
 from paretoik.resolution.method import Method as Method
+from paretoik.resolution.method import Number as Number
+from paretoik.resolution.method import Parameter as Parameter
 from paretoik.resolution.method import number
-from paretoik.resolution.parameters import Number as Number
-from paretoik.resolution.parameters import Parameter as Parameter
 from paretoik.task.objectives import Objective, kinetic_energy
 
 Variant = Literal["paper", "consistent"]
