@@ -24,9 +24,9 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.task import path_equations, path_jacobian
 from paretoik.task.traced_motion import TracedMotion, trace_sample_function
 
 
@@ -105,12 +105,9 @@ def horizon_program(
         weight = 1.0 + terminal if k == horizon - 1 else 1.0
         term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * weight)
         total = as_entry(tape, Expression(tape, total) + term)
-        links, first = link_frames(task.arm, list(q.entries)), 0
-        for each in task.tasks:
-            residuals = each.equations(task.arm, links, numbers[first : first + each.target_size])
-            equations += [as_entry(tape, one) for one in residuals]
-            jacobian += [as_entry(tape, one) for row in each.jacobian(task.arm, links) for one in row]
-            first += each.target_size
+        positions = list(q.entries)
+        equations += [as_entry(tape, one) for one in path_equations(task.arm, task.tasks, positions, numbers)]
+        jacobian += [as_entry(tape, one) for one in path_jacobian(task.arm, task.tasks, positions)]
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")

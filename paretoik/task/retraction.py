@@ -14,8 +14,7 @@ from jaxtyping import Bool, Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import link_frames
-from paretoik.task.task import Task
+from paretoik.task.task import Task, path_errors, path_jacobian
 
 ON_PATH_TOLERANCE = 1e-10  # m and rad: rounding may keep a long arm from Newton's tolerance, but not from this
 
@@ -107,14 +106,9 @@ def _error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     if key not in _EVALUATORS:
         tape = Tape()
         q: list[Any] = [tape.input() for _ in range(arm.dof)]
-        links = link_frames(arm, q)
-        errors: list[Any] = []
-        jacobian: list[Any] = []
-        for task in tasks:
-            targets: list[Any] = [tape.input() for _ in range(task.target_size)]
-            error, rows = task.errors(arm, links, targets)
-            errors, jacobian = errors + error, jacobian + [slope for row in rows for slope in row]
-        _EVALUATORS[key] = compile_evaluator(tape, [as_entry(tape, value) for value in (*errors, *jacobian)])
+        targets: list[Any] = [tape.input() for task in tasks for _ in range(task.target_size)]
+        values = [*path_errors(arm, tasks, q, targets), *path_jacobian(arm, tasks, q)]
+        _EVALUATORS[key] = compile_evaluator(tape, [as_entry(tape, value) for value in values])
         if len(_EVALUATORS) > OPTIONS.cache_size:
             _EVALUATORS.popitem(last=False)
     return _EVALUATORS[key]

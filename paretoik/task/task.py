@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -27,7 +27,7 @@ from paretoik.robot.components import (
     times,
     transpose,
 )
-from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components
+from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.path import Path
 
@@ -60,7 +60,7 @@ class Task:
             return
         if self.axes not in list(ROWS):
             raise InvalidInput(f"axes must be one of {', '.join(ROWS)}, got {self.axes!r}")
-        if self.axes in ("xy+angle", "xyz+z-axis", "pose") and self.path.quaternions is None:
+        if self.has_orientation and self.path.quaternions is None:
             raise InvalidInput(f"axes {self.axes!r} wants a path of poses, got a path of points")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
             raise InvalidInput("axes 'xyz' wants a path of 3-D points, got a path of 2-D points")
@@ -82,7 +82,7 @@ class Task:
 
     @property
     def rows(self) -> int:
-        """Number of equations a sample."""
+        """Number of equations of a sample."""
         return ROWS[self.axes or ""]
 
     @property
@@ -103,8 +103,8 @@ class Task:
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
         """Return the targets at times t [s]: position, then the rotation matrix by rows, if any."""
         positions, quaternions = self.path.at(t)
-        columns = [positions[:, :2] if self.axes in ("xy", "xy+angle") else positions]
-        if self.axes in ("xy+angle", "xyz+z-axis", "pose"):
+        columns = [positions[:, : self.position_rows]]
+        if self.has_orientation:
             assert quaternions is not None
             columns.append(quaternion_to_matrix(quaternions).reshape(-1, 9))
         return np.concatenate(columns, axis=1)
@@ -144,24 +144,18 @@ class Task:
             components += [vector[i] for i in self._rotation_axes]
         return components
 
-    def errors(
-        self, arm: Arm, links: LinkFrames, target: Sequence[Component]
-    ) -> tuple[list[Component], list[list[Component]]]:
-        """Return (error, Jacobian rows) as components, all of them expressions or numbers.
-
-        The Jacobian is that of the frame's motion in the same coordinates, so that J δq = error is Newton's step.
-        """
-        frame = _frame(arm, self.frame)
-        rotation, position = frame_components(arm, links, frame)
+    def errors(self, arm: Arm, links: LinkFrames, target: Sequence[Component]) -> list[Component]:
+        """Return the errors at a target as components, all of them expressions or numbers."""
+        rotation, position = frame_components(arm, links, _frame(arm, self.frame))
         size = self.position_rows
         error = [minus(target[i], position[i]) for i in range(size)]
         if self.has_orientation:
             vector = _orientation_error(self.axes or "", rotation, _matrix(target[size:]))
             error += [vector[i] for i in self._rotation_axes]
-        return error, self.jacobian(arm, links)
+        return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
-        """Return the Jacobian rows of ``errors`` as components."""
+        """Return the Jacobian rows of the frame's motion as components: J δq = error is Newton's step."""
         frame = _frame(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
@@ -194,6 +188,40 @@ class Task:
     def _rotation_axes(self) -> tuple[int, ...]:
         """Which entries of the rotation vector are equations."""
         return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
+
+
+def path_errors(
+    arm: Arm, tasks: Sequence[Task], q: Sequence[Component], targets: Sequence[Component]
+) -> list[Component]:
+    """Return the errors of all tasks at joint positions and targets, as components."""
+    return _over_tasks(Task.errors, arm, tasks, q, targets)
+
+
+def path_equations(
+    arm: Arm, tasks: Sequence[Task], q: Sequence[Component], targets: Sequence[Component]
+) -> list[Component]:
+    """Return the ``equations`` of all tasks at joint positions and targets, as components."""
+    return _over_tasks(Task.equations, arm, tasks, q, targets)
+
+
+def path_jacobian(arm: Arm, tasks: Sequence[Task], q: Sequence[Component]) -> list[Component]:
+    """Return the Jacobian of all tasks at joint positions, by rows, as components."""
+    links = link_frames(arm, q)
+    return [slope for task in tasks for row in task.jacobian(arm, links) for slope in row]
+
+
+def _over_tasks(
+    components: Callable[..., list[Component]],
+    arm: Arm,
+    tasks: Sequence[Task],
+    q: Sequence[Component],
+    targets: Sequence[Component],
+) -> list[Component]:
+    links, values, first = link_frames(arm, q), list[Component](), 0
+    for task in tasks:
+        values += components(task, arm, links, targets[first : first + task.target_size])
+        first += task.target_size
+    return values
 
 
 @lru_cache(maxsize=64)

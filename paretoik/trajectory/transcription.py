@@ -14,9 +14,9 @@ from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import limit_ranges
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.task import path_equations
 from paretoik.trajectory.functions import Functions, trace_functions
 from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Sparsity
 from paretoik.trajectory.stencil import stencil
@@ -159,13 +159,8 @@ def _path_equations(functions: Functions) -> list[int]:
     if task.cyclic:
         targets[-1] = targets[0]
     parameters: list[Any] = [motion.trace.parameter(column) for column in targets.T]
-    links, first = link_frames(task.arm, list(motion.q.entries)), 0
-    path: list[int] = []
-    for part in task.tasks:
-        equations = part.equations(task.arm, links, parameters[first:][: part.target_size])
-        path += [as_entry(motion.trace.tape, h) for h in equations]
-        first += part.target_size
-    return path
+    equations = path_equations(task.arm, task.tasks, list(motion.q.entries), parameters)
+    return [as_entry(motion.trace.tape, h) for h in equations]
 
 
 def _orders(task: MotionTask, columns: np.ndarray, whole_functions: Sequence[WholeFunction]) -> int:
