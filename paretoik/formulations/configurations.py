@@ -57,10 +57,9 @@ class Configurations:
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""
-        targets = np.repeat(self.still.targets[:1], len(q), axis=0)
-        slopes = np.moveaxis(task_errors(self.arm, self.still.tasks, q, targets)[1], -1, 0)
-        turned = np.linalg.qr(np.swapaxes(slopes, -1, -2), mode="complete")[0]
-        rows = slopes.shape[1]
+        jacobian = task_errors(self.arm, self.still.tasks, q, self.still.targets[0])[1]
+        turned = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")[0]
+        rows = self.still.rows
         return turned[..., :rows], turned[..., rows:]
 
     def fastest(self, q: np.ndarray, front: np.ndarray) -> tuple[Configuration, np.ndarray, np.ndarray]:

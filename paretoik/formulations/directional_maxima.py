@@ -133,8 +133,7 @@ class DirectionalMaxima(DenseFormulation):
         which = self.base_indices(genes)
         across, along = (each[which] for each in self.frames)
         base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
-        targets = np.repeat(self.still.targets[:1], len(genes), axis=0)
-        retracted = retract(self.arm, self.still.tasks, base, targets, across)
+        retracted = retract(self.arm, self.still.tasks, base, self.still.targets[0], across)
         front = front_sliders(self.actuation, part["front"])
         mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
         off_path = retracted.error > ON_PATH_TOLERANCE

@@ -242,12 +242,8 @@ def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 def _row_space_bases(task: MotionTask, q: np.ndarray) -> np.ndarray:
     """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
-    bases = list[np.ndarray]()
-    for end in (0, -1):
-        targets = np.repeat(task.targets[[end]], len(q), axis=0)
-        slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)
-        bases.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
-    return np.stack(bases, axis=1)
+    jacobian = task_errors(task.arm, task.tasks, q[:, [0, -1]], task.targets[[0, -1]])[1]
+    return np.linalg.qr(jacobian.swapaxes(-1, -2))[0]
 
 
 def _distinct(q: np.ndarray, order: np.ndarray, count: int) -> list[int]:

@@ -132,9 +132,7 @@ class PointToPoint(DenseFormulation):
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
         error = np.zeros(count)
         for end, still in zip((0, -1), self._ends, strict=True):
-            across = paths.across[which, end]
-            targets = np.repeat(still.targets[:1], count, axis=0)
-            retracted = retract(self.arm, still.tasks, np.ascontiguousarray(q[:, end]), targets, across)
+            retracted = retract(self.arm, still.tasks, q[:, end], still.targets[0], paths.across[which, end])
             q[:, end] = retracted.q
             error = np.maximum(error, retracted.error)
         if not isinstance(self.actuation, DistributedActuation):

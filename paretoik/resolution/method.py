@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
 
@@ -149,3 +149,18 @@ class Method:
         from paretoik.resolution.follow import follow  # here: it takes its time to load
 
         return follow(task, self, start, tolerance=tolerance)
+
+
+def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the batch that starts (*starts, dof) and a method's numbers make, or raise InvalidInput."""
+    name, starts = type(method).__name__, start.shape[:-1]
+    try:
+        shape = np.broadcast_shapes(starts, *shapes)
+    except ValueError:
+        different = ", ".join(sorted({str(one) for one in shapes if one}))
+        raise InvalidInput(
+            f"{name}: starts of shape {starts} and numbers of {different} do not fit each other"
+        ) from None
+    if 0 in shape:
+        raise InvalidInput(f"{name}: numbers wanted, got an empty array")
+    return shape

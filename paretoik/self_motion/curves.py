@@ -65,8 +65,8 @@ def self_motion_frames(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the direction of self-motion at postures, the targets of their samples and the directions across it."""
     targets = task.targets[samples]
-    slopes = task_errors(task.arm, task.tasks, q, targets)[1]
-    across, upper = np.linalg.qr(np.moveaxis(slopes, -1, 0).swapaxes(-1, -2), mode="complete")
+    jacobian = task_errors(task.arm, task.tasks, q, targets)[1]
+    across, upper = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")
     signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     return across[..., -1], targets, across[..., : task.rows] * signs[:, None, :]
 

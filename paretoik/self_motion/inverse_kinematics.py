@@ -57,21 +57,20 @@ def _solve_from_random_starts(
     targets = task.targets[samples]
     active = np.arange(len(samples))
     for step in range(iterations):
-        error, slopes = task_errors(task.arm, task.tasks, q[active], targets[active])
-        jacobian = np.moveaxis(slopes, -1, 0)
-        size = np.linalg.norm(error, axis=0)
+        error, jacobian = task_errors(task.arm, task.tasks, q[active], targets[active])
+        size = np.linalg.norm(error, axis=1)
         damping = OPTIONS.damping * size**2 + (OPTIONS.first_damping if step < OPTIONS.damped_iterations else 1e-12)
         if step >= OPTIONS.iterations:
             damping = size  # out of reach, perhaps: with less damping it would oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
-        step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error.T)[0][..., None])[..., 0]
+        step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error)[0][..., None])[..., 0]
         q[active] += step_taken / np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
         active = active[size > RETRACTION.tolerance]
         if len(active) == 0:
             break
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
-    return q, task_errors(task.arm, task.tasks, q, targets)[0].T
+    return q, task_errors(task.arm, task.tasks, q, targets)[0]
 
 
 def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
@@ -96,8 +95,7 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
     if task.cyclic:
         return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
     q = sample_postures(task, 64, rng, sample=near)
-    slopes = task_errors(task.arm, task.tasks, q, np.tile(task.targets[near], (len(q), 1)))[1]
-    condition = float(np.linalg.cond(np.moveaxis(slopes, -1, 0)).min())
+    condition = float(np.linalg.cond(task_errors(task.arm, task.tasks, q, task.targets[near])[1]).min())
     return Infeasible(
         f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
         f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "

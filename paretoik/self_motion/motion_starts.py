@@ -93,8 +93,7 @@ def perturbed_starts(
         displacement = first * (1 + wave) / 2 + last * (1 - wave) / 2
     else:
         displacement = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
-    slopes = task_errors(task.arm, task.tasks, q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1)))[1]
-    rows = row_space_basis(slopes).reshape(*q.shape, task.rows)
+    rows = row_space_basis(task_errors(task.arm, task.tasks, q, task.targets)[1])
     retracted, on_path = _retract_to_path(
         task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement)
     )
@@ -124,13 +123,12 @@ def _integrate(
     alive = np.ones(len(start), dtype=bool)
     for i in range(1, len(task.times)):
         here = q[alive, i - 1]
-        error, slopes = task_errors(task.arm, task.tasks, here, np.tile(task.targets[i], (len(here), 1)))
-        jacobian = np.moveaxis(slopes, -1, 0)
+        error, jacobian = task_errors(task.arm, task.tasks, here, task.targets[i])
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
-            move = (spread @ solve_small_systems(jacobian @ spread, error.T)[0][..., None])[..., 0]
+            move = (spread @ solve_small_systems(jacobian @ spread, error)[0][..., None])[..., 0]
         if pace.any():
-            heading[alive] = _project_to_self_motion(row_space_basis(slopes), heading[alive])
+            heading[alive] = _project_to_self_motion(row_space_basis(jacobian), heading[alive])
             move += pace[alive, i - 1, None] * heading[alive]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= OPTIONS.longest_jump
@@ -164,11 +162,10 @@ def _retract_to_path(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"]
 ) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
     """Return motions retracted to the path, and which of their samples are on it without a jump."""
-    flat, targets = q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1))
-    slopes = task_errors(task.arm, task.tasks, flat, targets)[1]
-    directions = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-12)
-    retracted = retract(task.arm, task.tasks, flat, targets, np.transpose(directions, (2, 1, 0)))
-    q_on_path, on_path = retracted.q.reshape(q.shape), retracted.on_path.reshape(q.shape[:2])
+    jacobian = task_errors(task.arm, task.tasks, q, task.targets)[1]
+    directions = jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)
+    retracted = retract(task.arm, task.tasks, q, task.targets, directions.swapaxes(-1, -2))
+    q_on_path, on_path = retracted.q, retracted.on_path
     if task.cyclic:
         q_on_path[:, -1] = q_on_path[:, 0]
     on_path[:, 1:] &= np.abs(np.diff(q_on_path, axis=1)).max(axis=2) <= OPTIONS.longest_jump

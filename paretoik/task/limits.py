@@ -150,6 +150,16 @@ def limit_ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     return np.where(size > 0, size, 1.0)
 
 
+def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
+    """Return the ranges [rad, m] of joints between their position limits.
+
+    A joint with one limit alone counts as having a range of a whole turn or 1 m; it is inf with none.
+    """
+    span = limits[..., 1] - limits[..., 0]
+    one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
+    return np.where(one_sided, np.where(arm.periodic, 2 * np.pi, 1.0), span)
+
+
 def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:
     if declared is None:
         declared = np.tile([-np.inf, np.inf], (arm.dof, 1))

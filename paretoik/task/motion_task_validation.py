@@ -147,7 +147,7 @@ def _start_posture(arm: Arm, start: object) -> np.ndarray:
 
 
 def _check_start(task: MotionTask, start: np.ndarray) -> None:
-    error, _ = task_errors(task.arm, task.tasks, start[None], task.targets[:1])
+    error, _ = task_errors(task.arm, task.tasks, start, task.targets[0])
     distance = float(np.abs(error).max())
     if distance > START_TOLERANCE:
         raise InvalidInput(

@@ -101,10 +101,10 @@ class MotionLinearisation:
             q[-1], targets[-1] = q[0], targets[0]
         if task.ends_at_rest:
             q[-1] = q[-2]
-        retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(np.moveaxis(self.path_jacobian, 0, -1)))
+        retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(self.path_jacobian))
         if not retracted.on_path.all():
             return None
-        q = retracted.q.reshape(q.shape)
+        q = retracted.q
         if task.start is not None:
             q[0] = task.start
         if task.cyclic:
@@ -142,7 +142,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
     if task.cyclic:
         normal[-1] = normal[0]
     if task.ends_at_rest:
-        across = row_space_basis(np.moveaxis(path_jacobian[-1:], 0, -1))[0]
+        across = row_space_basis(path_jacobian[-1])
         normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
     slopes = evaluators.gradient(values.inputs)
     functions = len(slopes) - len(sparsity.rows)

@@ -205,8 +205,7 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
 
 def _end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
     """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
-    targets = np.tile(task.targets[-1], (len(q), 1))
-    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
-    retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
+    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], task.targets[-1])[1])
+    retracted = retract(task.arm, task.tasks, q[:, -2], task.targets[-1], directions)
     ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
     return np.concatenate([q[:, :-1], ends[:, None]], axis=1)
