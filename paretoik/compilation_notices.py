@@ -22,7 +22,7 @@ class CompilationNotice:
         return f"compiling {self.what}, once on this machine{estimate}"
 
 
-Observer = Callable[[CompilationNotice], None]
+Observer = Callable[[CompilationNotice], object]
 
 
 def print_notice(notice: CompilationNotice) -> None:

@@ -25,10 +25,7 @@ def load_problem(reference: str) -> Any:
     *first* on sys.path; for a module it is the current folder. A name that is not a problem but a function without
     arguments is called; what paretoik raises then passes through.
 
-    Raises
-    ------
-    InvalidInput
-        The file, the module or the name is missing, loading it fails, or what it names is no problem.
+    Raises InvalidInput where the file, the module or the name is missing, loading fails, or the name is no problem's.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
@@ -50,16 +47,11 @@ def load_problem(reference: str) -> Any:
 def problems_in(place: str) -> dict[str, str]:
     """Return the problems that a module or file offers, with the first line of each one's documentation.
 
-    A problem is a pymoo problem, or a function without required arguments that is annotated to return one.
-
-    Raises
-    ------
-    InvalidInput
-        As in ``load_problem``.
+    A problem is a pymoo problem, or a function without required arguments that is annotated to return one. Raises
+    InvalidInput where the module cannot be loaded.
     """
-    return {
-        name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in _offers(_import_module(place)).items()
-    }
+    offers = _offers(_import_module(place))
+    return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in offers.items()}
 
 
 def _import_module(place: str) -> ModuleType:

@@ -1,4 +1,4 @@
-"""The files of a run folder: their names, and `run.json`, which is built, written, read and checked here.
+"""The files of a run folder: their names, how each is replaced whole, and `run.json`, which is made and checked here.
 
 `run.json` is strict JSON: its format, what the run says of itself, and a SHA-256 digest of the rest, so that a cut or
 altered file is refused.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any
@@ -16,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.files import replace_file
 
 FORMAT = 1
 RUN = "run.json"
@@ -30,6 +30,26 @@ CHECKPOINT = "checkpoint"
 CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, CHECKPOINT)
 
 
+def replace_file(file: Path, content: bytes) -> None:
+    """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
+
+    Raises InvalidInput where the system refuses, as on a full disk; the former file is unchanged then.
+    """
+    part = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with part.open("wb") as sink:
+                sink.write(content)
+                sink.flush()
+                os.fsync(sink.fileno())
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as fault:
+        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+
+
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
     """Return the content of a `run.json`: the format, `entries`, and the digest of both.
 
@@ -40,23 +60,14 @@ def run_bytes(entries: Mapping[str, Any]) -> bytes:
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
-    """Write `entries` as the folder's `run.json`, replaced at once or not at all; infinite numbers become null.
-
-    Raises
-    ------
-    InvalidInput
-        The file cannot be written, or an entry cannot be JSON.
-    """
+    """Write `entries` as the folder's `run.json`; infinite numbers become null, what JSON cannot hold is refused."""
     replace_file(folder / RUN, run_bytes(to_json(entries)))
 
 
 def read_run(file: Path) -> dict[str, Any]:
     """Return the entries of a `run.json` of this format, its digest not yet checked.
 
-    Raises
-    ------
-    InvalidRun
-        The file is missing, a link, no strict JSON, no run, or of another format.
+    Raises InvalidRun where the file is missing, a link, no strict JSON, no run, or of another format.
     """
     content = read_plain_file(file)
     try:
@@ -88,10 +99,7 @@ def digest(run: Mapping[str, Any]) -> str:
 def to_json(value: Any, *, name: str = "run") -> Any:
     """Return `value` as strict JSON has it: arrays as lists, paths as text, numbers that are not finite as null.
 
-    Raises
-    ------
-    InvalidInput
-        An item is neither number, text, truth value, None, list nor mapping.
+    Raises InvalidInput where an item is neither number, text, truth value, None, list nor mapping.
     """
     match value:
         case None | bool() | int() | str():
@@ -111,13 +119,7 @@ def to_json(value: Any, *, name: str = "run") -> Any:
 
 
 def read_plain_file(file: Path) -> bytes:
-    """Return the content of a plain file; a link may lead anywhere, and a pipe may never end.
-
-    Raises
-    ------
-    InvalidRun
-        The file is missing, no plain file, or cannot be read.
-    """
+    """Return the content of a plain file; raises InvalidRun for others: a link may lead anywhere, a pipe never end."""
     if file.is_symlink() or not file.is_file():
         kind = "a link" if file.is_symlink() else "something else" if file.exists() else "nothing"
         raise InvalidRun(f"{file}: wanted a plain file, got {kind}")

@@ -68,7 +68,7 @@ def epsilon_front(
         cold = formulation.cold_search(
             starts=starts, seed=seed, solver=solver, observe=count_observer(observe, "optimum")
         )
-        swept = epsilon_points(
+        x, ranges = epsilon_points(
             formulation.program,
             cold,
             len(formulation.names),
@@ -76,5 +76,4 @@ def epsilon_front(
             solver=solver,
             observe=count_observer(observe, "point"),
         )
-        ids = np.arange(len(swept.x))
-        return certified_front(problem, formulation, swept.x, ids, swept.ranges, provenance, observe=observe)
+        return certified_front(problem, formulation, x, np.arange(len(x)), ranges, provenance, observe=observe)

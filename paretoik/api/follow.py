@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from paretoik.api.progress import RunProgress
-from paretoik.api.run_session import Display, RunSession
+from paretoik.api.run_session import RunSession
 from paretoik.api.settings import SolveSettings
 from paretoik.closed_loop.loop import StepRecord
 from paretoik.errors import InvalidInput
-from paretoik.files import replace_file
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
 from paretoik.review.generation import Generation
-from paretoik.run_files import PICTURE, STEPS
+from paretoik.run_files import PICTURE, STEPS, replace_file
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
 
@@ -54,15 +54,22 @@ class LoopRun:
         loop = self.problem
         steps = len(loop.task.times) - 1
         loop.prepare()
-        units = tuple(each.unit for each in loop.objectives)
-        maximised = tuple(each.maximise for each in loop.objectives)
-        session.start(Display(names=loop.names, units=units, maximised=maximised, timeline="step"))
+        units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
+        session.start(names=loop.names, units=units, maximised=maximised, timeline="step")
+
+        def show(step: StepRecord) -> None:
+            F = step.front.F * loop.signs
+            generation = Generation(
+                number=step.sample, population=F[:0], front=F, front_ids=np.arange(len(F)), chosen=F[step.index]
+            )
+            progress = RunProgress(stage="step", done=step.sample, total=steps, seconds=session.seconds)
+            session.show(replace(progress, summary=f"front {len(F)}", generation=generation))
 
         def is_over() -> bool:
             late = self.time_limit is not None and session.seconds >= self.time_limit
             return late or session.signal is not None
 
-        self._run = loop.run(observe=lambda step: _show(step, loop, session, steps), should_stop=is_over)
+        self._run = loop.run(observe=show, should_stop=is_over)
         status, done = "end of the path", len(self._run.q) - 1
         if done < steps:
             status = session.signal or "time limit"
@@ -75,46 +82,20 @@ class LoopRun:
 
         if session.folder is None or session.recorder is None:
             return
-        assert self._run is not None
-        _write_steps(self._run, session.folder / STEPS)
+        run = self._run
+        assert run is not None
+        ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in their own sign
+        _write_steps(run, ranges, session.folder / STEPS)
         session.recorder.finish(None, explain_choice(front))
-        loop_picture(self._run.motion, self._run.values, _natural_ranges(self._run), front, session.folder / PICTURE)
+        loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
 
 
-def _show(step: StepRecord, loop: ClosedLoop, session: RunSession, steps: int) -> None:
-    """Show a step: its front, in the user's own sign, and which point of it was chosen."""
-    F = step.front.F * loop.signs
-    generation = Generation(
-        number=step.sample,
-        population=F[:0],
-        front=F,
-        front_ids=np.arange(len(F)),
-        chosen=F[step.index],
-    )
-    session.show(
-        RunProgress(
-            stage="step",
-            done=step.sample,
-            total=steps,
-            seconds=session.seconds,
-            summary=f"front {len(F)}",
-            generation=generation,
-        )
-    )
-
-
-def _natural_ranges(run: ClosedLoopRun) -> np.ndarray:
-    """Return the best and the worst of every objective on each step's front, (steps, n_obj, 2), in their own sign."""
-    ranges: np.ndarray = run.ranges * run.loop.signs[:, None]
-    return ranges
-
-
-def _write_steps(run: ClosedLoopRun, file: Path) -> None:
+def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
     """Write a row a step: sample, time, and of every objective what was chosen, the best and the worst on the front."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    samples, ranges = np.arange(1, len(run.q)), _natural_ranges(run)
+    samples = np.arange(1, len(run.q))
     columns: dict[str, np.ndarray] = {"sample": samples, "time": run.task.times[samples]}
     for axis, name in enumerate(run.loop.names):
         columns[f"chosen {name}"] = run.values[:, axis]

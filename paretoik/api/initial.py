@@ -18,10 +18,7 @@ from paretoik.task.motion import Motion
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:
     """Return genes (rows, n_var) of solutions to start from; warn of motions that they miss by more [rad, m].
 
-    Raises
-    ------
-    InvalidInput
-        A front of another problem without motions, or motions where the problem cannot encode any.
+    Raises InvalidInput for a front of another problem without motions, and for motions that it cannot encode.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from typing import Any
 
-from paretoik.api.progress import Observer, RunProgress, show_compilation
+from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.errors import check_size
 from paretoik.formulations.protocol import require_plan
 from paretoik.nlp.program import Solver
@@ -57,32 +55,19 @@ def plan(
 
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
-    >>> found = plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy]), starts=24)
-    >>> round(found.best.objective, 3)
+    >>> optima = plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy]), starts=24)
+    >>> round(optima.best.objective, 3)
     0.038
     """
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     find_optima = require_plan(problem)
-    shown = _level_observer(observe, len(problem.task.times))
+    show = count_observer(observe, "sample")
+    samples = len(problem.task.times)
+
+    def show_level(done: int, starts: int, optima: int) -> None:
+        if show is not None:
+            show(done, samples, f"{starts} starts, {optima} distinct optima")
+
     with show_compilation(observe):
-        return find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=shown)
-
-
-def _level_observer(observe: Observer | None, total: int) -> Callable[[int, int, int], object] | None:
-    if observe is None:
-        return None
-    started = time.monotonic()
-
-    def show(samples: int, starts: int, optima: int) -> None:
-        observe(
-            RunProgress(
-                stage="sample",
-                done=samples,
-                total=total,
-                seconds=time.monotonic() - started,
-                summary=f"{starts} starts, {optima} distinct optima",
-            )
-        )
-
-    return show
+        return find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show_level)

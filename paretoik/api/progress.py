@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from paretoik.compilation_notices import CompilationNotice, observe_compilation
+from paretoik.compilation_notices import observe_compilation
 from paretoik.inputs import check_function
 from paretoik.review.generation import Generation
 
@@ -20,15 +20,14 @@ class RunProgress:
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
     plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front,
     "refinement" and "certification" of a front's points. ``done`` of at most ``total`` are done; a stage without counts
-    ("compilation", "saving") has a total of 0. ``seconds`` have passed since the
-    stage began. ``summary`` says in words what there is so far; ``generation`` has the points of a generation or step,
-    None in other stages.
+    ("compilation", "saving") has a total of 0. ``seconds`` have passed since the stage began. ``summary`` says in words
+    what there is so far; ``generation`` has the points of a generation or step, None in other stages.
     """
 
     stage: str
-    done: int
-    total: int
-    seconds: float
+    done: int = 0
+    total: int = 0
+    seconds: float = 0.0
     summary: str = ""
     generation: Generation | None = None
 
@@ -36,19 +35,15 @@ class RunProgress:
 Observer: TypeAlias = Callable[[RunProgress], object]
 
 
-def count_observer(
-    observe: Observer | None, stage: str, summarise: Callable[[int, int], str] = lambda done, total: ""
-) -> Callable[[int, int], object] | None:
-    """Return what tells an observer of counts (done, total); None without one."""
+def count_observer(observe: Observer | None, stage: str) -> Callable[..., object] | None:
+    """Return what tells an observer of counts (done, total, summary=""); None without one."""
     if observe is None:
         return None
     started = time.monotonic()
 
-    def show(done: int, total: int) -> object:
+    def show(done: int, total: int, summary: str = "") -> object:
         seconds = time.monotonic() - started
-        return observe(
-            RunProgress(stage=stage, done=done, total=total, seconds=seconds, summary=summarise(done, total))
-        )
+        return observe(RunProgress(stage=stage, done=done, total=total, seconds=seconds, summary=summary))
 
     return show
 
@@ -61,8 +56,5 @@ def show_compilation(observe: Observer | None) -> Iterator[None]:
         yield
         return
 
-    def show(notice: CompilationNotice) -> None:
-        observe(RunProgress(stage="compilation", done=0, total=0, seconds=0.0, summary=str(notice)))
-
-    with observe_compilation(show):
+    with observe_compilation(lambda notice: observe(RunProgress(stage="compilation", summary=str(notice)))):
         yield

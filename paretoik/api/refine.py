@@ -18,10 +18,10 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.improver import Improver
-from paretoik.pareto.ranges import ranges_of
 from paretoik.pareto.refine import refine as refine_points
+from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
-from paretoik.search.progress import Progress
+from paretoik.search.endings import Progress
 
 
 def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observe: Observer | None = None) -> Front:
@@ -60,11 +60,9 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
         shown = count_observer(observe, "refinement")
-        refined = refine_points(program, x, len(ranges), solver=solver, observe=shown)
-        provenance = {**front.provenance, "refined": {"points": len(front), "converged": int(refined.converged.sum())}}
-        return certified_front(
-            problem, formulation, refined.x, front.ids, ranges, provenance, before=front, observe=observe
-        )
+        x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
+        provenance = {**front.provenance, "refined": {"points": len(front), "converged": int(converged.sum())}}
+        return certified_front(problem, formulation, x, front.ids, ranges, provenance, before=front, observe=observe)
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:

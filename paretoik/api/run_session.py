@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,18 +23,8 @@ from paretoik.run_files import RECORDING, write_run
 PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
 
 
-@dataclass(frozen=True, kw_only=True)
-class Display:
-    """What a recording shows: names, units and senses of the objectives, along generations or steps."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    maximised: tuple[bool, ...]
-    timeline: Timeline
-
-
 class RunSession:
-    """A run under way: what it says of itself, where it is kept, who watches it and what may end it."""
+    """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it."""
 
     def __init__(
         self,
@@ -52,17 +42,19 @@ class RunSession:
         self._draft: Front | None = None
         self._finished = False
 
-    def start(self, display: Display) -> None:
-        """Start the clock, and the recording where the run has a folder."""
+    def start(
+        self, *, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], timeline: Timeline
+    ) -> None:
+        """Start the clock, and where the run has a folder the recording of objectives along generations or steps."""
         self._started = time.monotonic()
         if self.folder is not None:
             self.recorder = Recorder(
                 self.folder / RECORDING,
                 title=self._title,
-                names=display.names,
-                units=display.units,
-                maximised=display.maximised,
-                timeline=display.timeline,
+                names=names,
+                units=units,
+                maximised=maximised,
+                timeline=timeline,
             )
 
     @property
@@ -87,25 +79,21 @@ class RunSession:
         if self._observe is not None:
             self._observe(progress)
 
-    def show_stage(self, stage: str) -> None:
-        """Show the observer that a stage without counts begins."""
-        self.show(RunProgress(stage=stage, done=0, total=0, seconds=0.0))
-
     def save_draft(self, front: Front) -> None:
-        """Keep a front that is worth having should what follows fail."""
+        """Save a front, should what follows fail."""
         if self.folder is not None:
             front.save(self.folder)
             self._draft = front
 
     def finish(self, front: Front) -> None:
-        """Keep the final front."""
+        """Save the final front."""
         self._finished = True
         if self.folder is not None:
-            self.show_stage("saving")
+            self.show(RunProgress(stage="saving"))
             front.save(self.folder)
 
     def fail(self, error: Exception) -> None:
-        """Keep why the run failed, beside the draft of its front if there is one."""
+        """Save why the run failed, beside the draft of its front if there is one."""
         failure = {"status": type(error).__name__, "reason": str(error)}
         if self.folder is None or self._finished:
             return
@@ -113,11 +101,6 @@ class RunSession:
             write_run(self.folder, {**self.provenance, **failure})
         else:
             replace(self._draft, provenance={**self._draft.provenance, **failure}).save(self.folder)
-
-    def close(self) -> None:
-        """Close the recording."""
-        if self.recorder is not None:
-            self.recorder.close()
 
 
 @contextmanager
@@ -130,12 +113,9 @@ def run_session(
     reference: str | None,
     observe: Observer | None,
 ) -> Iterator[RunSession]:
-    """Open a run of a problem: claim its folder, catch signals, and keep why it failed if it does.
+    """Open a run of a problem: claim its folder, catch signals, and save why it failed if it does.
 
-    Raises
-    ------
-    InvalidInput
-        The folder cannot be used, or a setting cannot be JSON.
+    Raises InvalidInput where the folder cannot be used, or a setting cannot be JSON.
     """
     provenance = {
         "problem": reference,
@@ -153,7 +133,6 @@ def run_session(
             observe=observe,
             title=reference or type(problem).__name__,
         )
-        stack.callback(session.close)
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
         try:
@@ -161,3 +140,6 @@ def run_session(
         except Exception as error:
             session.fail(error)
             raise
+        finally:
+            if session.recorder is not None:
+                session.recorder.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,7 +11,7 @@ from paretoik.api.initial import initial_genes
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.refine import refine as refine_front
-from paretoik.api.run_session import Display, RunSession
+from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
@@ -22,13 +21,12 @@ from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.pareto.ranges import ranges_of
+from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.generation import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
-from paretoik.search.endings import Ending, Evaluations, Generations, Stagnation, Target, TimeLimit
+from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
-from paretoik.search.progress import Progress
 
 INTERRUPTED = ("SIGINT", "SIGTERM", "interrupted")
 
@@ -63,7 +61,7 @@ class FrontSearch:
         )
         self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
-        self._wanted = settings
+        self._solve_settings = settings
         self.settings = {
             "population": population,
             "generations": self.generations,
@@ -77,10 +75,15 @@ class FrontSearch:
     def run(self, session: RunSession) -> Front:
         """Return the front that the search leads to, refined unless a signal came."""
         front = self._evolve(session)
-        if not self._wanted.refine or front.provenance["status"] in INTERRUPTED:
+        if not self._solve_settings.refine or front.provenance["status"] in INTERRUPTED:
             return front
         session.save_draft(front)  # refining takes its time, and the search is not to be lost
-        front = refine_front(front, solver=self._wanted.solver, observe=_refinement_observer(session))
+
+        def observe(progress: RunProgress) -> bool:
+            session.show(progress)
+            return session.signal is not None
+
+        front = refine_front(front, solver=self._solve_settings.solver, observe=observe)
         status = front.provenance["status"] if session.signal is None else session.signal
         return replace(front, provenance={**front.provenance, "status": status})
 
@@ -99,9 +102,7 @@ class FrontSearch:
 
     def _evolve(self, session: RunSession) -> Front:
         search = self.search
-        session.start(
-            Display(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
-        )
+        session.start(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
         observer = _GenerationObserver(search, session, self.generations)
         status = evolve(search, [*self.endings, _Signal(session)], observe=observer, improve=self.improver)
         if not len(search.archive):
@@ -115,7 +116,7 @@ class FrontSearch:
             "seconds": round(session.seconds, 3),
         }
         return replace(
-            search.front_of(self._wanted.points),
+            search.front_of(self._solve_settings.points),
             problem=search.problem,
             provenance={**session.provenance, "status": status, "counts": counts},
         )
@@ -168,17 +169,6 @@ class _GenerationObserver:
                 generation=generation,
             )
         )
-
-
-def _refinement_observer(session: RunSession) -> Callable[[RunProgress], bool]:
-    """Return an observer of refined points that also says when a signal came."""
-    start = session.seconds
-
-    def observe(progress: RunProgress) -> bool:
-        session.show(replace(progress, seconds=session.seconds - start))
-        return session.signal is not None
-
-    return observe
 
 
 def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:

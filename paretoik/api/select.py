@@ -24,13 +24,8 @@ def select(
     That is ``front`` itself, or, of a closed loop and other weights than its own, the front of a new run with them at
     every step, kept in ``out``. ``overwrite`` and ``observe`` are those of ``solve``.
 
-    Raises
-    ------
-    InvalidInput
-        The preference does not suit the front, the loop of the run cannot be had, or ``out`` is given and there is no
-        new run to keep.
-    Infeasible
-        The front is empty, or the loop is blocked.
+    Raises InvalidInput where the preference does not suit the front, its loop cannot be loaded, or ``out`` has no
+    new run to hold; Infeasible where the front is empty or the loop blocked.
     """
     if front.problem is None and is_loop(front):
         raise InvalidInput("select: wants the closed loop that the run followed, but its problem cannot be loaded")

@@ -16,8 +16,7 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import back_sliders, ratios_and_slacks
-from paretoik.nlp.assembled import AssembledRows, Part
-from paretoik.nlp.traced import TracedRows, trace_rows
+from paretoik.nlp.traced import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 

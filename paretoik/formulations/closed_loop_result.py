@@ -123,18 +123,9 @@ def collect_run(
 def explain_choice(front: Front) -> Choice:
     """Return the one motion of a closed loop's front, and in words how its steps were chosen."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
-    means = ", ".join(
-        f"{name} {value:.4g} {unit}".rstrip()
-        for name, value, unit in zip(front.names, front.objectives[0], front.units, strict=True)
-    )
-    return Choice(
-        id=int(front.ids[0]),
-        index=0,
-        objectives=front.objectives[0],
-        motion=None if front.motions is None else front.motions[0],
-        reason=(
-            f"At every step the point with the least weighted sum ({weights}) was taken. Means over the steps: "
-            f"{means}; position error {front.provenance['position_error']:.4g} m, "
-            f"drift {front.provenance['drift']:.4g} rad."
-        ),
+    means = ", ".join(front.quantity(axis, value) for axis, value in enumerate(front.objectives[0]))
+    return front.choice(
+        0,
+        f"At every step the point with the least weighted sum ({weights}) was taken. Means over the steps: {means}; "
+        f"position error {front.provenance['position_error']:.4g} m, drift {front.provenance['drift']:.4g} rad.",
     )

@@ -57,11 +57,8 @@ class Front:
     measure against, by default those of the front itself; ``provenance`` describes the run (problem,
     settings, seed, status) and is stored in ``run.json``; ``problem`` is the problem itself, not stored.
 
-    Raises
-    ------
-    InvalidInput
-        Shapes that do not agree, values that are not finite, ids or names that repeat, names unfit for a table, or
-        a point that another one dominates.
+    Raises InvalidInput for shapes that do not agree, values that are not finite, ids or names that repeat, names unfit
+    for a table, and a point that another one dominates.
     """
 
     ids: Ids
@@ -79,7 +76,7 @@ class Front:
 
     def __post_init__(self) -> None:
         objectives = np.asarray(self.objectives, dtype=float)
-        _check_names(self.names, self.units, self.maximised, objectives)
+        _check_objectives(self.names, self.units, self.maximised, objectives)
         ids = _check_ids(self.ids, len(objectives))
         order = np.lexsort((ids, *objectives.T[::-1]))
         assign = object.__setattr__
@@ -133,10 +130,7 @@ class Front:
     def select(self, preference: Preference) -> Choice:
         """Return the point that `preference` chooses; a closed loop is followed again with it.
 
-        Raises
-        ------
-        Infeasible
-            The front is empty.
+        Raises Infeasible where the front is empty.
         """
         if len(self) == 0:
             raise Infeasible("select: wanted a front of at least one point, got none: no point was feasible")
@@ -144,6 +138,17 @@ class Front:
             raise InvalidInput(f"select: a preference wanted, such as Weights(...), got {preference!r}")
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
         return preference.choose(self) if select is None else select(self, preference)
+
+    def choice(self, index: int, reason: str) -> Choice:
+        """Return the point of a row as a choice."""
+        motion = None if self.motions is None else self.motions[index]
+        return Choice(
+            id=int(self.ids[index]), index=index, objectives=self.objectives[index], motion=motion, reason=reason
+        )
+
+    def quantity(self, axis: int, value: float) -> str:
+        """Return a value of an objective with its name and unit."""
+        return f"{self.names[axis]} {value:.4g} {self.units[axis]}".rstrip()
 
     def save(self, folder: Path | str) -> None:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`."""
@@ -155,17 +160,16 @@ class Front:
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
         """Read a saved front; `motions` builds motions from the stored times, joint positions and joint names.
 
-        Raises
-        ------
-        InvalidRun
-            A file is missing, damaged, linked elsewhere, of another version, or does not belong to the others.
+        Raises InvalidRun where a file is missing, damaged, a link, of another version, or of another run.
         """
         from paretoik.front.storage import load
 
         return load(file_path("folder", folder), build_motions=motions)
 
 
-def _check_names(names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: np.ndarray) -> None:
+def _check_objectives(
+    names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], objectives: np.ndarray
+) -> None:
     if objectives.ndim != 2 or objectives.shape[1] == 0:
         raise InvalidInput(f"front objectives: wanted an array (points, n_obj), got shape {objectives.shape}")
     if not np.isfinite(objectives).all():

@@ -16,12 +16,8 @@ from paretoik.errors import InvalidInput
 def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
     """Return the volume that `F` dominates and `reference` bounds, in the product of the objectives' units.
 
-    Points that do not lie below the reference in every objective add nothing, nor do rows that are not finite.
-
-    Raises
-    ------
-    InvalidInput
-        The reference is no vector of `n_obj` finite numbers; or, with `check`, some point would add nothing.
+    Points that do not lie below the reference in every objective add nothing, nor do rows that are not finite. Raises
+    InvalidInput where the reference is no vector of `n_obj` finite numbers; with `check`, where a point adds nothing.
     """
     import moocore
 
@@ -42,12 +38,7 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     """Mark the rows of `F` that no other row dominates; of equal rows the first.
 
     With a `tolerance` (a share of each objective's range over the non-dominated rows) a row is also dropped where an
-    earlier marked one lies within it in every objective.
-
-    Raises
-    ------
-    InvalidInput
-        The tolerance is negative or not finite.
+    earlier marked one lies within it in every objective; raises InvalidInput where it is negative or not finite.
     """
     import moocore
 
@@ -65,10 +56,7 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
 def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
     """Return the best and the worst value of each objective over the non-dominated rows of `F`.
 
-    Raises
-    ------
-    InvalidInput
-        No row is finite.
+    Raises InvalidInput where no row is finite.
     """
     front = F[non_dominated(F)]
     if len(front) == 0:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,21 +9,12 @@ import numpy as np
 
 
 @runtime_checkable
-class NamedJoints(Protocol):
-    """Named joints, in the order of the columns of q."""
-
-    @property
-    def joint_names(self) -> Sequence[str]:
-        """One name a joint."""
-
-
-@runtime_checkable
 class JointMotions(Protocol):
     """A batch of joint motions: ``time`` (points, time) in s, ``q`` (points, time, dof) in rad or m."""
 
     @property
-    def arm(self) -> NamedJoints:
-        """The arm that moves."""
+    def arm(self) -> Any:
+        """The arm that moves, whose ``joint_names`` are those of the columns of q."""
 
     @property
     def time(self) -> np.ndarray:

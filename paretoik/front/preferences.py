@@ -24,10 +24,7 @@ class Weights:
     unit and need not sum to anything: ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no
     identifier.
 
-    Raises
-    ------
-    InvalidInput
-        A weight is no number, not finite or negative, none is positive, or a name is given twice.
+    Raises InvalidInput where a weight is no finite number of at least 0, none is positive, or a name comes twice.
     """
 
     weights: Mapping[str, float]
@@ -51,13 +48,7 @@ class Weights:
         return f"Weights({', '.join(f'{name}={weight:g}' for name, weight in self.weights.items())})"
 
     def choose(self, front: Front) -> Choice:
-        """Return the point with the smallest weighted sum.
-
-        Raises
-        ------
-        InvalidInput
-            A weight names no objective of the front.
-        """
+        """Return the point with the smallest weighted sum; raises InvalidInput where a weight names no objective."""
         unknown = [name for name in self.weights if name not in front.names]
         if unknown:
             raise InvalidInput(f"weights: wanted names among {', '.join(front.names)}, got {unknown[0]!r}")
@@ -65,13 +56,7 @@ class Weights:
         weights /= weights.max()  # so that the sum of huge weights stays finite
         weights /= weights.sum()
         index = argmin_by_id(front.shares @ weights, front)
-        return Choice(
-            id=int(front.ids[index]),
-            index=index,
-            objectives=front.objectives[index],
-            motion=None if front.motions is None else front.motions[index],
-            reason=_reason(front, index, weights),
-        )
+        return front.choice(index, _reason(front, index, weights))
 
 
 def _is_weight(value: object) -> bool:
@@ -89,7 +74,7 @@ def argmin_by_id(values: Values, front: Front) -> int:
 def _reason(front: Front, index: int, weights: Values) -> str:
     weight_text = ", ".join(f"{name} {weight:.0%}" for name, weight in zip(front.names, weights, strict=True) if weight)
     values = "; ".join(
-        f"{quantity(front, axis, front.objectives[index, axis])}, "
+        f"{front.quantity(axis, front.objectives[index, axis])}, "
         + (f"{share:.0%} of the range from the best" if low < high else "the same at every point")
         for axis, (share, (low, high)) in enumerate(zip(front.shares[index], front.ranges, strict=True))
     )
@@ -107,14 +92,9 @@ def _nearest_alternative(front: Front, index: int) -> str:
     other = argmin_by_id(distance, front)
     better = front.minimised[other] - front.minimised[index]
     steps = np.abs(front.objectives[other] - front.objectives[index])
-    gains = [quantity(front, axis, steps[axis]) for axis in range(len(steps)) if better[axis] < 0]
-    costs = [quantity(front, axis, steps[axis]) for axis in range(len(steps)) if better[axis] > 0]
+    gains = [front.quantity(axis, steps[axis]) for axis in range(len(steps)) if better[axis] < 0]
+    costs = [front.quantity(axis, steps[axis]) for axis in range(len(steps)) if better[axis] > 0]
     start = f"The nearest alternative is point {front.ids[other]}"
     if not gains:
         return f"{start}, equal in every objective."
     return f"{start}: it gains {' and '.join(gains)} and costs {' and '.join(costs)}."
-
-
-def quantity(front: Front, axis: int, value: float) -> str:
-    """Write `value` of the objective `axis` with its name and unit."""
-    return f"{front.names[axis]} {value:.4g} {front.units[axis]}".rstrip()

@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.files import replace_file
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front, MotionBuilder
 from paretoik.front.joint_motions import JointMotions, StoredJoints, StoredMotions
-from paretoik.run_files import MOTIONS, RUN, TABLE, digest, read_plain_file, read_run, run_bytes
+from paretoik.run_files import MOTIONS, RUN, TABLE, digest, read_plain_file, read_run, replace_file, run_bytes
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
@@ -31,10 +30,7 @@ CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
 def save(front: Front, folder: Path) -> None:
     """Write the front's files into `folder`, each replaced at once or not at all, `run.json` last.
 
-    Raises
-    ------
-    InvalidInput
-        The folder cannot be written, or the provenance holds what JSON cannot, or a name that the format needs.
+    Raises InvalidInput where that fails, or the provenance holds what JSON cannot, or a name that the format needs.
     """
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
     if clashes:
@@ -51,13 +47,7 @@ def save(front: Front, folder: Path) -> None:
 
 
 def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
-    """Read what `save` wrote, checking everything; without `build_motions` motions are `StoredMotions`.
-
-    Raises
-    ------
-    InvalidRun
-        A file is missing, damaged, linked elsewhere, of another version, or does not belong to the others.
-    """
+    """Read what `save` wrote, checking everything; without `build_motions` motions are `StoredMotions`."""
     run = _read_front_entries(folder / RUN)
     contents = {name: _read_verified(folder / name, expected) for name, expected in run["files"].items()}
     table = _read_table(folder / TABLE, contents[TABLE], [entry["name"] for entry in run["objectives"]])

@@ -1,5 +1,8 @@
 """Statements in cvxpy that are canonicalised once and then solved by Clarabel for any values of their parameters.
 
+minimise    ½ xᵀPx + qᵀx
+subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
+
 cvxpy's canonical form is linear in the parameters: one product of its matrix with the vector of their values gives all
 of Clarabel's data. This reads cvxpy's own canonical form, which tests hold against cvxpy's ``solve``.
 """
@@ -7,7 +10,6 @@ of Clarabel's data. This reads cvxpy's own canonical form, which tests hold agai
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import clarabel
@@ -15,7 +17,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import sparse
 
-from paretoik.nlp.conic import ConicSolution, run_clarabel
+from paretoik.errors import SolverFailed
+from paretoik.nlp.conic import Constraints
 
 
 class Structure(NamedTuple):
@@ -33,8 +36,22 @@ class Structure(NamedTuple):
     @property
     def places(self) -> tuple[np.ndarray, np.ndarray]:
         """Row and column of every entry."""
-        indptr = np.frombuffer(self.indptr, dtype=np.int32)
-        return np.repeat(np.arange(self.shape[0]), np.diff(indptr)), np.frombuffer(self.indices, dtype=np.int32)
+        indptr, indices = (np.frombuffer(part, dtype=np.int32) for part in (self.indptr, self.indices))
+        return np.repeat(np.arange(self.shape[0]), np.diff(indptr)), indices
+
+
+class Pattern(NamedTuple):
+    """What a statement depends on besides numbers."""
+
+    unknowns: int
+    jacobian: Structure
+    cones: tuple[tuple[int, Structure], ...]
+
+    @classmethod
+    def of(cls, constraints: Constraints) -> Pattern:
+        """Return that of constraints."""
+        cones = tuple((cone.column, Structure.of(cone.rows)) for cone in constraints.cones)
+        return cls(constraints.unknowns, Structure.of(constraints.jacobian), cones)
 
 
 class Parameters:
@@ -79,13 +96,44 @@ class Parameters:
                 parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
 
 
+def state_cones(pattern: Pattern, d: Any, parameters: Parameters) -> list[Any]:
+    """Return ‖values + rows d‖ ≤ d[column] + ‖values‖ for every cone."""
+    import cvxpy  # here: importing it takes two seconds
+
+    cones = []
+    for column, structure in pattern.cones:
+        length, values = parameters.dense(), parameters.dense(structure.shape[0])
+        cones.append(cvxpy.SOC(d[column] + length, values + parameters.sparse(structure) @ d))
+    return cones
+
+
+def parameter_values(*first: Any, constraints: Constraints, scales: np.ndarray) -> Float[np.ndarray, " numbers"]:
+    """Return the numbers of a statement whose parameters are ``first``, then c, J / ``scales`` and those of cones."""
+    numbers = [*first, constraints.jacobian.data / scales[constraints.entries.row]]
+    for cone in constraints.cones:
+        numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
+    return np.concatenate(numbers)
+
+
+class Statement(NamedTuple):
+    """A statement in cvxpy: its variables d and t, its inequalities, None for none, and its cones."""
+
+    problem: Any
+    parameters: Parameters
+    d: Any
+    t: Any
+    inequalities: Any
+    cones: list[Any]
+
+
 class CanonicalForm:
     """A statement canonicalised: minimise ½ xᵀPx + qᵀx with b − Ax in cones, q, A and b linear in the parameters."""
 
-    def __init__(self, problem: Any, parameters: Parameters) -> None:
+    def __init__(self, statement: Statement) -> None:
         import cvxpy  # here: importing it takes two seconds
         from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
 
+        problem, parameters = statement.problem, statement.parameters
         # Entries of all parameters are numbered from 2 on, 1 being the constant, and looked for in cvxpy's own vector.
         parameters.assign(np.arange(2.0, parameters.size + 2.0))
         with warnings.catch_warnings():
@@ -106,28 +154,42 @@ class CanonicalForm:
         """Return where the entries of a variable stand in x."""
         return np.asarray(self._first[variable.id] + np.arange(variable.size))
 
+    def rows_in_use(self, rows: int, near: np.ndarray) -> Bool[np.ndarray, " rows"]:
+        """Return which rows of A are used where of the first ``rows``, the inequalities, those ``near`` are."""
+        used = np.ones(self.rows, dtype=bool)
+        used[:rows] = False
+        used[near] = True
+        return used
+
     def solve(
         self,
         name: str,
         numbers: Float[np.ndarray, " numbers"],
-        quadratic: sparse.csc_matrix | None,
         used: Bool[np.ndarray, " rows"],
         tolerance: float,
-    ) -> ConicSolution:
-        """Return the solution for values of the parameters, with P and the rows ``used`` of A alone.
+        P: sparse.csc_matrix | None = None,
+    ) -> tuple[Float[np.ndarray, " variables"], Float[np.ndarray, " used"]]:
+        """Return x and the dual variables for values of the parameters, of the rows ``used`` of A alone.
 
-        Rows of cones have to be used. Raises SolverFailed, naming the program, where Clarabel ends without a solution.
+        Rows of cones have to be used; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed, naming
+        the program, where Clarabel ends without a solution.
         """
         vector = np.append(1.0, numbers)[self._order]
         A, b = self._cut(self._matrix @ vector, used)
         linear = len(b) - self._equalities - sum(self._cones)
-        cones: Sequence[Any] = [
+        cones: list[Any] = [
             *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
             *([clarabel.NonnegativeConeT(linear)] if linear else []),
             *map(clarabel.SecondOrderConeT, self._cones),
         ]
-        P = sparse.csc_matrix((self.variables, self.variables)) if quadratic is None else quadratic
-        return run_clarabel(name, P, self._linear @ vector, A, b, cones, tolerance)
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        P = sparse.csc_matrix((self.variables, self.variables)) if P is None else P
+        solution = clarabel.DefaultSolver(P, self._linear @ vector, A, b, cones, settings).solve()
+        if str(solution.status) not in ("Solved", "AlmostSolved"):
+            raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
+        return np.array(solution.x), np.array(solution.z)
 
     def _cut(self, entries: np.ndarray, used: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
         """Return A and b of the rows ``used``; cvxpy's rows are A x + b."""

@@ -1,35 +1,13 @@
-"""The constraints that convex subproblems share, and their solution by Clarabel.
-
-minimise    ½ xᵀPx + qᵀx
-subject to  b − Ax ∈ K, a product of nonnegative and second-order cones
-"""
+"""The constraints that convex subproblems share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
 
-import clarabel
 import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
-
-from paretoik.errors import SolverFailed
-
-
-class Entries(NamedTuple):
-    """Row, column and value of each entry of a sparse matrix."""
-
-    row: Int[np.ndarray, " entries"]
-    column: Int[np.ndarray, " entries"]
-    value: Float[np.ndarray, " entries"]
-
-    @classmethod
-    def of(cls, matrix: sparse.csr_array) -> Entries:
-        """Return those of a matrix."""
-        return cls(np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr)), matrix.indices, matrix.data)
 
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
@@ -59,14 +37,14 @@ class Constraints:
     cones: tuple[Cone, ...] = ()
 
     @cached_property
-    def entries(self) -> Entries:
-        """The entries of the Jacobian."""
-        return Entries.of(self.jacobian)
+    def entries(self) -> sparse.coo_array:
+        """The entries of the Jacobian, row by row."""
+        return self.jacobian.tocoo()
 
     @cached_property
     def row_norms(self) -> Float[np.ndarray, " inequalities"]:
         """Euclidean length of every row of the Jacobian, at least a tiny one."""
-        square = np.bincount(self.entries.row, self.entries.value**2, minlength=len(self.values))
+        square = np.bincount(self.entries.row, self.entries.data**2, minlength=len(self.values))
         return np.maximum(np.sqrt(square), 1e-300)
 
     def within_reach(self, radius: float, *, order: int) -> Int[np.ndarray, " rows"]:
@@ -74,8 +52,8 @@ class Constraints:
 
         Those that bound an auxiliary column, which no ball bounds, always count.
         """
-        bounded, count = self.entries.column < self.unknowns, len(self.values)
-        row, value = self.entries.row[bounded], np.abs(self.entries.value[bounded])
+        bounded, count = self.entries.col < self.unknowns, len(self.values)
+        row, value = self.entries.row[bounded], np.abs(self.entries.data[bounded])
         dual_norm = np.bincount(row, value, count) if order != 2 else np.sqrt(np.bincount(row, value**2, count))
         auxiliary = np.bincount(self.entries.row[~bounded], minlength=count) > 0
         reachable: np.ndarray = np.flatnonzero(auxiliary | (self.values < dual_norm * radius))
@@ -88,34 +66,3 @@ class Constraints:
             multipliers.append(-dual[first + 1 : first + 1 + len(cone.values)])
             first += len(cone.values) + 1
         return tuple(multipliers)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ConicSolution:
-    """The primal variables x, the dual variables of all rows of A, and the objective value."""
-
-    x: Float[np.ndarray, " variables"]
-    dual: Float[np.ndarray, " rows"]
-    value: float
-
-
-def run_clarabel(
-    name: str,
-    P: sparse.csc_matrix,
-    q: Float[np.ndarray, " variables"],
-    A: sparse.csc_matrix,
-    b: Float[np.ndarray, " rows"],
-    cones: Sequence[Any],
-    tolerance: float,
-) -> ConicSolution:
-    """Return the solution by Clarabel, its gaps and infeasibilities within ``tolerance``.
-
-    Raises SolverFailed, naming the program, where Clarabel ends without a solution.
-    """
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    solution = clarabel.DefaultSolver(P, q, A, b, list(cones), settings).solve()
-    if str(solution.status) not in ("Solved", "AlmostSolved"):
-        raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
-    return ConicSolution(x=np.array(solution.x), dual=np.array(solution.z), value=float(solution.obj_val))

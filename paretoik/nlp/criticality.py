@@ -12,16 +12,13 @@ quadratic term.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.errors import SolverFailed
-from paretoik.nlp.canonical import CanonicalForm, Parameters, Structure
+from paretoik.nlp.canonical import CanonicalForm, Parameters, Pattern, Statement, parameter_values, state_cones
 from paretoik.nlp.conic import Constraints
 
 
@@ -56,7 +53,7 @@ def criticality(
     The nearest inequalities alone come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0
     with all. Raises SolverFailed where Clarabel ends without a solution.
     """
-    program, scale = _program(_Pattern.of(gradients, constraints)), _scale(gradients)
+    program, scale = _program(Pattern.of(constraints), len(gradients)), _scale(gradients)
     near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
     first = program.solve(gradients, constraints, radius, near)
     if first.value <= OPTIONS.gain_tolerance * scale:
@@ -64,119 +61,51 @@ def criticality(
     return program.solve(gradients, constraints, radius, constraints.within_reach(radius, order=2))
 
 
-class _Pattern(NamedTuple):
-    """What the statement depends on besides numbers."""
-
-    objectives: int
-    unknowns: int
-    jacobian: Structure
-    cones: tuple[tuple[int, Structure], ...]
-
-    @classmethod
-    def of(cls, gradients: np.ndarray, constraints: Constraints) -> _Pattern:
-        cones = tuple((cone.column, Structure.of(cone.rows)) for cone in constraints.cones)
-        return cls(len(gradients), constraints.unknowns, Structure.of(constraints.jacobian), cones)
-
-
-class _Statement(NamedTuple):
-    """The statement in cvxpy."""
-
-    problem: Any
-    parameters: Parameters
-    d: Any
-    t: Any
-    inequalities: Any
-    gains: Any
-    cones: list[Any]
-
-    @classmethod
-    def of(cls, pattern: _Pattern) -> _Statement:
-        import cvxpy  # here: importing it takes two seconds
-
-        (rows, columns), parameters = pattern.jacobian.shape, Parameters()
-        d, t = cvxpy.Variable(columns), cvxpy.Variable()
-        gradients, radius = parameters.dense(pattern.objectives, columns), parameters.dense()
-        constraints, inequalities = [], None
-        if rows:
-            inequalities = parameters.dense(rows) + parameters.sparse(pattern.jacobian) @ d >= 0
-            constraints = [inequalities]
-        gains = gradients @ d + t <= 0
-        constraints += [gains, cvxpy.SOC(radius, d[: pattern.unknowns])]
-        cones = []
-        for column, structure in pattern.cones:
-            length, values = parameters.dense(), parameters.dense(structure.shape[0])
-            cones.append(cvxpy.SOC(d[column] + length, values + parameters.sparse(structure) @ d))
-        problem = cvxpy.Problem(cvxpy.Maximize(t), constraints + cones)
-        return cls(problem, parameters, d, t, inequalities, gains, cones)
-
-
 class _CriticalityProgram:
     """The program of one sparsity pattern, canonicalised."""
 
-    def __init__(self, pattern: _Pattern) -> None:
-        self._rows, self._objectives, self._unknowns = pattern.jacobian.shape[0], pattern.objectives, pattern.unknowns
-        statement = _Statement.of(pattern)
-        self._form = CanonicalForm(statement.problem, statement.parameters)
+    def __init__(self, pattern: Pattern, objectives: int) -> None:
+        self._rows, self._objectives, self._unknowns = pattern.jacobian.shape[0], objectives, pattern.unknowns
+        statement = _state(pattern, objectives)
+        self._form = CanonicalForm(statement)
         self._d, self._t = self._form.columns(statement.d), self._form.columns(statement.t)
 
     def solve(self, gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray) -> Criticality:
         """Return the criticality with the inequalities ``near`` alone."""
         scale, norms = _scale(gradients), constraints.row_norms
-        used = np.ones(self._form.rows, dtype=bool)
-        used[: self._rows] = False
-        used[near] = True
-        numbers = _numbers(gradients / scale, constraints, radius, norms)
-        solution = self._form.solve("criticality", numbers, None, used, OPTIONS.solver_tolerance)
-        multipliers, first = np.zeros(self._rows), len(near) + self._objectives
-        multipliers[near] = solution.dual[: len(near)] * scale / norms[near]
-        weights = solution.dual[len(near) : first]
+        slacks = np.maximum(constraints.values, 0.0) / norms
+        first = (gradients / scale).ravel(), [radius], slacks
+        numbers = parameter_values(*first, constraints=constraints, scales=norms)
+        used = self._form.rows_in_use(self._rows, near)
+        x, dual = self._form.solve("criticality", numbers, used, OPTIONS.solver_tolerance)
+        multipliers, end = np.zeros(self._rows), len(near) + self._objectives
+        multipliers[near] = dual[: len(near)] * scale / norms[near]
+        weights = dual[len(near) : end]
         return Criticality(
-            value=max(float(solution.x[self._t[0]]), 0.0) * scale,
-            step=solution.x[self._d],
+            value=max(float(x[self._t[0]]), 0.0) * scale,
+            step=x[self._d],
             weights=weights / weights.sum(),
             multipliers=multipliers,
-            cone_multipliers=constraints.cone_multipliers(solution.dual[first + 1 + self._unknowns :] * scale),
+            cone_multipliers=constraints.cone_multipliers(dual[end + 1 + self._unknowns :] * scale),
         )
 
 
-@lru_cache(maxsize=64)  # canonicalised statements
-def _program(pattern: _Pattern) -> _CriticalityProgram:
-    return _CriticalityProgram(pattern)
+_program = lru_cache(maxsize=64)(_CriticalityProgram)  # canonicalised statements
+
+
+def _state(pattern: Pattern, objectives: int) -> Statement:
+    import cvxpy  # here: importing it takes two seconds
+
+    (rows, columns), parameters = pattern.jacobian.shape, Parameters()
+    d, t = cvxpy.Variable(columns), cvxpy.Variable()
+    gradients, radius = parameters.dense(objectives, columns), parameters.dense()
+    inequalities = parameters.dense(rows) + parameters.sparse(pattern.jacobian) @ d >= 0 if rows else None
+    constraints = [] if inequalities is None else [inequalities]
+    constraints += [gradients @ d + t <= 0, cvxpy.SOC(radius, d[: pattern.unknowns])]
+    cones = state_cones(pattern, d, parameters)
+    problem = cvxpy.Problem(cvxpy.Maximize(t), constraints + cones)
+    return Statement(problem, parameters, d, t, inequalities, cones)
 
 
 def _scale(gradients: np.ndarray) -> float:
     return max(float(np.linalg.norm(gradients, axis=1).max()), 1e-12)
-
-
-def _numbers(
-    gradients: np.ndarray, constraints: Constraints, radius: float, scales: np.ndarray
-) -> Float[np.ndarray, " numbers"]:
-    """Return the values of all parameters, in the statement's order, inequalities divided by ``scales``."""
-    numbers = [gradients.ravel(), [radius], np.maximum(constraints.values, 0.0) / scales]
-    numbers.append(constraints.jacobian.data / scales[constraints.entries.row])
-    for cone in constraints.cones:
-        numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
-    return np.concatenate(numbers)
-
-
-def solve_with_cvxpy(
-    gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
-) -> Criticality:
-    """Return the criticality by cvxpy's own solve of the same statement. Raises SolverFailed for no solution."""
-    import cvxpy  # here: importing it takes two seconds
-
-    statement = _Statement.of(_Pattern.of(gradients, constraints))
-    statement.parameters.assign(_numbers(gradients, constraints, radius, np.ones(len(constraints.values))))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
-        statement.problem.solve(solver=cvxpy.CLARABEL)
-    if statement.d.value is None:
-        raise SolverFailed(f"criticality: a solution wanted, got {statement.problem.status}")
-    weights = np.array(statement.gains.dual_value)
-    return Criticality(
-        value=max(float(statement.problem.value), 0.0),
-        step=np.array(statement.d.value),
-        weights=weights / weights.sum(),
-        multipliers=np.zeros(0) if statement.inequalities is None else np.array(statement.inequalities.dual_value),
-        cone_multipliers=tuple(-np.ravel(cone.dual_value[1]) for cone in statement.cones),
-    )

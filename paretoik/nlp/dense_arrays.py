@@ -10,9 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.assembled import AssembledRows, Part
 from paretoik.nlp.compiled.dense_kernel import DenseKernel
-from paretoik.nlp.traced import Rows, TracedRows
+from paretoik.nlp.traced import AssembledRows, Part, Rows, TracedRows
 
 
 def dense_kernel(program: Rows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
@@ -27,12 +26,9 @@ def dense_kernel(program: Rows, costs: Float[np.ndarray, "objectives unknowns"])
 @lru_cache(maxsize=64)
 def _kernel(program: AssembledRows | TracedRows, unknowns: int) -> DenseKernel:
     if isinstance(program, AssembledRows):
-        return _kernel_of_parts(unknowns, program.parts)
-    whole = Part(program=program, where=np.arange(unknowns)[None], parameters=program.parameters[None])
-    return _kernel_of_parts(unknowns, [whole])
-
-
-def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
+        parts: Sequence[Part] = program.parts
+    else:
+        parts = [Part(program=program, where=np.arange(unknowns)[None], parameters=program.parameters[None])]
     equalities = sum(part.program.equalities * len(part.where) for part in parts)
     inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
     first_h, first_c = 0, equalities
@@ -55,8 +51,8 @@ def _kernel_of_parts(unknowns: int, parts: Sequence[Part]) -> DenseKernel:
         (i, j), (a, b) = program.jacobian_pattern, program.hessian_pattern
         first.append((row[i].ravel(), part.where.T[j].ravel()))
         second.append((part.where.T[a].ravel(), part.where.T[b].ravel()))
-    first_row, first_column = (np.concatenate([pair[k] for pair in first]).astype(np.int64) for k in (0, 1))
-    second_row, second_column = (np.concatenate([pair[k] for pair in second]).astype(np.int64) for k in (0, 1))
+    first_row, first_column = np.concatenate(first, axis=1).astype(np.int64)
+    second_row, second_column = np.concatenate(second, axis=1).astype(np.int64)
     order = np.lexsort((first_column, first_row))
     by_row = order[first_row[order] >= equalities]
     return DenseKernel(

@@ -6,8 +6,8 @@ subject to  ‖values(l) + before(l) d(l) + after(l) d(l+1)‖ ≤ ΔT(l)
 
 d are the moves of the points between the ends; all pieces have one interval ΔT in common, or each its own. It is built
 once and solved by Clarabel, whose data alone change. It is assembled by hand, since it is solved at every step of a
-controller: canonicalised by cvxpy and solved anew, five pieces took 1.9 times as long. ``solve_with_cvxpy`` states the
-same and is what tests hold it against.
+controller: canonicalised by cvxpy and solved anew, five pieces took 1.9 times as long. Tests hold it against a
+statement in cvxpy.
 Source: Kim, Choi & Jang 2021, Eq. 6, its velocity limit linearised.
 """
 
@@ -118,27 +118,3 @@ class IntervalSolver:
         self._begins = np.searchsorted(column[self._order], np.arange(len(self._linear) + 1))
         self._fixed = np.concatenate([np.ones(unknowns), np.full(unknowns + pieces, -1.0)])
         self._cones = [clarabel.NonnegativeConeT(2 * unknowns), *[clarabel.SecondOrderConeT(task + 1)] * pieces]
-
-
-def solve_with_cvxpy(
-    pieces: Pieces,
-    lower: Float[np.ndarray, "between task"],
-    upper: Float[np.ndarray, "between task"],
-    *,
-    common: bool = True,
-) -> Moves:
-    """Return what ``IntervalSolver.solve`` does, by cvxpy. Raises SolverFailed where there is no solution."""
-    import cvxpy  # here: it takes two seconds, and only tests and readers want it
-
-    count, task = pieces.values.shape
-    d, intervals = cvxpy.Variable((count + 1, task)), cvxpy.Variable(count)
-    constraints = [d[0] == 0, d[count] == 0, d[1:-1] >= lower, d[1:-1] <= upper]
-    constraints += [intervals == intervals[0]] if common else []
-    for i in range(count):
-        time = pieces.values[i] + pieces.before[i] @ d[i] + pieces.after[i] @ d[i + 1]
-        constraints.append(cvxpy.norm(time) <= intervals[i])
-    problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum(intervals)), constraints)
-    problem.solve(solver=cvxpy.CLARABEL, tol_gap_abs=TOLERANCE, tol_gap_rel=TOLERANCE, tol_feas=TOLERANCE)
-    if d.value is None:
-        raise SolverFailed(f"intervals: a solution wanted, got {problem.status}")
-    return Moves(moves=np.array(d.value[1:-1]), intervals=np.array(intervals.value))

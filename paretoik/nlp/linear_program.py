@@ -3,8 +3,7 @@
 maximise    v
 subject to  columns · x = v · direction, low ≤ x ≤ high
 
-Solved by SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, where interior points stop short of it;
-``solve_with_cvxpy`` states the same for Clarabel and is what tests hold it against.
+Solved by SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, where interior points stop short of it.
 """
 
 from __future__ import annotations
@@ -50,20 +49,3 @@ def furthest(
     if solution.status != 0:
         raise SolverFailed(f"furthest: HiGHS wanted to end with an optimum, got {solution.message}")
     return Furthest(value=float(solution.x[-1]) * size, multiples=solution.x[:-1] * scale)
-
-
-def solve_with_cvxpy(
-    columns: Float[np.ndarray, "task columns"],
-    low: Float[np.ndarray, " columns"],
-    high: Float[np.ndarray, " columns"],
-    direction: Float[np.ndarray, " task"],
-) -> Furthest:
-    """Return what ``furthest`` does, by cvxpy and Clarabel. Raises SolverFailed where there is no solution."""
-    import cvxpy  # here: it takes two seconds, and only tests and readers want it
-
-    x, v = cvxpy.Variable(len(low)), cvxpy.Variable(nonneg=True)
-    problem = cvxpy.Problem(cvxpy.Maximize(v), [columns @ x == v * direction, x >= low, x <= high])
-    problem.solve(solver=cvxpy.CLARABEL)
-    if x.value is None:
-        raise SolverFailed(f"furthest: a solution wanted, got {problem.status}")
-    return Furthest(value=float(v.value), multiples=np.array(x.value))

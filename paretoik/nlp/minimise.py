@@ -50,14 +50,11 @@ def minimise(
         finite = np.isfinite(program.upper)
         table = np.concatenate([rows, identity[finite]])
         bounds = np.concatenate([upper, np.tile(program.upper[finite], (count, 1))], axis=1)
-    by_interior_point = program.kernel is not None and solver != "sqp"
-    solve = _interior_point if by_interior_point else _sqp
+    solve = _interior_point if program.kernel is not None and solver != "sqp" else _sqp
     solutions = solve(program, x, factors, table, bounds, each)
     # Below the program's own rounding no step makes a point better.
-    near = (
-        (solutions.status == NO_PROGRESS) & (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
-    )
-    solutions.status[near] = CONVERGED
+    near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
+    solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
     return replace(solutions, x=program.pin(solutions.x))
 
 
@@ -81,7 +78,6 @@ def _interior_point(
     from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
 
     count = len(x)
-
     ends: list[Any] = [None] * count
     remaining = iter(range(count))
 
@@ -89,20 +85,14 @@ def _interior_point(
         kernel = program.kernel
         for i in remaining:  # whichever thread is free takes the next point
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
-            ends[i] = search(kernel, *start, options[i])
+            end = search(kernel, *start, options[i])
+            ends[i] = (*end[:4], *end[5:7])
 
     if count > 1:
         list(_pool().map(work, range(_cores())))
     else:
         work(0)
-    return Solutions(
-        x=np.array([end[0] for end in ends]).reshape(x.shape),
-        status=np.array([end[1] for end in ends], dtype=int),
-        iterations=np.array([end[2] for end in ends], dtype=int),
-        objectives=np.array([end[3] for end in ends]).reshape(count, len(program.upper)),
-        stationarity=np.array([end[5] for end in ends], dtype=float),
-        violation=np.array([end[6] for end in ends], dtype=float),
-    )
+    return _collect(ends, x.shape, len(program.upper))
 
 
 @cache
@@ -126,22 +116,24 @@ def _sqp(
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    ends = [
-        sqp.minimise(
-            program,
-            one,
-            Goal(weights=factors, rows=rows, upper=bounds),
-            sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance),
-        )
-        for one, factors, bounds, each in zip(x, weights, upper, options, strict=True)
-    ]
+    ends = []
+    for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
+        settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
+        end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
+        ends.append((end.x, end.status, end.iterations, end.objectives, end.stationarity, end.violation))
+    return _collect(ends, x.shape, len(program.upper))
+
+
+def _collect(ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int) -> Solutions:
+    """Return ends (x, status, iterations, F, stationarity, violation) as a batch of points of a ``shape``."""
+    x, status, iterations, F, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 6
     return Solutions(
-        x=np.array([end.x for end in ends]).reshape(x.shape),
-        status=np.array([end.status for end in ends], dtype=int),
-        iterations=np.array([end.iterations for end in ends], dtype=int),
-        objectives=np.array([end.objectives for end in ends]).reshape(len(x), len(program.upper)),
-        stationarity=np.array([end.stationarity for end in ends], dtype=float),
-        violation=np.array([end.violation for end in ends], dtype=float),
+        x=np.array(x).reshape(shape),
+        status=np.array(status, dtype=int),
+        iterations=np.array(iterations, dtype=int),
+        objectives=np.array(F).reshape(len(ends), objectives),
+        stationarity=np.array(stationarity, dtype=float),
+        violation=np.array(violation, dtype=float),
     )
 
 

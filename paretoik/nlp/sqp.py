@@ -17,11 +17,10 @@ from scipy import sparse
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
 from paretoik.nlp.conic import Constraints
-from paretoik.nlp.convexification import convexify
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.program import Goal, Program, bounded
 from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
-from paretoik.nlp.subproblem import Step, solve_subproblem
+from paretoik.nlp.subproblem import Step, convexify, solve_subproblem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,11 +178,8 @@ class _Search:
         objectives, equalities, inequalities = self.program.evaluate(x)
         bounds = self.goal.upper - self.goal.rows @ objectives
         violations = np.concatenate([[0.0], np.abs(equalities), -inequalities, -bounds])
-        value, violation = (
-            float(self.goal.weights @ objectives),
-            float(violations.max()),
-        )  # not a number, if any is none
-        return _Iterate(x=x, objectives=objectives, value=value, violation=violation)
+        value = float(self.goal.weights @ objectives)
+        return _Iterate(x=x, objectives=objectives, value=value, violation=float(violations.max()))  # NaN where any is
 
     def _model(self) -> _Model:
         at = self.at

@@ -1,4 +1,4 @@
-"""What is known of a point of a front: that it keeps its limits, that it is critical, how objectives trade there.
+"""Certificates of points of a front: that each keeps its limits, that it is critical, how objectives trade there.
 
 Everything follows from the point alone, never from what a solver says of itself. Objectives are divided by ``ranges``,
 the nadir less the ideal of the run; the length of a direction is its RMS. See ``nlp.criticality``.
@@ -6,7 +6,6 @@ the nadir less the ideal of the run; the length of a direction is its RMS. See `
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +20,7 @@ from paretoik.nlp.criticality import Criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.pareto.exchange_rates import exchange_intervals, exchange_rates, weight_ratios
+from paretoik.pareto.scalarisation import Observe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,102 +53,78 @@ def certify(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
     violation_between: Float[np.ndarray, " points"],
-    observe: Callable[[int, int], object] | None = None,
-    options: CertificateOptions = OPTIONS,
+    observe: Observe | None = None,
 ) -> Certificates:
     """Return the certificates of points of a program whose first objectives are those of the front.
 
     ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
-    not look, between samples. ``observe`` is called with points done and wanted.
+    not look, between samples. ``observe`` is called with what is done and with all.
     """
-    certified = list[_Certified]()
-    for one in x:
-        certified.append(_certify_point(program.linearise(one), program, ranges, options))
-        if observe is not None:
-            observe(len(certified), len(x))
     count, n_obj = len(x), len(ranges)
-    weights = np.array([each.criticality.weights for each in certified]).reshape(count, n_obj)
-    ratios = np.array([each.weight_ratios for each in certified]).reshape(count, n_obj, n_obj, 2)
-    violation = np.array([each.violation for each in certified])
+    violation, residual, statuses = np.zeros(count), np.zeros(count), list[str]()
+    weights, ratios = np.zeros((count, n_obj)), np.zeros((count, n_obj, n_obj, 2))
+    for i, one in enumerate(x):
+        at = program.linearise(one)
+        gradients, constraints = at.gradients[:n_obj] / ranges[:, None], _constraints(program, at)
+        result = criticality(gradients, constraints, at.unit)
+        critical = result.value <= OPTIONS.critical
+        statuses.append(_status(program, at, result, constraints, ranges) if critical else "undetermined")
+        violation[i], residual[i], weights[i] = violation_at(program, at), result.value, result.weights
+        ratios[i] = weight_ratios(gradients, constraints, result.weights)
+        if observe is not None:
+            observe(i + 1, count)
     return Certificates(
         violation=violation,
         violation_between=np.maximum(violation, violation_between),
-        kkt_residual=np.array([each.criticality.value for each in certified]),
+        kkt_residual=residual,
         weights=weights,
         exchange_rates=exchange_rates(weights, ranges, signs),
         exchange_intervals=exchange_intervals(ratios, ranges, signs),
-        status=np.array([each.status for each in certified], dtype=np.str_),
+        status=np.array(statuses, dtype=np.str_),
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Certified:
-    criticality: Criticality
-    violation: float
-    status: str
-    weight_ratios: Float[np.ndarray, "n_obj n_obj 2"]
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> Criticality:
     """Return the criticality of a point, objectives divided by ``ranges``."""
-    return criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at)[0], at.unit)
+    return criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit)
 
 
 def violation_at(program: Program, at: Linearisation) -> float:
     """Return the worst violation of equalities, limits and bounds at a point, as a share of their ranges."""
-    return violation_of(program, at.objectives, at.equalities, at.inequalities[: at.elastic])
+    return _violation(program, at.objectives, at.equalities, at.inequalities[: at.elastic])
 
 
-def violation_of(program: Program, objectives: np.ndarray, equalities: np.ndarray, inequalities: np.ndarray) -> float:
-    """Return the worst violation for values of F, h and c."""
+def _violation(program: Program, objectives: np.ndarray, equalities: np.ndarray, inequalities: np.ndarray) -> float:
     bounds = float((objectives - program.upper).max(initial=-np.inf))
     return max(0.0, float(np.abs(equalities).max(initial=0.0)), -float(inequalities.min(initial=0.0)), bounds)
 
 
-def _constraints(program: Program, at: Linearisation) -> tuple[Constraints, int]:
-    """Return all inequalities to first order, the program's own bounds on F among them, and how many are elastic."""
+def _constraints(program: Program, at: Linearisation) -> Constraints:
+    """Return all inequalities to first order, the program's own bounds on F among them."""
     size = len(program.upper)
-    return bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))
-
-
-def _certify_point(at: Linearisation, program: Program, ranges: np.ndarray, options: CertificateOptions) -> _Certified:
-    constraints, _ = _constraints(program, at)
-    gradients = at.gradients[: len(ranges)] / ranges[:, None]
-    result = criticality(gradients, constraints, at.unit)
-    critical = result.value <= options.critical
-    return _Certified(
-        criticality=result,
-        violation=violation_at(program, at),
-        status=_status(program, at, result, constraints, ranges, options) if critical else "undetermined",
-        weight_ratios=weight_ratios(gradients, constraints, result.weights),
-    )
+    return bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
 
 
 def _status(
-    program: Program,
-    at: Linearisation,
-    result: Criticality,
-    constraints: Constraints,
-    ranges: np.ndarray,
-    options: CertificateOptions,
+    program: Program, at: Linearisation, result: Criticality, constraints: Constraints, ranges: np.ndarray
 ) -> str:
     """Return whether the Hessian of the Lagrangian on the critical cone says minimum or saddle."""
     gradients = at.gradients[: len(ranges)] / ranges[:, None]
-    counts, strong = result.weights >= options.multiplier, result.multipliers > options.multiplier
-    weak = ~strong & (constraints.values <= options.active)
+    counts, strong = result.weights >= OPTIONS.multiplier, result.multipliers > OPTIONS.multiplier
+    weak = ~strong & (constraints.values <= OPTIONS.active)
     hessian, cone_rows = _lagrangian(program, at, result, ranges)
     tangent = null_space(np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows]))
     projected = tangent.T @ hessian @ tangent
-    if is_positive_definite(projected + options.curvature / at.unit**2 * np.eye(len(projected))):
+    if is_positive_definite(projected + OPTIONS.curvature / at.unit**2 * np.eye(len(projected))):
         return "minimum"
     values, vectors = np.linalg.eigh(projected)
-    if values[0] * at.unit**2 >= -options.curvature:
+    if values[0] * at.unit**2 >= -OPTIONS.curvature:
         return "minimum"
     direction = tangent @ vectors[:, 0]
     for sign in (1.0, -1.0):
         feasible = np.all(constraints.jacobian[weak] @ (sign * direction) >= -1e-9)
         descends = np.all(gradients[~counts] @ (sign * direction) <= 1e-9)
-        if feasible and descends and _is_dominated(program, at, sign * at.unit * direction, len(ranges), options):
+        if feasible and descends and _is_dominated(program, at, sign * at.unit * direction, len(ranges)):
             return "saddle"
     return "undetermined"
 
@@ -203,27 +179,25 @@ def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
     return top - slope, (rows.T @ rows - slope.T @ slope) / size
 
 
-def _is_dominated(
-    program: Program, at: Linearisation, direction: np.ndarray, count: int, options: CertificateOptions
-) -> bool:
+def _is_dominated(program: Program, at: Linearisation, direction: np.ndarray, n_obj: int) -> bool:
     """Return whether a step along a direction leads to a feasible point that is better in every objective."""
-    values, steps = at.objectives[:count], [at.retract(length * direction) for length in options.descent_steps]
-    if any(x is not None and _is_better(program, x, values, options) for x in steps):
+    values, steps = at.objectives[:n_obj], [at.retract(length * direction) for length in OPTIONS.descent_steps]
+    if any(x is not None and _is_better(program, x, values) for x in steps):
         return True
     if steps[0] is None:
         return False
-    upper = np.full(len(program.upper), np.inf)
-    upper[:count] = values
-    goal = Goal(weights=np.where(np.isfinite(upper), 1.0, 0.0), rows=np.eye(len(upper)), upper=upper)
-    settings = SqpOptions(iterations=options.restorations, radius=options.descent_steps[0], corrections=3)
+    weights, upper = np.zeros(len(program.upper)), np.full(len(program.upper), np.inf)
+    weights[:n_obj], upper[:n_obj] = 1.0, values
+    goal = Goal(weights=weights, rows=np.eye(len(upper)), upper=upper)
+    settings = SqpOptions(iterations=OPTIONS.restorations, radius=OPTIONS.descent_steps[0], corrections=3)
     try:
         x = minimise(program, steps[0], goal, settings).x
     except (SolverFailed, EvaluationFailed):
         return False
-    return _is_better(program, x, values, options)
+    return _is_better(program, x, values)
 
 
-def _is_better(program: Program, x: np.ndarray, values: np.ndarray, options: CertificateOptions) -> bool:
+def _is_better(program: Program, x: np.ndarray, values: np.ndarray) -> bool:
     objectives, equalities, inequalities = program.evaluate(x)
-    violation = violation_of(program, objectives, equalities, inequalities)
-    return bool(np.all(objectives[: len(values)] < values) and violation <= options.violation)
+    violation = _violation(program, objectives, equalities, inequalities)
+    return bool(np.all(objectives[: len(values)] < values) and violation <= OPTIONS.violation)

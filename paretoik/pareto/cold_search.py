@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -12,9 +13,9 @@ from jaxtyping import Float
 from paretoik.arrays import Points
 from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions, concatenate
+from paretoik.nlp.solutions import Solutions
+from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,40 +62,39 @@ class StartSearch:
     starts: Points
     n_obj: int
     solver: Solver = "auto"
-    observe: Callable[[int, int], object] | None = None
+    observe: Observe | None = None
     multimodal: bool = True
+
+    @cached_property
+    def _finite_starts(self) -> Points:
+        return self.starts[np.isfinite(self.starts).reshape(len(self.starts), -1).all(axis=1)]
 
     def optima(self, objective: int) -> Points:
         """Return the local optima of one objective, nearly alone, best first.
 
         Raises SolverFailed where no start leads to a point within all limits.
         """
-        starts = self.starts[np.isfinite(self.starts).reshape(len(self.starts), -1).all(axis=1)]
         natural = self.program_of(np.ones(self.n_obj))
-        values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in starts]).reshape(-1, self.n_obj)
-        sizes = np.median(np.abs(values), axis=0) if len(starts) else np.ones(self.n_obj)
+        values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in self._finite_starts]).reshape(-1, self.n_obj)
+        sizes = np.median(np.abs(values), axis=0) if len(values) else np.ones(self.n_obj)
         program = self.program_of(np.where(sizes > 0, sizes, 1.0))
-        solutions = self._minimise(program, starts, objective, np.full(self.n_obj, np.inf), OPTIONS.weight)
+        solutions = self.optima_below(program, objective, np.full(self.n_obj, np.inf), OPTIONS.weight)
         if not len(solutions):
             raise SolverFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
         return solutions.x
 
     def optima_below(self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float) -> Solutions:
         """Return what the starts lead to for one objective, the others below ``upper``, best first."""
-        starts = self.starts[np.isfinite(self.starts).reshape(len(self.starts), -1).all(axis=1)]
-        return self._minimise(program, starts, main, upper, weight)
-
-    def _minimise(self, program: Program, starts: Points, main: int, upper: np.ndarray, weight: float) -> Solutions:
-        factors, bounds = np.zeros((1, len(program.upper))), np.full((1, len(program.upper)), np.inf)
-        factors[0, : self.n_obj] = weight
-        factors[0, main] = 1.0
-        bounds[0, : self.n_obj] = upper
-        parts = list[Solutions]()
-        for first in range(0, max(len(starts), 1), OPTIONS.batch):
-            x = starts[first : first + OPTIONS.batch]
-            parts.append(minimise(program, x, factors, bounds, OPTIONS.barrier, solver=self.solver))
-            if self.observe is not None:
-                self.observe(first + len(x), len(starts))
-        solutions = concatenate(parts)
-        merit = np.where(solutions.converged, solutions.objectives @ factors[0], np.inf)
+        weights = main_weights(self.n_obj, np.array([main]), weight)
+        solutions = minimise_weighted(
+            program,
+            self._finite_starts,
+            weights,
+            upper[None],
+            OPTIONS.barrier,
+            solver=self.solver,
+            batch=OPTIONS.batch,
+            observe=self.observe,
+        )
+        merit = np.where(solutions.converged, solutions.objectives[:, : self.n_obj] @ weights[0], np.inf)
         return solutions[np.argsort(merit, kind="stable")[: int(solutions.converged.sum())]]

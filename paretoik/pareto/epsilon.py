@@ -15,14 +15,11 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Points
 from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import Solutions, concatenate
+from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.cold_search import ColdSearch
-from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, known, spread_rows
-from paretoik.pareto.ranges import objective_sizes, ranges_of
-
-Observe = Callable[[int, int], object]
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
+from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,15 +60,6 @@ class EpsilonOptions:
 OPTIONS = EpsilonOptions()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EpsilonPoints:
-    """Points of a front with their objectives, minimised, and the ranges that these were divided by on the way."""
-
-    x: Points
-    objectives: Float[np.ndarray, "points n_obj"]
-    ranges: Float[np.ndarray, " n_obj"]
-
-
 def epsilon_points(
     program_of: Callable[[Float[np.ndarray, " n_obj"]], Program],
     cold: ColdSearch,
@@ -80,14 +68,12 @@ def epsilon_points(
     points: int,
     solver: Solver = "auto",
     observe: Observe | None = None,
-    options: EpsilonOptions = OPTIONS,
-) -> EpsilonPoints:
+) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
     """Return at most so many points, but all ends, spread over the front, and the ranges of the objectives.
 
-    ``program_of`` returns the program with its objectives divided by what it is given. First the ends, and what cold
+    ``program_of`` returns the program with its objectives divided by its argument. First the ends, and what cold
     starts lead to below some ε; of two objectives every branch is then followed through falling and rising ε. The rest
-    goes into the widest gaps: ε halfway between two neighbours, started from those near it. ``observe`` is called with
-    points found and wanted.
+    goes into the widest gaps: ε halfway between two neighbours, started from those near it.
 
     Raises what ``cold`` does, and SolverFailed where an end does not converge.
     """
@@ -96,16 +82,24 @@ def epsilon_points(
     best = np.stack([optima[0] for optima in alone])
     payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
     sizes = objective_sizes(natural, best, n_obj)
-    near = natural.distance(best[0], best) <= options.resolved_distance
-    if near.all() and (np.ptp(payoff, axis=0) <= options.resolution * sizes).all():
-        return EpsilonPoints(x=best[:1], objectives=payoff[:1], ranges=np.where(sizes > 0, sizes, 1.0))
+    near = natural.distance(best[0], best) <= OPTIONS.resolved_distance
+    if near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
+        return best[:1], np.where(sizes > 0, sizes, 1.0)
     ranges = ranges_of(payoff, sizes)
     program = program_of(ranges)
-    pool = np.concatenate([optima[: options.pool] for optima in alone])
-    pool = pool[_distinct_rows(program, pool, options)]
-    ends = _ends(program, best, solver, options)
-    sweep = _Sweep(program, pool, ends, points, solver, observe, options)
-    for solutions in _inner(program, cold, ends, options):
+    pool = np.concatenate([optima[: OPTIONS.pool] for optima in alone])
+    ends = _ends(program, best, solver)
+    sweep = _Sweep(
+        program=program,
+        n_obj=n_obj,
+        x=ends.x,
+        objectives=ends.objectives,
+        pool=pool[_distinct_rows(program, pool)],
+        points=points,
+        solver=solver,
+        observe=observe,
+    )
+    for solutions in _inner_optima(program, cold, ends):
         sweep.pool = np.concatenate([sweep.pool, solutions.x])
         sweep.add(solutions)
     if n_obj == 2:  # half of the points along every branch, evenly in the second objective
@@ -115,110 +109,88 @@ def epsilon_points(
     if cold.multimodal:
         sweep.exchange_basins()
     x, values = sweep.front()
-    rows = spread_rows(values, points)
-    return EpsilonPoints(x=x[rows], objectives=values[rows] * ranges, ranges=ranges)
+    return x[spread_rows(values, points)], ranges
 
 
-def _distinct_rows(program: Program, x: Points, options: EpsilonOptions) -> Int[np.ndarray, " rows"]:
+def _distinct_rows(program: Program, x: Points) -> Int[np.ndarray, " rows"]:
     """Return which points are farther than ``distinct`` from all before them."""
     rows = list[int]()
     for i, one in enumerate(x):
-        if not rows or program.distance(one, x[rows]).min() > options.distinct:
+        if not rows or program.distance(one, x[rows]).min() > OPTIONS.distinct:
             rows.append(i)
     return np.array(rows, dtype=int)
 
 
-def _factors(program: Program, n_obj: int, main: int | np.ndarray, weight: float | np.ndarray) -> np.ndarray:
-    """Return weights (rows, objectives): 1 for the main objective of each row, ``weight`` for the others."""
-    mains = np.atleast_1d(main)
-    factors = np.zeros((len(mains), len(program.upper)))
-    factors[:, :n_obj] = np.asarray(weight)[..., None]
-    factors[np.arange(len(mains)), mains] = 1.0
-    return factors
-
-
-def _bounds(program: Program, upper: Float[np.ndarray, "rows n_obj"]) -> np.ndarray:
-    bounds = np.full((len(upper), len(program.upper)), np.inf)
-    bounds[:, : upper.shape[1]] = upper
-    return bounds
-
-
-def _ends(program: Program, best: Points, solver: Solver, options: EpsilonOptions) -> Solutions:
+def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
     """Return the ends of the front: each objective at its best, the others as good as they can be there."""
     count = len(best)
-    mains = np.arange(count)
-    factors = _factors(program, count, mains, options.end_tolerance)
-    ends = minimise(program, best, factors, options=options.warm, solver=solver)
-    for barrier in (options.near, options.cold):
-        again = minimise(program, best, factors, options=barrier, solver=solver)
-        merits = [np.where(each.converged, np.sum(factors * each.objectives, axis=1), np.inf) for each in (ends, again)]
-        better = merits[1] < merits[0] - POINT_TOLERANCE
-        ends = ends.replace_rows(better, again[better])
+
+    def solve(x: Points, weight: float | np.ndarray, barrier: InteriorPointOptions) -> tuple[Solutions, np.ndarray]:
+        weights = main_weights(count, np.arange(count), weight)
+        solutions = minimise_weighted(program, x, weights, None, barrier, solver=solver)
+        merit = np.sum(weights * solutions.objectives[:, :count], axis=1)
+        return solutions, np.where(solutions.converged, merit, np.inf)
+
+    ends, merit = solve(best, OPTIONS.end_tolerance, OPTIONS.warm)
+    for barrier in (OPTIONS.near, OPTIONS.cold):
+        again, new_merit = solve(best, OPTIONS.end_tolerance, barrier)
+        better = new_merit < merit - POINT_TOLERANCE
+        ends, merit = ends.replace_rows(better, again[better]), np.where(better, new_merit, merit)
     if not ends.converged.all():
         failed = program.objective_names[int(np.argmin(ends.converged))]
         raise SolverFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
-    weight = np.full(count, options.end_weight)
+    weight = np.full(count, OPTIONS.end_weight)
     for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
-        finished = minimise(
-            program, ends.x, _factors(program, count, mains, weight), options=options.warm, solver=solver
-        )
+        finished = solve(ends.x, weight, OPTIONS.warm)[0]
         loss = np.diagonal(finished.objectives) - np.diagonal(ends.objectives)
-        weight = weight * np.sqrt(options.end_tolerance / np.maximum(loss, options.end_tolerance)) / 2
-        accepted = finished.converged & (loss <= options.end_tolerance)
+        weight = weight * np.sqrt(OPTIONS.end_tolerance / np.maximum(loss, OPTIONS.end_tolerance)) / 2
+        accepted = finished.converged & (loss <= OPTIONS.end_tolerance)
         if accepted.all():
             break
     return ends.replace_rows(accepted, finished[accepted])
 
 
-def _inner(program: Program, cold: ColdSearch, ends: Solutions, options: EpsilonOptions) -> list[Solutions]:
+def _inner_optima(program: Program, cold: ColdSearch, ends: Solutions) -> list[Solutions]:
     """Return the optima that cold starts lead to below some ε: a branch may belong to no objective's own optimum."""
     count = len(ends)
     ideal, nadir = ends.objectives[:, :count].min(axis=0), ends.objectives[:, :count].max(axis=0)
     batches = []
-    for share in options.inner if count == 2 else options.inner[1:2]:
+    for share in OPTIONS.inner if count == 2 else OPTIONS.inner[1:2]:
         for main in range(count):
             upper = np.where(np.arange(count) == main, np.inf, nadir + share * (ideal - nadir))
-            solutions = cold.optima_below(program, main, upper, options.weight)
+            solutions = cold.optima_below(program, main, upper, OPTIONS.weight)
             if solutions is not None:
-                batches.append(solutions[solutions.converged][: options.pool])
+                batches.append(solutions[solutions.converged][: OPTIONS.pool])
     return batches
 
 
+@dataclass(kw_only=True, eq=False)
 class _Sweep:
-    """The points so far, and how one more is found."""
+    """The points so far with their objectives, and how more are added; ``pool`` are starts of branches."""
 
-    def __init__(
-        self,
-        program: Program,
-        pool: Points,
-        ends: Solutions,
-        wanted: int,
-        solver: Solver,
-        observe: Observe | None,
-        options: EpsilonOptions,
-    ) -> None:
-        self.program, self.pool, self.n_obj, self.wanted = program, pool, len(ends), wanted
-        self.x, self.objectives = ends.x, ends.objectives
-        self.solver, self.observe, self.options = solver, observe, options
+    program: Program
+    n_obj: int
+    x: Points
+    objectives: Float[np.ndarray, "points objectives"]
+    pool: Float[np.ndarray, " pool *point"]
+    points: int
+    solver: Solver
+    observe: Observe | None
 
     def add(self, solutions: Solutions) -> None:
-        """Keep points: whether they are part of the front is seen later."""
+        """Add points, whether they are part of the front or not."""
         self.x = np.concatenate([self.x, solutions.x])
         self.objectives = np.concatenate([self.objectives, solutions.objectives])
         self._show()
 
-    def _show(self) -> None:
+    def _show(self, *_: int) -> None:
         if self.observe is not None:
-            self.observe(min(len(self.front()[0]), self.wanted), self.wanted)
+            self.observe(min(len(self.front()[0]), self.points), self.points)
 
-    def _minimise(self, x: Points, factors: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
-        """Minimise from points, a batch at a time: in between somebody may look."""
-        parts, upper = list[Solutions](), np.broadcast_to(upper, (len(x), upper.shape[1]))
-        for first in range(0, max(len(x), 1), self.options.batch):
-            rows = slice(first, first + self.options.batch)
-            parts.append(minimise(self.program, x[rows], factors, upper[rows], barrier, solver=self.solver))
-            self._show()
-        return concatenate(parts)
+    def _minimise(self, x: Points, weights: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
+        return minimise_weighted(
+            self.program, x, weights, upper, barrier, solver=self.solver, batch=OPTIONS.batch, observe=self._show
+        )
 
     def front(self) -> tuple[Points, Float[np.ndarray, "front n_obj"]]:
         """Return the points that no other dominates, by the first objective."""
@@ -228,70 +200,57 @@ class _Sweep:
 
     def minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
         """Minimise objective ``main`` below ``upper`` from the nearest points; return whether that is a new one."""
-        best = self._best_below(main, upper)
-        if best is None or known(best.objectives[0], self.objectives):
-            return False
-        self.add(best)
-        return True
-
-    def _best_below(self, main: int, upper: np.ndarray) -> Solutions | None:
-        starts = self.x[self._nearest(upper)]
-        factors = _factors(self.program, self.n_obj, main, self.options.weight)
-        bounds = _bounds(self.program, upper[None])
-        solutions = self._minimise(starts, factors, bounds, self.options.warm)
-        if not solutions.converged.any():
-            return None
-        best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
-        return solutions[best : best + 1]
-
-    def _nearest(self, upper: np.ndarray) -> Int[np.ndarray, " nearest"]:
         values = self.objectives[:, : self.n_obj]
         off = np.abs(values - np.where(np.isfinite(upper), upper, values)).max(axis=1)
-        return np.argsort(off, kind="stable")[: self.options.nearest]
+        starts = self.x[np.argsort(off, kind="stable")[: OPTIONS.nearest]]
+        weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
+        solutions = self._minimise(starts, weights, upper[None], OPTIONS.warm)
+        best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
+        if not solutions.converged[best] or is_duplicate(solutions.objectives[best], self.objectives):
+            return False
+        self.add(solutions[best : best + 1])
+        return True
 
     def follow_branches(self, levels: Float[np.ndarray, " levels"]) -> None:
         """Follow every optimum of the pool as its own branch, through falling and through rising ε of objective two.
 
-        Two objectives. A branch that is dominated here may be the best one there: all that is found is kept.
+        Two objectives. A branch that is dominated here may be the best one there: all solutions are added.
         """
         second = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
         falling, rising = levels[:, None], levels[::-1, None]
         within = second >= falling, second <= rising
         joins = [np.where(each.any(axis=0), each.argmax(axis=0), len(levels)) for each in within]
         x = [self.pool[:0], self.pool[:0]]
-        options = self.options.warm._replace(iterations=self.options.branch_iterations)
+        barrier = OPTIONS.warm._replace(iterations=OPTIONS.branch_iterations)
+        weights = main_weights(2, np.array([0]), OPTIONS.weight)
         for step, both in enumerate(zip(levels, levels[::-1], strict=True)):
             x = [np.concatenate([old, self.pool[join == step]]) for old, join in zip(x, joins, strict=True)]
             counts = [len(each) for each in x]
-            upper = _bounds(self.program, np.stack([np.full(sum(counts), np.inf), np.repeat(both, counts)], axis=1))
-            factors = _factors(self.program, 2, 0, self.options.weight)
-            solutions = self._minimise(np.concatenate(x), factors, upper, options)
-            for way, part in enumerate((solutions[: counts[0]], solutions[counts[0] :])):
+            upper = np.stack([np.full(sum(counts), np.inf), np.repeat(both, counts)], axis=1)
+            solutions = self._minimise(np.concatenate(x), weights, upper, barrier)
+            for direction, part in enumerate((solutions[: counts[0]], solutions[counts[0] :])):
                 branches = part[part.converged]
                 branches = branches[np.argsort(branches.objectives[:, 0], kind="stable")]
-                branches = branches[_distinct_rows(self.program, branches.x, self.options)]
+                branches = branches[_distinct_rows(self.program, branches.x)]
                 self.add(branches)
-                x[way] = branches.x
+                x[direction] = branches.x
 
     def exchange_basins(self) -> None:
         """Try for every point of the front whether its neighbours' basins hold one that is better in everything.
 
         Where there are many valleys, a neighbour that came later may lie in a better one.
         """
-        for _ in range(self.options.rounds):
+        for _ in range(OPTIONS.rounds):
             x, values = self.front()
-            rows = spread_rows(values, self.wanted)
+            rows = spread_rows(values, self.points)
             x, values = x[rows], values[rows]
             if len(x) < 2:
                 return
             off = np.linalg.norm(values[:, None] - values[None], axis=2) + np.where(np.eye(len(x)) > 0, np.inf, 0.0)
-            near = np.argsort(off, axis=1)[:, : min(self.options.neighbours, len(x) - 1)]
-            factors = np.zeros((1, len(self.program.upper)))
-            factors[0, : self.n_obj] = 1.0
-            upper = _bounds(self.program, np.repeat(values, near.shape[1], axis=0))
-            solutions = self._minimise(x[near.ravel()], factors, upper, self.options.warm)
-            before = np.repeat(values.sum(axis=1), near.shape[1])
-            gain = before - solutions.objectives[:, : self.n_obj].sum(axis=1)
+            near = np.argsort(off, axis=1)[:, : min(OPTIONS.neighbours, len(x) - 1)]
+            upper = np.repeat(values, near.shape[1], axis=0)
+            solutions = self._minimise(x[near.ravel()], np.ones((1, self.n_obj)), upper, OPTIONS.warm)
+            gain = upper.sum(axis=1) - solutions.objectives[:, : self.n_obj].sum(axis=1)
             better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
             if not better.any():
                 return

@@ -1,4 +1,4 @@
-"""How points spread over a front: which are part of it, how far apart they are, and where one more is wanted."""
+"""How points spread over a front: which are part of it, how far apart they are, and where one more goes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from jaxtyping import Float, Int
 POINT_TOLERANCE = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
 
 
-def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " kept"]:
+def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " rows"]:
     """Return which points, as shares of the ranges, no other dominates or repeats, in the order of the first share.
 
-    Those with the least sum come first: what dominates another has the lesser sum.
+    In the order of their sums: what dominates another has the smaller one.
     """
-    rows: list[int] = []
+    rows = list[int]()
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
         if not (shares[rows] <= shares[i] + POINT_TOLERANCE).all(axis=1).any():
             rows.append(i)
@@ -23,7 +23,7 @@ def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " k
     return front[np.argsort(shares[front, 0], kind="stable")]
 
 
-def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " kept"]:
+def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " rows"]:
     """Return the rows of the best of every objective, however many, then always of the farthest, up to ``count``."""
     rows = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
     while len(rows) < min(count, len(shares)):
@@ -71,7 +71,7 @@ def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> 
     return [tuple(np.concatenate([values[i], values[j]]).tolist()) for i, j in wide]
 
 
-def known(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
+def is_duplicate(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
     """Return whether a point is one of others."""
     return bool((np.abs(others - value).max(axis=1) <= 10 * POINT_TOLERANCE).any())
 

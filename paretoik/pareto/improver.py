@@ -10,9 +10,8 @@ from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.pareto.ranges import ranges_of
+from paretoik.pareto.scalarisation import main_weights, minimise_weighted, ranges_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,58 +36,40 @@ class Improver:
     """Suggests points to a search: at the ends of its front, in the widest gaps, and in every branch.
 
     ``branches`` names the branch of each of some points. At the ends an objective is minimised; in gaps, and at the
-    best point of every branch, one with the others kept below the middle of the gap, or where they are. ``spent``
+    best point of every branch, one with the others below the middle of the gap, or where they are. ``spent``
     counts iterations, each as one evaluation.
     """
 
-    def __init__(
-        self,
-        program: Program,
-        branches: Callable[[Points], list[str]],
-        *,
-        solver: Solver = "auto",
-        options: ImproverOptions = OPTIONS,
-    ) -> None:
+    def __init__(self, program: Program, branches: Callable[[Points], list[str]], *, solver: Solver = "auto") -> None:
         self.spent = 0
-        self._program, self._branches, self._solver, self._options = program, branches, solver, options
+        self._program, self._branches, self._solver = program, branches, solver
 
     def is_due(self, generation: int, evaluations: int) -> bool:
         """Return whether it is time for points again, and iterations are left."""
-        return generation % self._options.every == 0 and self.spent <= self._options.share * evaluations
+        return generation % OPTIONS.every == 0 and self.spent <= OPTIONS.share * evaluations
 
     def suggest(self, x: Points, objectives: Float[np.ndarray, "front n_obj"]) -> Float[np.ndarray, suggested * point]:
         """Return points that a few iterations from those of a front (two at least) lead to."""
-        rows, factors, upper = self._aims(objectives, x)
-        solutions = minimise(self._program, x[rows], factors, upper, self._options.brief, solver=self._solver)
+        rows, mains, upper = self._aims(objectives, x)
+        upper[np.arange(len(rows)), mains] = np.inf
+        weights = main_weights(objectives.shape[1], mains, OPTIONS.weight) / ranges_of(objectives)
+        solutions = minimise_weighted(self._program, x[rows], weights, upper, OPTIONS.brief, solver=self._solver)
         self.spent += int(solutions.iterations.sum())
         return solutions.x[np.isfinite(solutions.objectives).all(axis=1)]
 
     def _aims(self, F: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows of the front to start from, and what is minimised and kept below what from each."""
-        count, ranges = F.shape[1], ranges_of(F)
-        shares = F / ranges
-        rows, mains, levels = list[int](), list[int](), list[np.ndarray]()
-        for k in range(count):
-            rows.append(int(np.argmin(F[:, k])))
-            mains.append(k)
-            levels.append(np.full(count, np.inf))
+        """Return rows of the front to start from, the objective to minimise from each, and ε (rows, n_obj)."""
+        count, shares = F.shape[1], F / ranges_of(F)
+        aims = [(int(np.argmin(F[:, k])), k, np.full(count, np.inf)) for k in range(count)]
         distances = np.linalg.norm(shares[:, None] - shares[None], axis=2)
         np.fill_diagonal(distances, np.inf)
         nearest = distances.argmin(axis=1)
-        for turn, i in enumerate(np.argsort(-distances.min(axis=1))[: self._options.gaps] if count > 1 else ()):
-            rows.append(int(i))
-            mains.append(turn % count)
-            levels.append((F[i] + F[nearest[i]]) / 2)
-        names = np.array(self._branches(x))
-        for name in np.unique(names):
-            members = np.flatnonzero(names == name)
-            rows.append(int(members[np.argmin(shares[members].sum(axis=1))]))
-            mains.append(len(rows) % count)
-            levels.append(F[rows[-1]])
-        upper = np.full((len(rows), len(self._program.upper)), np.inf)
-        factors = np.zeros_like(upper)
-        factors[:, :count] = self._options.weight / ranges
-        factors[np.arange(len(rows)), mains] = 1.0 / ranges[mains]
-        upper[:, :count] = np.array(levels)
-        upper[np.arange(len(rows)), mains] = np.inf
-        return np.array(rows), factors, upper
+        for turn, i in enumerate(np.argsort(-distances.min(axis=1))[: OPTIONS.gaps] if count > 1 else ()):
+            aims.append((int(i), turn % count, (F[i] + F[nearest[i]]) / 2))
+        labels = np.array(self._branches(x))
+        for label in np.unique(labels):
+            members = np.flatnonzero(labels == label)
+            best = int(members[np.argmin(shares[members].sum(axis=1))])
+            aims.append((best, (len(aims) + 1) % count, F[best]))
+        rows, mains, upper = (np.array(column) for column in zip(*aims, strict=True))
+        return rows, mains, upper

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +13,7 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.certificates import criticality_at, violation_at
-
-Observe = Callable[[int, int], object]
+from paretoik.pareto.scalarisation import Observe
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,57 +37,43 @@ class RefineOptions:
 OPTIONS = RefineOptions()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Refined:
-    """Points, each no worse than it was, and which of them are local optima now."""
-
-    x: Points
-    converged: Bool[np.ndarray, " points"]
-
-
 def refine(
-    program: Program,
-    x: Points,
-    n_obj: int,
-    *,
-    solver: Solver = "auto",
-    observe: Observe | None = None,
-    options: RefineOptions = OPTIONS,
-) -> Refined:
-    """Return points of a program whose first objectives, divided by their ranges, are those of the front.
+    program: Program, x: Points, n_obj: int, *, solver: Solver = "auto", observe: Observe | None = None
+) -> tuple[Points, Bool[np.ndarray, " points"]]:
+    """Return points, none worse than it was, and which are local optima now.
 
-    The first objective is minimised, every other to gain as much, so that each point goes straight ahead and none to
-    where its neighbours go (Pascoletti & Serafini 1984). Points that are critical stay, and so do those from which no
-    solver finds better. ``observe`` is called with points done and wanted; where it returns
-    true, the others stay as they are.
+    The first objectives of the program are those of the front, divided by their ranges. The first is minimised, every
+    other to gain as much, so that each point goes straight ahead and none to where its neighbours go (Pascoletti &
+    Serafini 1984). Points that are critical stay, and so do those from which no solver finds better. Where ``observe``
+    returns true, the others stay as they are.
     """
-    refined, converged = x.copy(), np.zeros(len(x), dtype=bool)
-    factors = np.zeros((1, len(program.upper)))
-    factors[0, :n_obj] = options.weight
-    factors[0, 0] += 1.0
+    x, converged = x.copy(), np.zeros(len(x), dtype=bool)
+    weights = np.zeros((1, len(program.upper)))
+    weights[0, :n_obj] = OPTIONS.weight
+    weights[0, 0] += 1.0
     ahead = np.eye(n_obj, len(program.upper))
     ahead[1:, 0] = -1.0  # F_j − F_0
-    for first in range(0, len(x), options.batch):
-        rows = np.arange(first, min(first + options.batch, len(x)))
-        converged[rows] = [_is_critical(program, x[i], n_obj, options) for i in rows]
-        for barrier in (options.warm, options.cold):
-            left = rows[~converged[rows]]
-            if not len(left):
+    for first in range(0, len(x), OPTIONS.batch):
+        rows = np.arange(first, min(first + OPTIONS.batch, len(x)))
+        converged[rows] = [_is_critical(program, x[i], n_obj) for i in rows]
+        for barrier in (OPTIONS.warm, OPTIONS.cold):
+            rest = rows[~converged[rows]]
+            if not len(rest):
                 break
-            upper = np.array([ahead @ program.evaluate(one)[0] for one in x[left]])
-            solutions = minimise(program, x[left], factors, upper, barrier, rows=ahead, solver=solver)
-            good = left[solutions.converged]
-            refined[good], converged[good] = solutions.x[solutions.converged], True
+            upper = np.array([ahead @ program.evaluate(one)[0] for one in x[rest]])
+            solutions = minimise(program, x[rest], weights, upper, barrier, rows=ahead, solver=solver)
+            good = rest[solutions.converged]
+            x[good], converged[good] = solutions.x[solutions.converged], True
         if observe is not None and observe(int(rows[-1]) + 1, len(x)):
             break
-    return Refined(x=refined, converged=converged)
+    return x, converged
 
 
-def _is_critical(program: Program, x: np.ndarray, n_obj: int, options: RefineOptions) -> bool:
+def _is_critical(program: Program, x: np.ndarray, n_obj: int) -> bool:
     try:
         at = program.linearise(x)
-        if violation_at(program, at) > options.violation:
+        if violation_at(program, at) > OPTIONS.violation:
             return False
-        return criticality_at(program, at, np.ones(n_obj)).value <= options.critical
+        return criticality_at(program, at, np.ones(n_obj)).value <= OPTIONS.critical
     except (SolverFailed, EvaluationFailed):
         return False

@@ -40,17 +40,11 @@ class Members:
         return len(self.ids)
 
     def __getitem__(self, rows: Integers | Mask | slice) -> Members:
-        return Members(self.ids[rows], self.X[rows], self.F[rows], self.G[rows], self.generations[rows])
+        return Members(**{name: part[rows] for name, part in vars(self).items()})
 
     def __add__(self, other: Members) -> Members:
         """Put ``other`` behind these."""
-        return Members(
-            np.concatenate((self.ids, other.ids)),
-            np.concatenate((self.X, other.X)),
-            np.concatenate((self.F, other.F)),
-            np.concatenate((self.G, other.G)),
-            np.concatenate((self.generations, other.generations)),
-        )
+        return Members(**{name: np.concatenate((part, getattr(other, name))) for name, part in vars(self).items()})
 
 
 @dataclass(frozen=True)
@@ -64,9 +58,9 @@ class Failures:
 class Archive:
     """All feasible, finite, mutually non-dominated points so far, each with the id it was evaluated under.
 
-    A point within 1e-9 of the ranges of an older one is that older one. Above ``capacity`` points an ε-grid keeps the
-    oldest of each cell and the best of each objective. ``tolerance`` says what counts as feasible; ``names`` are those
-    of the objectives, for causes of failure.
+    A point within 1e-9 of the ranges of an older one is that older one. Above ``capacity`` points the oldest of each
+    cell of a grid and the best of each objective remain. ``tolerance`` says what counts as feasible; ``names`` are the
+    objectives', for causes of failure.
     """
 
     def __init__(
@@ -79,13 +73,14 @@ class Archive:
         self._names = tuple(names)
         self._members: Members | None = None
         self._least_violating: Members | None = None
+        self._smallest_violation = np.inf
 
     def __len__(self) -> int:
         return 0 if self._members is None else len(self._members)
 
     @property
     def members(self) -> Members | None:
-        """Everything kept; None before anything was added."""
+        """All points; None before anything was added."""
         return self._members
 
     @property
@@ -118,16 +113,11 @@ class Archive:
         new = Members(ids, X, F, G, np.full(len(ids), generation, dtype=np.int64))[np.argsort(ids)]
         violation = violations(new.F, new.G, tolerance=self._tolerance)
         self._count_failures(new, causes or {})
-        least = int(np.argmin(violation))
-        if np.isfinite(violation[least]) and violation[least] < self._smallest_violation():
-            self._least_violating = new[least : least + 1]
+        best = int(np.argmin(violation))
+        if np.isfinite(violation[best]) and violation[best] < self._smallest_violation:
+            self._least_violating, self._smallest_violation = new[best : best + 1], float(violation[best])
         old = new[:0] if self._members is None else self._members
         self._members = self._merge(old, new[violation <= 0.0])
-
-    def _smallest_violation(self) -> float:
-        if self._least_violating is None:
-            return np.inf
-        return float(violations(self._least_violating.F, self._least_violating.G, tolerance=self._tolerance)[0])
 
     def _count_failures(self, new: Members, causes: Mapping[int, str]) -> None:
         for row in np.flatnonzero(~np.isfinite(new.F).all(axis=1) | np.isnan(new.G).any(axis=1)):

@@ -34,14 +34,21 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class _Evaluations:
-    """What was told of one generation so far; rows as asked."""
+class Outcome:
+    """Evaluated rows: ``F``, ``G``, ``H`` (rows, columns), and ``causes`` of failure by row or id."""
 
-    told: Mask
     F: Objectives
     G: Floats
     H: Floats
     causes: dict[int, str]
+
+    @classmethod
+    def of(cls, problem: Any, results: Mapping[str, Any], rows: int) -> Outcome:
+        """Return results "F", "G", "H" and "cause" of so many rows, NaN where there are none."""
+        columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
+        tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
+        causes = {row: str(cause) for row, cause in enumerate(results.get("cause", ())) if cause}
+        return cls(**tables, causes=causes)
 
 
 class Search:
@@ -49,13 +56,13 @@ class Search:
 
     The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``),
     turn genes into motions (``decode(X)``), and offer the ``algorithm(population, offspring=, initial=)`` that suits
-    its genes. ``initial`` (rows, genes) are in the first
-    generation. ``algorithm`` is any pymoo genetic algorithm with its own sizes and settings; None takes the problem's
-    own, or MaxiMinNSGA2. It is copied. ``archive`` holds every good point so far. All chance comes from ``seed``.
+    its genes. ``initial`` (rows, genes) are in the first generation. ``algorithm`` is any pymoo genetic algorithm with
+    its own sizes and settings, which is copied; None takes the problem's own, or MaxiMinNSGA2. ``archive`` holds every
+    non-dominated point so far. All chance comes from ``seed``.
 
     The first ``anchors`` generations look at the first objective alone, as many at each other one, and only then are
-    all searched together, from what was found: the end of a front may lie in a basin that is dominated except
-    at its bottom.
+    all searched together, from the best of each: the end of a front may lie in a basin that is dominated except at its
+    bottom.
 
     Raises
     ------
@@ -87,13 +94,13 @@ class Search:
         self.problem = problem
         if algorithm is not None and not hasattr(algorithm, "setup"):
             raise InvalidInput(f"algorithm: a pymoo algorithm wanted, such as MaxiMinNSGA2(), got {algorithm!r}")
-        self._given = algorithm
+        self._prototype = algorithm
         self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
         self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives to be anchored
         self._anchors, self._stage = anchors, 0
-        self._found: Genes = np.empty((0, problem.n_var))  # the best of each stage
+        self._anchor_genes: Genes = np.empty((0, problem.n_var))  # the best of each stage
         self.names, self.units, self.maximised = describe_objectives(problem)
-        self._algorithm = self._started(initial)
+        self._algorithm = self._new_algorithm(initial)
         survival = self._algorithm.survival
         self._tolerance = getattr(survival, "tolerance", TOLERANCE)
         self._equality_tolerance = getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE)
@@ -102,9 +109,10 @@ class Search:
         self._evaluations = 0
         self._population: Objectives = np.empty((0, problem.n_obj))
         self._suggested: Genes = np.empty((0, problem.n_var))
-        self._asked: Candidates | None = None
+        self._candidates: Candidates | None = None
         self._infills: Any = None
-        self._answers: _Evaluations | None = None
+        self._outcome: Outcome | None = None
+        self._evaluated: Mask = np.zeros(0, dtype=bool)
 
     @property
     def generation(self) -> int:
@@ -154,7 +162,7 @@ class Search:
 
     def ask(self) -> Candidates:
         """Return what to evaluate; the same object until all of it has been told."""
-        if self._asked is None:
+        if self._candidates is None:
             self._infills = self._algorithm.ask()
             if self._infills is None:
                 raise InvalidInput(f"algorithm: new genes wanted, got none in generation {self._generation}")
@@ -167,9 +175,10 @@ class Search:
                 individual.X = genes
             ids = np.arange(self._evaluations, self._evaluations + n)
             ids.flags.writeable = False
-            self._asked = Candidates(ids, X, self._generation)
-            self._answers = _no_evaluations(self.problem, n)
-        return self._asked
+            self._candidates = Candidates(ids, X, self._generation)
+            self._outcome = Outcome.of(self.problem, {}, n)
+            self._evaluated = np.zeros(n, dtype=bool)
+        return self._candidates
 
     def suggest(self, X: ArrayLike) -> None:
         """Have these genes (rows, genes) evaluated in the generations asked next, in place of as many offspring."""
@@ -184,7 +193,7 @@ class Search:
         H: ArrayLike | None = None,
         causes: Mapping[int, str] | None = None,
     ) -> None:
-        """Tell objectives and constraints of asked ids, in any order and in as many parts as wanted.
+        """Tell objectives and constraints of ids, in any order and in as many parts as wanted.
 
         ``F`` (n, n_obj) minimised, ``G`` (n, n_ieq) <= 0 when kept, ``H`` (n, n_eq) = 0. A row that is not finite
         counts as failed, ``causes`` may say why. The generation is complete when every id has been told.
@@ -194,58 +203,52 @@ class Search:
         InvalidInput
             An id that is unknown or told twice, or an array of another shape; nothing is taken in then.
         """
-        rows = self._rows(ids)
-        assert self._answers is not None
+        rows, outcome = self._rows(ids), self._outcome
+        assert outcome is not None
         values = _table("F", F, len(rows), self.problem.n_obj)
         inequalities = _table("G", G, len(rows), self.problem.n_ieq_constr)
         equalities = _table("H", H, len(rows), self.problem.n_eq_constr)
-        answers = self._answers
-        answers.F[rows], answers.G[rows], answers.H[rows] = values, inequalities, equalities
-        answers.causes.update(causes or {})
-        answers.told[rows] = True
-        if answers.told.all():
-            self._advance(answers)
+        outcome.F[rows], outcome.G[rows], outcome.H[rows] = values, inequalities, equalities
+        outcome.causes.update(causes or {})
+        self._evaluated[rows] = True
+        if self._evaluated.all():
+            self._advance(outcome)
 
     def _rows(self, ids: ArrayLike) -> Ids:
-        given = np.asarray(ids)
-        if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-            raise InvalidInput(f"ids: a list of integers wanted, got {given.dtype} of shape {given.shape}")
-        if self._asked is None or self._answers is None:
+        numbers = np.asarray(ids)
+        if numbers.ndim != 1 or (numbers.size and numbers.dtype.kind not in "iu"):
+            raise InvalidInput(f"ids: a list of integers wanted, got {numbers.dtype} of shape {numbers.shape}")
+        if self._candidates is None or self._outcome is None:
             raise InvalidInput("ids: those of an asked generation wanted, got some before ask()")
-        first, last = int(self._asked.ids[0]), int(self._asked.ids[-1])
-        for number in given[(given < first) | (given > last)]:
+        first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
+        for number in numbers[(numbers < first) | (numbers > last)]:
             raise InvalidInput(f"ids: those asked, {first} to {last}, wanted, got {number}")
-        rows: Ids = given.astype(np.int64) - first
+        rows: Ids = numbers.astype(np.int64) - first
         unique, counts = np.unique(rows, return_counts=True)
-        for row in unique[(counts > 1) | self._answers.told[unique]]:
+        for row in unique[(counts > 1) | self._evaluated[unique]]:
             raise InvalidInput(f"ids: each told once wanted, got {first + row} again")
         return rows
 
-    def _advance(self, answers: _Evaluations) -> None:
-        assert self._asked is not None
-        slack = column_tolerance("equality_tolerance", self._equality_tolerance, answers.H.shape[1])
-        columns = np.column_stack((answers.G, np.abs(answers.H) - slack))
-        asked = self._asked
-        self.archive.add(asked.ids, asked.X, answers.F, columns, asked.generation, causes=answers.causes)
-        violation = violations(
-            answers.F,
-            answers.G,
-            answers.H,
-            tolerance=self._tolerance,
-            equality_tolerance=self._equality_tolerance,
-        )
-        usable = np.where(np.isfinite(answers.F).all(axis=1, keepdims=True), answers.F, np.inf)
+    def _advance(self, outcome: Outcome) -> None:
+        assert self._candidates is not None
+        slack = column_tolerance("equality_tolerance", self._equality_tolerance, outcome.H.shape[1])
+        columns = np.column_stack((outcome.G, np.abs(outcome.H) - slack))
+        ids, X = self._candidates.ids, self._candidates.X
+        self.archive.add(ids, X, outcome.F, columns, self._generation, causes=outcome.causes)
+        tolerances = {"tolerance": self._tolerance, "equality_tolerance": self._equality_tolerance}
+        violation = violations(outcome.F, outcome.G, outcome.H, **tolerances)
+        usable = np.where(np.isfinite(outcome.F).all(axis=1, keepdims=True), outcome.F, np.inf)
         for row, individual in enumerate(self._infills):
             individual.data["objectives"] = usable[row]
-            individual.F, individual.G, individual.H = usable[row, self._axes], answers.G[row], answers.H[row]
+            individual.F, individual.G, individual.H = usable[row, self._axes], outcome.G[row], outcome.H[row]
             individual.CV = violation[row : row + 1]
             individual.evaluated = {"F", "G", "H"}
-        self._algorithm.evaluator.n_eval += len(asked.ids)
+        self._algorithm.evaluator.n_eval += len(ids)
         self._algorithm.tell(infills=self._infills)
         self._population = np.array([individual.data["objectives"] for individual in self._algorithm.pop])
         self._generation += 1
-        self._evaluations += len(asked.ids)
-        self._asked = self._infills = self._answers = None
+        self._evaluations += len(ids)
+        self._candidates = self._infills = self._outcome = None
         if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
             self._next_stage()
 
@@ -255,24 +258,23 @@ class Search:
         return slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
 
     def _next_stage(self) -> None:
-        """Go on with the next objective from the same start, or with all of them from what each of them found."""
+        """Go on with the next objective from the same start, or with all of them from the best of each."""
         best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
-        self._found = np.concatenate((self._found, best))
+        self._anchor_genes = np.concatenate((self._anchor_genes, best))
         self._stage += 1
-        if self._stage < self._stages:
-            self._algorithm = self._started(self._initial)
-            return
-        members = self.archive.members
-        room = self._size // 2
-        known = self._found[:0]
-        if members is not None and len(members):
-            known = members.X[survivors(members.F, np.zeros(len(members)), min(room, len(members))).index]
-        self._algorithm = self._started(np.unique(np.concatenate((known, self._found)), axis=0))
+        initial, members = self._initial, self.archive.members
+        if self._stage == self._stages:
+            initial = self._anchor_genes
+            if members is not None:
+                spread = survivors(members.F, np.zeros(len(members)), self._size // 2).index
+                initial = np.concatenate((members.X[spread], initial))
+            initial = np.unique(initial, axis=0)
+        self._algorithm = self._new_algorithm(initial)
 
-    def _started(self, initial: ArrayLike | None) -> Any:
+    def _new_algorithm(self, initial: ArrayLike | None) -> Any:
         """Return a new algorithm that is ready to be asked; every stage has chance of its own."""
-        if self._given is not None:
-            algorithm = copy.deepcopy(self._given)
+        if self._prototype is not None:
+            algorithm = copy.deepcopy(self._prototype)
         elif hasattr(self.problem, "algorithm"):
             algorithm = self.problem.algorithm(self._size, offspring=self._offspring, initial=initial)
         else:
@@ -287,14 +289,9 @@ class Search:
         return np.concatenate((inequalities, np.zeros(self.problem.n_eq_constr)))
 
 
-def _no_evaluations(problem: Any, rows: int) -> _Evaluations:
-    F, G, H = (np.full((rows, size), np.nan) for size in (problem.n_obj, problem.n_ieq_constr, problem.n_eq_constr))
-    return _Evaluations(told=np.zeros(rows, dtype=bool), F=F, G=G, H=H, causes={})
-
-
 def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:
-    found = np.empty((rows, 0)) if values is None else np.asarray(values)
-    if found.shape != (rows, columns) or found.dtype.kind not in "biuf":
-        what = "nothing" if values is None else f"{found.dtype} of shape {found.shape}"
-        raise InvalidInput(f"{name}: real numbers of shape ({rows}, {columns}) wanted, got {what}")
-    return found.astype(float)
+    table = np.empty((rows, 0)) if values is None else np.asarray(values)
+    if table.shape != (rows, columns) or table.dtype.kind not in "biuf":
+        fact = "nothing" if values is None else f"{table.dtype} of shape {table.shape}"
+        raise InvalidInput(f"{name}: real numbers of shape ({rows}, {columns}) wanted, got {fact}")
+    return table.astype(float)

@@ -1,30 +1,77 @@
-"""When a search ends, and what it says as the reason.
-
-An ending is a frozen dataclass with ``reached(progress)``, which returns the reason or None, and ``memory``, the number
-of past generations whose fronts it wants to see.
-"""
+"""When a search ends, and for what reason; the progress that endings and observers see after each generation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
 
-from paretoik.arrays import Values
+from paretoik.arrays import Ids, Objectives, Values
 from paretoik.errors import InvalidInput, check_size
+from paretoik.front.indicators import hypervolume
 from paretoik.inputs import finite_number, real_array
-from paretoik.search.progress import Progress, ideal_and_range, normalised_hypervolume
+from paretoik.search.archive import Failures
+from paretoik.search.constraints import Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Progress:
+    """A search after ``generation`` generations, ``evaluations`` and ``seconds``; all objectives minimised.
+
+    ``population`` (individuals, n_obj) is what evolves and may hold failed rows; ``front`` (points, n_obj) and ``ids``
+    (points,) are the archive's; ``past`` are the fronts of earlier generations, newest last, as far back as
+    the endings asked for.
+    """
+
+    generation: int
+    evaluations: int
+    seconds: float
+    failed: Failures
+    population: Float[np.ndarray, "individuals n_obj"]
+    front: Objectives
+    ids: Ids
+    past: tuple[Floats, ...] = ()
+
+    @cached_property
+    def hypervolume(self) -> float:
+        """The front's, normalised by its own ideal and nadir; 0 for an empty front."""
+        return normalised_hypervolume(self.front, *ideal_and_range(self.front)) if len(self.front) else 0.0
+
+
+def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
+    """Ideal and width (n_obj,) of a front; an axis without range has its magnitude for a width, or 1."""
+    ideal, width = front.min(axis=0), np.ptp(front, axis=0)
+    return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
+
+
+def normalised_hypervolume(
+    F: Floats, ideal: Floats, width: Floats, *, reference_point: float = 1.1, exact_up_to: int = 4
+) -> float:
+    """Hypervolume of ``F`` (points, n_obj) where ideal is 0, ideal + width 1 and the reference 1.1.
+
+    Approximate (deterministically, moocore) above four objectives: of a large archive an exact one takes minutes.
+    """
+    normal: Floats = (F - ideal) / width
+    reference = np.full(F.shape[1], reference_point)
+    if F.shape[1] <= exact_up_to:
+        return hypervolume(normal, reference)
+    from moocore import hv_approx
+
+    inside = normal[np.less(normal, reference).all(axis=1)]
+    return float(hv_approx(inside, ref=reference, nsamples=2048)) if len(inside) else 0.0
 
 
 @runtime_checkable
 class Ending(Protocol):
-    """What every ending can do."""
+    """A frozen dataclass that knows when a search ends."""
 
     @property
     def memory(self) -> int:
-        """How many past fronts it needs."""
+        """How many past generations' fronts it wants to see."""
 
     def reached(self, progress: Progress) -> str | None:
         """Return why the search ends now, or None."""
@@ -35,7 +82,7 @@ class Generations:
     """Ends after ``limit`` generations."""
 
     limit: int
-    memory: int = field(default=0, init=False, repr=False)
+    memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         check_size("generations", self.limit, 1)
@@ -50,7 +97,7 @@ class Evaluations:
     """Ends at the first generation with at least ``limit`` evaluations behind it."""
 
     limit: int
-    memory: int = field(default=0, init=False, repr=False)
+    memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         check_size("evaluations", self.limit, 1)
@@ -65,7 +112,7 @@ class TimeLimit:
     """Ends at the first generation after ``seconds``."""
 
     seconds: float
-    memory: int = field(default=0, init=False, repr=False)
+    memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         if not finite_number("time limit", self.seconds) > 0:
@@ -100,13 +147,9 @@ class Stagnation:
 
     def reached(self, progress: Progress) -> str | None:
         """Return "stagnation" once nothing moves."""
-        if (
-            progress.generation < self.since + self.over
-            or len(progress.past) < self.over
-            or not len(progress.past[-self.over])
-        ):
+        is_early = progress.generation < self.since + self.over or len(progress.past) < self.over
+        if is_early or not len(earlier := progress.past[-self.over]):
             return None
-        earlier = progress.past[-self.over]
         ideal, width = ideal_and_range(progress.front)
         ideal_change = np.abs(ideal - earlier.min(axis=0))
         nadir_change = np.abs(progress.front.max(axis=0) - earlier.max(axis=0))
@@ -121,7 +164,7 @@ class Target:
     """Ends once one point of the front is at or below each of ``values`` (minimised; inf where it doesn't matter)."""
 
     values: Sequence[float]
-    memory: int = field(default=0, init=False, repr=False)
+    memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         if np.isnan(real_array("target", self.values)).any():
@@ -129,12 +172,8 @@ class Target:
 
     def reached(self, progress: Progress) -> str | None:
         """Return "target" once it is met."""
-        values = _one_per_objective("target", self.values, progress)
-        return "target" if np.less_equal(progress.front, values).all(axis=1).any() else None
-
-
-def _one_per_objective(name: str, values: Sequence[float], progress: Progress) -> Values:
-    n_obj = progress.population.shape[1]
-    if len(values) != n_obj:
-        raise InvalidInput(f"{name}: {n_obj} numbers wanted, one an objective, got {len(values)}")
-    return np.asarray(values, dtype=float)
+        n_obj = progress.population.shape[1]
+        if len(self.values) != n_obj:
+            raise InvalidInput(f"target: {n_obj} numbers wanted, one an objective, got {len(self.values)}")
+        reached = np.less_equal(progress.front, np.asarray(self.values, dtype=float)).all(axis=1)
+        return "target" if reached.any() else None

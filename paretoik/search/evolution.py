@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from paretoik.arrays import Genes, Objectives
+from paretoik.arrays import Genes
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.search.ask_tell import Search
+from paretoik.search.ask_tell import Outcome, Search
 from paretoik.search.constraints import Floats
-from paretoik.search.endings import Ending
-from paretoik.search.progress import Progress
+from paretoik.search.endings import Ending, Progress
 
 Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Evaluated rows: ``F``, ``G``, ``H`` (rows, columns), and ``causes`` of failure by row."""
-
-    F: Objectives
-    G: Floats
-    H: Floats
-    causes: dict[int, str]
 
 
 def evolve(
@@ -42,9 +30,8 @@ def evolve(
 
     ``evaluate(X)`` returns a mapping with "F", with constraints "G" and "H", and if it likes "cause", a text a row that
     says why it failed; by default it is the problem's own. When it raises, its rows are tried one by one, and those
-    that raise again count as failed. After each generation
-    ``observe`` is shown the progress, and ``improve`` may return genes to be evaluated in the next. Ctrl-C ends with
-    "interrupted".
+    that raise again count as failed. After each generation ``observe`` is shown the progress, and ``improve`` may
+    return genes to be evaluated in the next. Ctrl-C ends with "interrupted".
 
     Raises
     ------
@@ -78,17 +65,17 @@ def evolve(
         return "interrupted"
 
 
-def evaluated(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
+def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
     """Evaluate a batch; if that raises, each row by itself."""
     try:
-        return _outcome(problem, evaluate(X.copy()), len(X))
+        return Outcome.of(problem, evaluate(X.copy()), len(X))
     except InvalidInput:
         raise
     except Exception:
-        outcome = _outcome(problem, {}, len(X))
+        outcome = Outcome.of(problem, {}, len(X))
     for row in range(len(X)):
         try:
-            alone = _outcome(problem, evaluate(X[row : row + 1].copy()), 1)
+            alone = Outcome.of(problem, evaluate(X[row : row + 1].copy()), 1)
             outcome.F[row], outcome.G[row], outcome.H[row] = alone.F[0], alone.G[0], alone.H[0]
             if alone.causes:
                 outcome.causes[row] = alone.causes[0]
@@ -98,21 +85,15 @@ def evaluated(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
     return outcome
 
 
-def _outcome(problem: Any, found: Mapping[str, Any], rows: int) -> Outcome:
-    columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
-    tables = {name: np.asarray(found.get(name, np.full((rows, size), np.nan))) for name, size in columns.items()}
-    causes = {row: str(cause) for row, cause in enumerate(found.get("cause", ())) if cause}
-    return Outcome(**tables, causes=causes)
-
-
 def _one_generation(search: Search, evaluate: Evaluate) -> None:
-    asked = search.ask()
-    outcome = evaluated(search.problem, evaluate, asked.X)
-    causes = {int(asked.ids[row]): cause for row, cause in outcome.causes.items()}
-    search.tell(asked.ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
-    if asked.generation == 0 and search.failed.count == len(asked.ids):
+    candidates = search.ask()
+    ids = candidates.ids
+    outcome = evaluate_rows(search.problem, evaluate, candidates.X)
+    causes = {int(ids[row]): cause for row, cause in outcome.causes.items()}
+    search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
+    if candidates.generation == 0 and search.failed.count == len(ids):
         raise EvaluationFailed(
-            f"first generation: a number from at least one evaluation wanted, all {len(asked.ids)} failed, "
+            f"first generation: a number from at least one evaluation wanted, all {len(ids)} failed, "
             f"the first with: {search.failed.first_cause}"
         )
 

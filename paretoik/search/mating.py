@@ -18,8 +18,8 @@ from pymoo.core.variable import get
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives, Values
 from paretoik.errors import InvalidInput
-from paretoik.search.constraints import Floats, Integers
-from paretoik.search.maximin import column
+from paretoik.search.constraints import Integers
+from paretoik.search.maximin import column, dominates
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +64,18 @@ class BranchwiseMating:
     def do(self, problem: Any, pop: Any, n_offsprings: int, *, random_state: np.random.Generator, **kwargs: Any) -> Any:
         """Return a pymoo population of ``n_offsprings`` that repeat neither each other nor their parents.
 
-        Where the genes leave no room for so many new ones the last are copies. pymoo also passes ``algorithm``.
+        Where there are not so many different genes the last are copies. pymoo also passes ``algorithm``.
         """
-        parents = _as_parents(problem, pop)
-        seen = {row.tobytes() for row in parents.X + 0.0}
+        X = column(pop, "X")
+        parents = Parents(
+            X=X,
+            F=column(pop, "F"),
+            violation=column(pop, "CV")[:, 0],
+            rank=np.array([individual.data["rank"] for individual in pop]),
+            distance=np.array([individual.data["crowding"] for individual in pop]),
+            species=problem.species(X) if hasattr(problem, "species") else np.zeros(len(X), dtype=np.int64),
+        )
+        seen = {row.tobytes() for row in X + 0.0}
         offspring: list[Genes] = []
         for attempt in range(OPTIONS.rounds):
             for row in self._offspring(problem, parents, n_offsprings - len(offspring), random_state):
@@ -138,21 +146,9 @@ class BranchwiseMating:
         won |= tied & (rng.random(len(a)) < 0.5)
         if self.infeasible_parents:
             mixed = (parents.violation[a] > 0) != (parents.violation[b] > 0)
-            won = np.where(mixed & _dominates(parents.F[a], parents.F[b]), True, won)
-            won = np.where(mixed & _dominates(parents.F[b], parents.F[a]), False, won)
+            won = np.where(mixed & dominates(parents.F[a], parents.F[b]), True, won)
+            won = np.where(mixed & dominates(parents.F[b], parents.F[a]), False, won)
         return np.where(won, a, b)
-
-
-def _as_parents(problem: Any, pop: Any) -> Parents:
-    X = column(pop, "X")
-    return Parents(
-        X=X,
-        F=column(pop, "F"),
-        violation=column(pop, "CV")[:, 0],
-        rank=np.array([individual.data["rank"] for individual in pop]),
-        distance=np.array([individual.data["crowding"] for individual in pop]),
-        species=problem.species(X) if hasattr(problem, "species") else np.zeros(len(X), dtype=np.int64),
-    )
 
 
 def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
@@ -162,8 +158,3 @@ def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.
     group = np.searchsorted(labels, species[individuals])
     drawn: Integers = by_species[first[group] + rng.integers(0, sizes[group])]
     return drawn
-
-
-def _dominates(F: Floats, other: Floats) -> Mask:
-    dominates: Mask = np.less_equal(F, other).all(axis=1) & np.less(F, other).any(axis=1)
-    return dominates

@@ -77,59 +77,57 @@ def _by_maximin(F: Floats, ranks: Integers, count: int, ranges: Floats | None) -
     first = F[ranks == 0]
     ideal, nadir = (first.min(axis=0), first.max(axis=0)) if ranges is None else (ranges[0], ranges[1])
     Z = scaled(F, ideal, nadir)
-    beyond = np.zeros(len(F), dtype=bool) if ranges is None else (nadir < F).any(axis=1)
+    is_beyond = np.zeros(len(F), dtype=bool) if ranges is None else (nadir < F).any(axis=1)
     nearest = np.full(len(F), np.inf)
-    taken: list[Integers] = []
+    positions: list[Integers] = []
     distances: list[Floats] = []
-    left = count
-    group_of = 2 * ranks + beyond
-    for group in np.unique(group_of):
-        members = np.flatnonzero(group_of == group)
-        starts = [] if taken else starting_points(Z[members])[: min(left, members.size)]
-        order, squared = insertion_order(Z[members], min(left, members.size), nearest[members], starts)
-        taken.append(members[order])
+    groups = 2 * ranks + is_beyond
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        places = min(count, members.size)
+        starts = [] if positions else starting_points(Z[members])[:places]
+        order, squared = insertion_order(Z[members], places, nearest[members], starts)
+        positions.append(members[order])
         distances.append(np.sqrt(squared))
-        left -= order.size
-        if left == 0:
+        count -= places
+        if count == 0:
             break
-        later = np.flatnonzero(group_of > group)
-        nearest[later] = np.minimum(nearest[later], nearest_squared(Z[later], Z[taken[-1]]))
-    return np.concatenate(taken), np.concatenate(distances)
+        later = np.flatnonzero(groups > group)
+        nearest[later] = np.minimum(nearest[later], nearest_squared(Z[later], Z[positions[-1]]))
+    return np.concatenate(positions), np.concatenate(distances)
 
 
 def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
-    """Those of ``others`` (kept in their order) with a finite violation that no point of ``front`` dominates."""
+    """Those of ``others``, in their order, with a finite violation that no point of ``front`` dominates."""
     others = others[np.isfinite(violation[others])]
-    no_worse = (F[front][None] <= F[others][:, None]).all(axis=2)
-    better = (F[front][None] < F[others][:, None]).any(axis=2)
-    spared: Integers = others[~(no_worse & better).any(axis=1)]
-    return spared
+    nondominated: Integers = others[~dominates(F[front][None], F[others][:, None]).any(axis=1)]
+    return nondominated
 
 
 def _with_species(
     chosen: Integers, distance: Floats, ranks: Integers, species: Integers, *, share: float = 0.5
 ) -> tuple[Integers, Floats]:
-    """Let the best of each species take the places of the last chosen of abundant ones, up to a ``share`` of all."""
+    """Let the best of each species replace the last chosen of abundant ones, up to a ``share`` of all."""
     quota = int(share * chosen.size)
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
-    live = list(dict.fromkeys(species[best_first].tolist()))
-    floor = max(1, quota // len(live))
-    counts = {kind: int((species[chosen] == kind).sum()) for kind in live}
-    arriving: list[int] = []
+    labels = list(dict.fromkeys(species[best_first].tolist()))
+    floor = max(1, quota // len(labels))
+    counts = {label: int((species[chosen] == label).sum()) for label in labels}
     absent = best_first[~np.isin(best_first, chosen)]
-    for kind in live[: quota // floor]:
-        arriving += absent[species[absent] == kind].tolist()[: max(0, floor - counts[kind])]
+    added: list[int] = []
+    for label in labels[: quota // floor]:
+        added += absent[species[absent] == label].tolist()[: max(0, floor - counts[label])]
     stays = np.ones(chosen.size, dtype=bool)
-    leaving = len(arriving)
+    excess = len(added)
     for position in range(chosen.size - 1, -1, -1):
-        kind = int(species[chosen[position]])
-        if leaving and counts[kind] > floor:
-            counts[kind] -= 1
+        label = int(species[chosen[position]])
+        if excess and counts[label] > floor:
+            counts[label] -= 1
             stays[position] = False
-            leaving -= 1
-    arriving = arriving[: len(arriving) - leaving]
-    order = np.concatenate((chosen[stays], np.asarray(arriving, dtype=np.int64)))
-    return order, np.concatenate((distance[stays], np.zeros(len(arriving))))
+            excess -= 1
+    added = added[: len(added) - excess]
+    order = np.concatenate((chosen[stays], np.asarray(added, dtype=np.int64)))
+    return order, np.concatenate((distance[stays], np.zeros(len(added))))
 
 
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
@@ -167,20 +165,21 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         H = column(pop, "H") if problem.n_eq_constr else None
         violation = violations(F, G, H, tolerance=self.tolerance, equality_tolerance=self.equality_tolerance)
         species = problem.species(column(pop, "X")) if hasattr(problem, "species") else None
-        kept = survivors(
-            F,
-            violation,
-            n_survive,
-            ranges=self.ranges,
-            infeasible_share=self.infeasible_share,
-            species=species,
-        )
+        settings: dict[str, Any] = {"ranges": self.ranges, "infeasible_share": self.infeasible_share}
+        selected = survivors(F, violation, n_survive, **settings, species=species)
         for individual, value in zip(pop, violation, strict=True):
             individual.CV = np.array([value])
-        chosen = pop[kept.index]
-        for individual, rank, distance in zip(chosen, kept.rank.tolist(), kept.distance.tolist(), strict=True):
+        population = pop[selected.index]
+        ranks, distances = selected.rank.tolist(), selected.distance.tolist()
+        for individual, rank, distance in zip(population, ranks, distances, strict=True):
             individual.data["rank"], individual.data["crowding"] = rank, distance
-        return Population(chosen)
+        return Population(population)
+
+
+def dominates(F: Floats, other: Floats) -> np.ndarray:
+    """Return which points (..., n_obj) dominate others."""
+    mask: np.ndarray = np.less_equal(F, other).all(axis=-1) & np.less(F, other).any(axis=-1)
+    return mask
 
 
 def column(pop: Any, name: str) -> Floats:

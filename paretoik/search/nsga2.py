@@ -79,12 +79,12 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         return super().setup(problem, **options)
 
     def _initialize_infill(self) -> Any:
-        brought = self.sampling
-        if isinstance(brought, Sampling):
-            brought = brought.do(self.problem, self.pop_size, random_state=self.random_state)
-        if isinstance(brought, Population):
-            brought = brought.get("X")
-        return Population.new("X", seeded_population(self.problem, self.pop_size, brought, rng=self.random_state))
+        initial = self.sampling
+        if isinstance(initial, Sampling):
+            initial = initial.do(self.problem, self.pop_size, random_state=self.random_state)
+        if isinstance(initial, Population):
+            initial = initial.get("X")
+        return Population.new("X", seeded_population(self.problem, self.pop_size, initial, rng=self.random_state))
 
     def _set_optimum(self, **kwargs: Any) -> None:
         violation = column(self.pop, "CV")[:, 0]

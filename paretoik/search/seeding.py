@@ -1,4 +1,4 @@
-"""The first population: what the user brings, what the problem knows, and chance."""
+"""The first population: genes from the user, from the problem, and at random."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def check_problem(problem: Any) -> None:
     for name in ("xl", "xu"):
         bound = getattr(problem, name)
         if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):
-            found = "none" if bound is None else f"shape {np.shape(bound)}"
-            raise InvalidInput(f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got {found}")
+            fact = "none" if bound is None else f"shape {np.shape(bound)}"
+            raise InvalidInput(f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got {fact}")
         for gene in np.flatnonzero(~np.isfinite(bound)):
             raise InvalidInput(f"problem.{name}[{gene}]: a finite bound wanted, got {bound[gene]}")
     for gene in np.flatnonzero(problem.xl > problem.xu):
@@ -52,13 +52,7 @@ def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tole
         raise InvalidInput(
             f"{name}[{row}]: gene {gene} between {problem.xl[gene]} and {problem.xu[gene]} wanted, got {X[row, gene]}"
         )
-    return within(problem, X)
-
-
-def within(problem: Any, X: Floats) -> Floats:
-    """Clip genes (points, genes) to the problem's bounds."""
-    clipped: Floats = np.clip(X, problem.xl, problem.xu)
-    return clipped
+    return np.clip(X, problem.xl, problem.xu)
 
 
 def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Floats:
@@ -75,8 +69,8 @@ def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None,
     third = -(-size // 3)
     for source in ("sample_starts", "self_motion_samples"):
         if hasattr(problem, source) and len(rows) < size:
-            offered = getattr(problem, source)(min(third, size - len(rows)), rng)
-            _add(rows, checked_genes(problem, offered, f"problem.{source}"), min(size, len(rows) + third))
+            genes = getattr(problem, source)(min(third, size - len(rows)), rng)
+            _add(rows, checked_genes(problem, genes, f"problem.{source}"), min(size, len(rows) + third))
     for _ in range(10):
         _add(rows, _uniform(problem, size - len(rows), rng), size)
     spare = _uniform(problem, size - len(rows), rng)
@@ -84,12 +78,12 @@ def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None,
 
 
 def _uniform(problem: Any, count: int, rng: np.random.Generator) -> Floats:
-    share = rng.random((count, problem.n_var))
-    return within(problem, problem.xl + share * (problem.xu - problem.xl))
+    genes = problem.xl + rng.random((count, problem.n_var)) * (problem.xu - problem.xl)
+    return np.clip(genes, problem.xl, problem.xu)
 
 
-def _add(rows: dict[bytes, Floats], genes: Floats, most: int) -> None:
+def _add(rows: dict[bytes, Floats], genes: Floats, capacity: int) -> None:
     for row in genes:
-        if len(rows) >= most:
+        if len(rows) >= capacity:
             return
         rows.setdefault((row + 0.0).tobytes(), row)  # + 0.0 makes -0.0 and 0.0 equal

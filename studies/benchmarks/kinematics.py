@@ -23,7 +23,7 @@ from paretoik.robot.blocks import evaluate_in_blocks
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames
-from paretoik.search import seeded_population
+from paretoik.search.seeding import seeded_population
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
 from problems.panda import across_the_table, panda

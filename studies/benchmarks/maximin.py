@@ -41,7 +41,8 @@ from rich.console import Console
 from scipy.stats import mannwhitneyu
 
 from paretoik.arrays import Genes, Objectives, Values
-from paretoik.search import MaxiMinNSGA2, seeded_population
+from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.seeding import seeded_population
 from problems.tringali_2020 import energy_torque
 from studies.reporting import Row, holm, report
 

@@ -12,9 +12,9 @@ from tests.api.problems import tracking
 
 def test_counts_become_the_progress_of_a_stage():
     seen: list[RunProgress] = []
-    show = count_observer(seen.append, "point", lambda done, total: f"{total - done} to go")
-    show(1, 3)
-    show(2, 3)
+    show = count_observer(seen.append, "point")
+    show(1, 3, "2 to go")
+    show(2, 3, "1 to go")
     assert [(one.stage, one.done, one.total, one.summary) for one in seen] == [
         ("point", 1, 3, "2 to go"),
         ("point", 2, 3, "1 to go"),

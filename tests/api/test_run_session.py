@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from paretoik.api.progress import RunProgress
-from paretoik.api.run_session import Display, run_session
+from paretoik.api.run_session import run_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
 from paretoik.review.generation import Generation
 from paretoik.run_files import RECORDING, RUN
 from tests.search.problems import Constant
 
-DISPLAY = Display(names=("a",), units=("",), maximised=(False,), timeline="generation")
+DISPLAY = {"names": ("a",), "units": ("",), "maximised": (False,), "timeline": "generation"}
 
 
 def session(out, **settings):
@@ -86,7 +86,7 @@ def test_observer_and_recorder_see_the_same_generations(tmp_path):
     generation = Generation(number=1, population=F, front=F, front_ids=np.array([0]), hypervolume=0.0)
     with session(tmp_path, observe=seen.append) as run:
         assert run.is_watched
-        run.start(DISPLAY)
+        run.start(**DISPLAY)
         shown = RunProgress(stage="generation", done=1, total=2, seconds=run.seconds, generation=generation)
         run.show(shown)
         run.show(replace(shown, stage="refinement", generation=None))
@@ -98,7 +98,7 @@ def test_observer_and_recorder_see_the_same_generations(tmp_path):
 def test_without_a_folder_nothing_is_written_and_signals_are_still_caught(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with session(None) as run:
-        run.start(DISPLAY)
+        run.start(**DISPLAY)
         assert not run.is_watched
         assert run.signal is None
         os.kill(os.getpid(), signal.SIGTERM)

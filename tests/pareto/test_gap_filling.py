@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.pareto.gap_filling import POINT_TOLERANCE, _gaps, fill_gaps, front_rows, known, spread_rows
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, _gaps, fill_gaps, front_rows, is_duplicate, spread_rows
 
 seeds = st.integers(0, 10**6)
 
@@ -92,10 +92,10 @@ def test_a_point_is_known_where_one_is_the_same_in_every_objective(seed):
     rng = np.random.default_rng(seed)
     others = rng.uniform(size=(6, 3))
     which = rng.integers(6)
-    assert known(others[which] + rng.uniform(-9.9, 9.9, 3) * POINT_TOLERANCE, others)
+    assert is_duplicate(others[which] + rng.uniform(-9.9, 9.9, 3) * POINT_TOLERANCE, others)
     moved = others[which].copy()
     moved[rng.integers(3)] += 11 * POINT_TOLERANCE * rng.choice([-1.0, 1.0])
-    assert not known(moved, others)
+    assert not is_duplicate(moved, others)
 
 
 class Filled:
@@ -117,7 +117,7 @@ class Filled:
         self.asked.append((main, *caps))
         below = self.every[(self.every <= caps).all(axis=1)]
         found = below[below[:, main].argmin()]
-        if known(found, self.points):
+        if is_duplicate(found, self.points):
             return False
         self.points = np.concatenate([self.points, found[None]])
         return True

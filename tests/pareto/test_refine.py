@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+from paretoik.pareto import refine as refinement
 from paretoik.pareto.certificates import certify
-from paretoik.pareto.refine import OPTIONS, refine
 from tests.pareto.sketches import scaled, sketched
 
 ONES = np.ones(2)
@@ -26,8 +27,8 @@ def certificates(program, z, ranges=ONES, signs=ONES):
 
 def refined(program, z, ranges, observe=None):
     """Points refined one at a time, and which converged."""
-    found = refine(scaled(program, ranges), z, len(ranges), observe=observe, options=replace(OPTIONS, batch=1))
-    return found.x, found.converged
+    with patch.object(refinement, "OPTIONS", replace(refinement.OPTIONS, batch=1)):
+        return refinement.refine(scaled(program, ranges), z, len(ranges), observe=observe)
 
 
 def ellipses(x):

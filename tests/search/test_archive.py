@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from paretoik.errors import InvalidInput
-from paretoik.search import Archive
-from paretoik.search.archive import OPTIONS
+from paretoik.search.archive import OPTIONS, Archive
 
 
 def fill(archive, F, *, G=None, first=0, generation=0, causes=None):

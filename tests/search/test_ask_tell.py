@@ -8,7 +8,8 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
-from paretoik.search import MaxiMinNSGA2, Search
+from paretoik.search.ask_tell import Search
+from paretoik.search.nsga2 import MaxiMinNSGA2
 from tests.search.problems import Constant, Parabolas
 
 

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from paretoik.errors import InvalidInput
-from paretoik.search import (
-    Evaluations,
-    Failures,
-    Generations,
-    Progress,
-    Stagnation,
-    Target,
-    TimeLimit,
-)
+from paretoik.search.archive import Failures
+from paretoik.search.endings import Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 
 LINE = np.column_stack((np.linspace(0, 1, 11), np.linspace(1, 0, 11)))
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.search import Evaluations, Generations, Search, Stagnation, evolve
-from paretoik.search.evolution import evaluated
+from paretoik.search.ask_tell import Search
+from paretoik.search.endings import Evaluations, Generations, Stagnation
+from paretoik.search.evolution import evaluate_rows, evolve
 from tests.search.problems import Parabolas
 
 
@@ -76,7 +77,7 @@ def test_one_individual_that_raises_does_not_take_the_others_with_it():
     X = np.zeros((5, 3))
     X[2, 1] = 1.5
     problem = Raising()
-    outcome = evaluated(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
+    outcome = evaluate_rows(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
     assert np.isnan(outcome.F).all(axis=1).tolist() == [False, False, True, False, False]
     assert outcome.causes == {2: "ArithmeticError: elbow locked"}
 
@@ -107,7 +108,7 @@ def test_causes_that_the_evaluation_itself_names_are_kept():
     problem = Explaining()
     for risky in (0.0, 2.0):
         X[3, 2] = risky
-        outcome = evaluated(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
+        outcome = evaluate_rows(problem, lambda genes: problem.evaluate(genes, return_as_dictionary=True), X)
         assert outcome.causes[1] == "elbow locked"
         assert len(outcome.causes) == (2 if risky else 1)
     running = search(problem)

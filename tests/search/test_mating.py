@@ -10,8 +10,9 @@ from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.pm import PM
 
 from paretoik.errors import InvalidInput
-from paretoik.search import BranchwiseMating, MaxiMinNSGA2, Search
-from paretoik.search.mating import Parents
+from paretoik.search.ask_tell import Search
+from paretoik.search.mating import BranchwiseMating, Parents
+from paretoik.search.nsga2 import MaxiMinNSGA2
 from tests.search.problems import Branches, Constant
 
 

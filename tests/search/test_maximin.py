@@ -13,7 +13,6 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
-from paretoik.search import MaxiMin, survivors
 from paretoik.search.insertion import (
     InsertionOptions,
     front_order,
@@ -22,6 +21,7 @@ from paretoik.search.insertion import (
     scaled,
     starting_points,
 )
+from paretoik.search.maximin import MaxiMin, survivors
 from tests.search.problems import Parabolas
 
 

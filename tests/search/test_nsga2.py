@@ -11,7 +11,7 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
-from paretoik.search import MaxiMinNSGA2
+from paretoik.search.nsga2 import MaxiMinNSGA2
 from tests.search.problems import Constant, Parabolas, Repeated
 
 

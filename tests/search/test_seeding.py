@@ -7,7 +7,9 @@ import pytest
 from pymoo.core.problem import Problem
 
 from paretoik.errors import InvalidInput, check_size
-from paretoik.search import MaxiMinNSGA2, Search, seeded_population
+from paretoik.search.ask_tell import Search
+from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.seeding import seeded_population
 
 
 class Structured(Problem):

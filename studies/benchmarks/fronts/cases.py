@@ -13,7 +13,9 @@ from moocore import is_nondominated
 
 import paretoik as pk
 from paretoik.arrays import Genes, Objectives
-from paretoik.search import Progress, seeded_population, survivors
+from paretoik.search.endings import Progress
+from paretoik.search.maximin import survivors
+from paretoik.search.seeding import seeded_population
 from problems import panda, tringali_2020
 
 Kind: TypeAlias = Literal["evaluations", "CPU time"]

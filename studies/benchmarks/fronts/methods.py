@@ -26,8 +26,13 @@ from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.tracking import INFEASIBLE_SHARE
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.refine import OPTIONS as REFINE
-from paretoik.search import Archive, BranchwiseMating, MaxiMinNSGA2, Progress, Search, evolve
+from paretoik.search.archive import Archive
+from paretoik.search.ask_tell import Search
 from paretoik.search.constraints import violations
+from paretoik.search.endings import Progress
+from paretoik.search.evolution import evolve
+from paretoik.search.mating import BranchwiseMating
+from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verified

@@ -14,7 +14,7 @@ import pytest
 from pebble import ProcessPool
 
 import paretoik as pk
-from paretoik.search import Search
+from paretoik.search.ask_tell import Search
 from studies.benchmarks.fronts import __main__ as study
 from studies.benchmarks.fronts import cases, judging, methods, running, sweeps
 

@@ -1,0 +1,79 @@
+"""Objectives made one: divided by their ranges, weighted, and bounded from above by ε."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.arrays import Points
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.solutions import Solutions, concatenate
+
+RELATIVE_ROUNDING = 1e-9  # of an objective's size: a range below it is rounding
+
+Observe: TypeAlias = Callable[[int, int], object]
+"""Called with what is done and with all there is to do."""
+
+
+def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
+    """Return the size of every objective at points: the largest of |F|, and of what F changes by in a step of length 1.
+
+    The second is to first order, along the gradient (rad or m, RMS): optima may have values of nothing but rounding.
+    """
+    at = [program.linearise(one) for one in x]
+    values = np.array([each.objectives[:n_obj] for each in at])
+    changes = np.array([np.linalg.norm(each.gradients[:n_obj], axis=1) * each.unit for each in at])
+    return np.asarray(np.maximum(np.abs(values), changes).max(axis=0))
+
+
+def ranges_of(
+    values: Float[np.ndarray, "points n_obj"], sizes: Float[np.ndarray, " n_obj"] | None = None
+) -> Float[np.ndarray, " n_obj"]:
+    """Return nadir less ideal of points; where that is rounding the objective's size, or 1 where it is always 0.
+
+    ``sizes`` are those of the values themselves by default.
+    """
+    width = np.ptp(values, axis=0)
+    sizes = np.abs(values).max(axis=0) if sizes is None else sizes
+    return np.where(width > RELATIVE_ROUNDING * sizes, width, np.where(sizes > 0, sizes, 1.0))
+
+
+def main_weights(n_obj: int, mains: Int[np.ndarray, " rows"], weight: float | np.ndarray) -> np.ndarray:
+    """Return weights (rows, n_obj): 1 for each row's main objective, ``weight``, one or (rows,), for the others."""
+    weights = np.repeat(np.broadcast_to(weight, len(mains))[:, None], n_obj, axis=1)
+    weights[np.arange(len(mains)), mains] = 1.0
+    return weights
+
+
+def minimise_weighted(
+    program: Program,
+    x: Points,
+    weights: Float[np.ndarray, "#points n_obj"],
+    upper: Float[np.ndarray, "#points n_obj"] | None,
+    barrier: InteriorPointOptions,
+    *,
+    solver: Solver,
+    batch: int | None = None,
+    observe: Observe | None = None,
+) -> Solutions:
+    """Return where points lead when weights · F is minimised with F below ``upper``; ``observe`` looks on batchwise.
+
+    Only the first n_obj of the program's F are weighted and bounded.
+    """
+    count, n_obj = len(x), weights.shape[1]
+    upper = np.full((1, n_obj), np.inf) if upper is None else upper
+    others = ((0, 0), (0, len(program.upper) - n_obj))
+    weights = np.pad(np.broadcast_to(weights, (count, n_obj)), others)
+    upper = np.pad(np.broadcast_to(upper, (count, n_obj)), others, constant_values=np.inf)
+    batch, parts = batch or max(count, 1), list[Solutions]()
+    for first in range(0, max(count, 1), batch):
+        rows = slice(first, first + batch)
+        parts.append(minimise(program, x[rows], weights[rows], upper[rows], barrier, solver=solver))
+        if observe is not None:
+            observe(min(first + batch, count), count)
+    return concatenate(parts)
