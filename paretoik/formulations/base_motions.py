@@ -13,6 +13,7 @@ from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.program import joint_distance
 
 
 def sample_rollouts(
@@ -36,16 +37,9 @@ def choose_bases(
     chosen = [int(rows[0]) for rows in members][:count]
     pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
     while len(chosen) < min(count, len(pool)):
-        chosen.append(int(pool[np.argmax(_distance(task, rollouts[pool], rollouts[chosen]))]))
+        distances = joint_distance(task, rollouts[pool, None], rollouts[chosen]).min(axis=1)
+        chosen.append(int(pool[np.argmax(distances)]))
     return rollouts[chosen]
-
-
-def _distance(task: MotionTask, q: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return the distance (RMS over samples) of motions to the nearest of ``chosen``, angles modulo 2π."""
-    difference = q[:, None] - chosen[None]
-    wrapped = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
-    distance: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
-    return distance
 
 
 def positions_on_path(

@@ -116,17 +116,19 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
 
 def node_spacing(curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
     """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
-    length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
     shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
-    return float(max(windows[1:].max() / shares, length / limit))
+    return float(max(windows[1:].max() / shares, _length(curves) / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
     """Return about how many nodes curves have, so far apart, at all the turns that joints' limits hold."""
     lower, upper = unwrapped_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
     turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
-    length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
-    return float(length / spacing * np.prod(np.maximum(turns, 1.0)))
+    return float(_length(curves) / spacing * np.prod(np.maximum(turns, 1.0)))
+
+
+def _length(curves: list[list[Curve]]) -> float:
+    return float(sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here))
 
 
 def resample_curve(curve: Curve, spacing: float, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
-LIMIT_UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
+LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
@@ -52,7 +52,7 @@ class Limits:
         if not 0 <= finite_number("margin", self.margin) < 0.5:
             raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {self.margin}")
         declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
-        every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMIT_UNITS}
+        every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMITED}
         inwards = self.margin * np.array([1.0, -1.0])
         return {
             kind: bounds + inwards * limit_ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
@@ -116,29 +116,15 @@ def constraint(
         raise InvalidInput(f"constraint: scale wants a positive number, got {scale}")
 
     def wrap(function: Function) -> Constraint:
-        return Constraint(
-            function=function,
-            name=name or function.__name__,
-            unit=unit,
-            form=form,
-            lower=lower,
-            upper=upper,
-            scale=size,
-        )
+        label = name or function.__name__
+        return Constraint(function=function, name=label, unit=unit, form=form, lower=lower, upper=upper, scale=size)
 
     return wrap
 
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
     """Return the violation of a joint limit at each sample as a fraction of its range; not positive where it holds."""
-    values = {
-        "position": lambda: motion.q,
-        "velocity": lambda: motion.dq,
-        "acceleration": lambda: motion.ddq,
-        "torque": lambda: motion.torque,
-        "power": lambda: motion.power,
-    }[kind]()
-    lower, upper = bounds[..., 0], bounds[..., 1]
+    values, lower, upper = getattr(motion, LIMITED[kind]), bounds[..., 0], bounds[..., 1]
     return np.maximum(values - upper, lower - values) / limit_ranges(lower, upper)
 
 

@@ -13,8 +13,7 @@ from scipy.optimize import minimize
 import paretoik as pk
 from paretoik import line
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.resolution.horizon import horizon_program
-from paretoik.resolution.quartic_spline import quartic_spline
+from paretoik.resolution.horizon import horizon_program, quartic_spline
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.motion_task_validation import motion_task
