@@ -44,9 +44,9 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         F, G = self.evaluate(rows, return_values_of=["F", "G"])
         objectives = np.array([self.program().evaluate(one)[0] for one in x])
         tolerance = OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)
-        missed = (np.abs(F - objectives) > tolerance).any(axis=1)
+        deviates = (np.abs(F - objectives) > tolerance).any(axis=1)
         return Individuals(
-            x=np.where(missed[:, None], self.points(rows), x),
+            x=np.where(deviates[:, None], self.points(rows), x),
             objectives=F,
             genes=rows,
             motions=decode(self, rows),

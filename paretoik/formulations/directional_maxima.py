@@ -35,10 +35,8 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 class GeneRanges:
     """How far genes reach."""
 
-    self_motion: float = 1.0
-    """How far from its base a posture may be along each direction of self-motion [rad, m]."""
-    speed: float = 1.0
-    """How fast joints may move along the self-motion meanwhile, as a share of the mean range of joint speeds."""
+    self_motion: float = 1.0  # rad or m: of a posture from its base, along each direction of self-motion
+    speed: float = 1.0  # share of the mean range of joint speeds: along the self-motion meanwhile
 
 
 RANGES = GeneRanges()
@@ -99,16 +97,18 @@ class DirectionalMaxima(DenseFormulation):
         self.names = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
         self.units = (*("m/s",) * count, *(("W",) if power else ()))
         self.maximised = (*(True,) * count, *((False,) if power else ()))
-        self.still = stationary_task(arm, self.position)
-        self.configurations = Configurations(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
+        self.stationary = stationary_task(arm, self.position)
+        self.configurations = Configurations(
+            arm=arm, actuation=actuation, stationary=self.stationary, directions=self.directions
+        )
         postures = sample_holdable_postures(arm, actuation, self.position, starts, np.random.default_rng(seed))
         self.bases = self.configurations.bases(postures)
         self.base_count = len(self.bases)
-        free = self.still.redundancy
+        free = self.stationary.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
-        beside, mixed = np.full(free, RANGES.self_motion), np.full(count * free, RANGES.speed)
-        low = np.concatenate([[0.0], -beside, np.zeros(slides + count), -mixed])
-        high = np.concatenate([[1.0], beside, np.ones(slides + count), mixed])
+        self_motion, joint_shares = np.full(free, RANGES.self_motion), np.full(count * free, RANGES.speed)
+        low = np.concatenate([[0.0], -self_motion, np.zeros(slides + count), -joint_shares])
+        high = np.concatenate([[1.0], self_motion, np.ones(slides + count), joint_shares])
         super().__init__(
             n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
         )
@@ -132,12 +132,12 @@ class DirectionalMaxima(DenseFormulation):
         part = self._parts(genes)
         which = self.base_indices(genes)
         across, along = (each[which] for each in self.frames)
-        base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
-        retracted = retract(self.arm, self.still.tasks, base, self.still.targets[0], across)
+        base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["self_motion"])
+        retracted = retract(self.arm, self.stationary.tasks, base, self.stationary.targets[0], across)
         front = front_sliders(self.actuation, part["front"])
-        mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
+        joint_shares = part["joint_shares"].reshape(len(genes), len(self.directions), -1)
         off_path = retracted.error > ON_PATH_TOLERANCE
-        return self.configurations.with_speeds(retracted.q, front, part["pace"], mixed, off_path)
+        return self.configurations.with_speeds(retracted.q, front, part["pace"], joint_shares, off_path)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
@@ -184,8 +184,8 @@ class DirectionalMaxima(DenseFormulation):
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
         differences = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(differences, axis=2).argmin(axis=1)
-        beside = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
-        genes, front = [((which + 0.5) / len(self.bases))[:, None], beside], np.zeros_like(q)
+        self_motion = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
+        genes, front = [((which + 0.5) / len(self.bases))[:, None], self_motion], np.zeros_like(q)
         motors = np.array([part["motors"] for part in parts])
         dq = motors[:, :, 0]
         if isinstance(self.actuation, DistributedActuation):
@@ -217,15 +217,15 @@ class DirectionalMaxima(DenseFormulation):
 
     def _parts(self, genes: Genes) -> dict[str, np.ndarray]:
         """Return the genes by name."""
-        free, count = self.still.redundancy, len(self.directions)
+        free, count = self.stationary.redundancy, len(self.directions)
         slides = self.arm.dof * isinstance(self.actuation, DistributedActuation)
-        sizes = {"place": 1, "beside": free, "front": slides, "pace": count, "mixed": count * free}
+        sizes = {"place": 1, "self_motion": free, "front": slides, "pace": count, "joint_shares": count * free}
         ends = np.cumsum([0, *sizes.values()])
         return {name: genes[:, a:b] for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         at = self.configuration(X)
-        bad = ~np.isfinite(at.power).all(axis=1)
+        invalid = ~np.isfinite(at.power).all(axis=1)
         values = [-at.speeds, at.power.max(axis=1, keepdims=True)] if self.power else [-at.speeds]
-        out["F"] = np.where(bad[:, None], 0.0, np.concatenate(values, axis=1))
+        out["F"] = np.where(invalid[:, None], 0.0, np.concatenate(values, axis=1))
         out["G"] = np.where(np.isnan(at.excess), 1.0, at.excess)

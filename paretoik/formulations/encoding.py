@@ -72,9 +72,9 @@ class Encoding:
         """Return genes of motions around bases ``which``, and by how much [rad, m] the spline misses them."""
         y = self.charts.coordinates(which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
-        missed = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
+        deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
         genes = np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
-        return genes, missed.max(axis=(1, 2))
+        return genes, deviation.max(axis=(1, 2))
 
     def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:
         weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
@@ -83,8 +83,8 @@ class Encoding:
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
     """Return genes around base motions, after measuring how far each chart reaches."""
-    around = build_charts(task, base)
-    return Encoding(charts=around, radius=_reach(task, around), spline=_spline(task, coefficients))
+    charts = build_charts(task, base)
+    return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
 
 
 def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
@@ -113,27 +113,27 @@ def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:
 def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
     """Take one member out of a basis so that what is left is zero at the first sample, and as local as before."""
     pivot = int(np.argmax(basis[0]))
-    left = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
-    left[0] = 0.0
-    return np.delete(left, pivot, axis=1)
+    remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
+    remainder[0] = 0.0
+    return np.delete(remainder, pivot, axis=1)
 
 
-def _reach(task: MotionTask, around: Charts) -> np.ndarray:
+def _reach(task: MotionTask, charts: Charts) -> np.ndarray:
     """Return how far each chart reaches: the largest radius that stays on the path all round, smoothed in time."""
-    bases, times, _, redundancy = around.null_space.shape
+    bases, times, _, redundancy = charts.null_space.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
     if redundancy > 1:  # the corners of the box of genes lie farther out than its axes
         corners = np.random.default_rng(0).choice([-1.0, 1.0], size=(2 * redundancy, redundancy))
         rays = np.concatenate([rays, corners])
-    fine = np.ones((bases, times), dtype=bool)
+    reached = np.ones((bases, times), dtype=bool)
     reach = np.full((bases, times), OPTIONS.radii[0])
     which = np.repeat(np.arange(bases), len(rays))
     for radius in OPTIONS.radii:
         y = np.tile((radius * rays)[:, None, :], (bases, times, 1))
-        on_path = around.at(task, which, y)[1].reshape(bases, len(rays), times)
-        fine &= on_path.all(axis=1)
-        reach[fine] = radius
-        if not fine.any():
+        on_path = charts.at(task, which, y)[1].reshape(bases, len(rays), times)
+        reached &= on_path.all(axis=1)
+        reach[reached] = radius
+        if not reached.any():
             break
     return np.exp(_smoothed(np.log(reach), times, periodic=task.cyclic))
 

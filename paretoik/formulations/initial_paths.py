@@ -28,18 +28,12 @@ from paretoik.task.retraction import task_errors
 class InitialPathOptions:
     """Settings of the search for initial paths."""
 
-    rollouts: int = 256
-    """Postures sampled at either end, and motions along a line, of each kind."""
-    degree: int = 3
-    """Degree of the splines."""
-    bows: tuple[float, ...] = (0.5, 1.0, 2.0)
-    """Sideways bow of lines where the straight one cannot be followed, as shares of its length."""
-    fixed_sliders: int = 5
-    """Places at which sliders that do not move are tried."""
-    work_unit: float = 1e-6
-    """Smallest unit of work [J]; without gravity there is none."""
-    distance: float = 0.2
-    """Distance of the coefficients of two paths, at least [rad, m]."""
+    rollouts: int = 256  # postures sampled at either end, and motions along a line, of each kind
+    degree: int = 3  # of the splines
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, shares of a straight line that cannot be followed
+    fixed_sliders: int = 5  # places at which sliders that do not move are tried
+    work_unit: float = 1e-6  # J: the smallest; without gravity there is no work
+    distance: float = 0.2  # rad or m: of the coefficients of two paths, at least
 
 
 OPTIONS = InitialPathOptions()
@@ -72,7 +66,7 @@ class InitialPaths:
         """Return the spline at samples so many times finer."""
         return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
 
-    def past(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def range_excess(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return by how much joints, and sliders, are past their bounds at samples (points, time, dof) at most.
 
         In rad (m), and as shares of the rod.
@@ -132,12 +126,12 @@ def find_initial_paths(
         work_unit=1.0,
     )
     with np.errstate(invalid="ignore"):
-        timing, past = minimum_timing(arm, actuation, q, front), empty.past(q, front)
-    worst = np.nan_to_num(np.maximum(np.maximum(past[0], timing.overload), past[1]), nan=1e3)
-    good = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
-    if not len(good):  # a search may still find sliders: the least violating
-        good = _least_violating(arm, actuation, q, worst)[:bases]
-    order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
+        timing, excess = minimum_timing(arm, actuation, q, front), empty.range_excess(q, front)
+    worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
+    feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
+    if not len(feasible):  # a search may still find sliders: the least violating
+        feasible = _least_violating(arm, actuation, q, worst)[:bases]
+    order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
     rows = _distinct(splines, order, bases)
     pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
     work_unit = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
@@ -181,7 +175,6 @@ def _follow_lines(
 
 
 def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
-    """Return an error again in other words."""
     if isinstance(fault, OutOfReach):
         return OutOfReach(text, sample=fault.sample)
     return Infeasible(text, limit=fault.limit, violation=fault.violation)
@@ -225,10 +218,10 @@ def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.nd
     """
     holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
     if not holdable.any():
-        least = int(np.argmin(worst))
-        load = gravity_torques(arm, q[least])
-        sample = int(np.isnan(joint_speeds(actuation, q[least], load).high).any(axis=1).argmax())
-        raise overload_error(actuation, arm, q[least, sample], load[sample])
+        index = int(np.argmin(worst))
+        load = gravity_torques(arm, q[index])
+        sample = int(np.isnan(joint_speeds(actuation, q[index], load).high).any(axis=1).argmax())
+        raise overload_error(actuation, arm, q[index, sample], load[sample])
     return np.flatnonzero(holdable)[np.argsort(worst[holdable])]
 
 

@@ -38,14 +38,10 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 class PointToPointOptions:
     """Settings of genes and of what is checked between samples."""
 
-    coefficient_range: float = 1.5
-    """How far from its base a coefficient may be [rad, m]."""
-    slider_overshoot: float = 0.5
-    """How far a coefficient may be past a slider's range, as a share of it, where samples are within."""
-    shortest_interval: float = 1e-6
-    """An interval in which nothing moves [s]."""
-    refinement: int = 8
-    """Times that the check between samples is finer than these."""
+    coefficient_range: float = 1.5  # rad or m: of a coefficient from its base
+    slider_overshoot: float = 0.5  # share of a slider's range that a coefficient may be past it, samples being within
+    shortest_interval: float = 1e-6  # s: in which nothing moves
+    refinement: int = 8  # times that the check between samples is finer than these
 
 
 OPTIONS = PointToPointOptions()
@@ -119,10 +115,10 @@ class PointToPoint(DenseFormulation):
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
         self.base_count = len(self.initial_paths.q)
-        size, beyond = self.initial_paths.size, OPTIONS.slider_overshoot
+        size, overshoot = self.initial_paths.size, OPTIONS.slider_overshoot
         slides = size * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -beyond)])
-        high = np.concatenate([[1.0], np.full(size, OPTIONS.coefficient_range), np.full(slides, 1.0 + beyond)])
+        low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -overshoot)])
+        high = np.concatenate([[1.0], np.full(size, OPTIONS.coefficient_range), np.full(slides, 1.0 + overshoot)])
         super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
@@ -131,8 +127,8 @@ class PointToPoint(DenseFormulation):
         which = self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
         error = np.zeros(count)
-        for end, still in zip((0, -1), self._ends, strict=True):
-            retracted = retract(self.arm, still.tasks, q[:, end], still.targets[0], paths.across[which, end])
+        for end, stationary in zip((0, -1), self._ends, strict=True):
+            retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], paths.across[which, end])
             q[:, end] = retracted.q
             error = np.maximum(error, retracted.error)
         if not isinstance(self.actuation, DistributedActuation):
@@ -193,9 +189,9 @@ class PointToPoint(DenseFormulation):
         The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
         """
         q, front, _ = self.profiles(genes)
-        fine = self.initial_paths.finer(OPTIONS.refinement)
+        spline = self.initial_paths.finer(OPTIONS.refinement)
         intervals = self.timing(genes).intervals
-        retimed = minimum_timing(self.arm, self.actuation, fine @ q, fine @ front)
+        retimed = minimum_timing(self.arm, self.actuation, spline @ q, spline @ front)
         shortest = retimed.intervals.reshape(*intervals.shape, OPTIONS.refinement).sum(axis=2)
         late = np.nan_to_num(shortest - intervals, nan=0.0).max(axis=1) / intervals.mean(axis=1)
         violation: np.ndarray = np.maximum(np.maximum(late, retimed.overload), 0.0)
@@ -240,12 +236,12 @@ class PointToPoint(DenseFormulation):
         q, front, error = self._samples(X)
         with np.errstate(invalid="ignore"):
             timing = minimum_timing(self.arm, self.actuation, q, front)
-            past = self.initial_paths.past(q, front)
+            excess = self.initial_paths.range_excess(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
         G = np.stack(
-            [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - LIMIT_TOLERANCE)],
+            [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([excess[0], timing.overload, excess[1]]) - LIMIT_TOLERANCE)],
             axis=1,
         )
-        bad = ~np.isfinite(F).all(axis=1)
-        out["F"] = np.where(bad[:, None], 1e6, F)
-        out["G"] = np.where(np.isnan(G), 1.0, np.where(bad[:, None], np.maximum(G, 1e-3), G))
+        invalid = ~np.isfinite(F).all(axis=1)
+        out["F"] = np.where(invalid[:, None], 1e6, F)
+        out["G"] = np.where(np.isnan(G), 1.0, np.where(invalid[:, None], np.maximum(G, 1e-3), G))

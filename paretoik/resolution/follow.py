@@ -51,7 +51,6 @@ def follow(
 
 
 def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarray) -> ResolvedMotion:
-    """Return the motions of a velocity method, on all cores."""
     criteria, steps = method.criterion_list, np.diff(task.times)
     shape, settings, gains = _broadcast(method, criteria, start, steps)
     program = step_program(task, [each.objective for each in criteria])

@@ -84,9 +84,9 @@ def horizon_program(
     Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
     accelerations, or depends on none of them.
     """
-    n, what = task.arm.dof, f"objective {objective.name}"
+    n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
-        raise InvalidInput(f"{what}: form 'integral' wanted, got {objective.form!r}")
+        raise InvalidInput(f"{label}: form 'integral' wanted, got {objective.form!r}")
     trace = Trace(len(task.times))
     tape = trace.tape
     samples = [trace.inputs(n) for _ in range(horizon)]
@@ -101,9 +101,9 @@ def horizon_program(
         ddq = (dq - previous_rate) * (1.0 / interval)
         previous, previous_rate = q, dq
         motion = TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
-        value = trace_sample_function(motion, what, objective.function)
+        value = trace_sample_function(motion, label, objective.function)
         if value is None:
-            raise InvalidInput(f"{what}: looks at more than one sample")
+            raise InvalidInput(f"{label}: looks at more than one sample")
         weight = 1.0 + terminal if k == horizon - 1 else 1.0
         term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * weight)
         total = as_entry(tape, Expression(tape, total) + term)
@@ -112,9 +112,9 @@ def horizon_program(
         jacobian += [as_entry(tape, one) for one in path_jacobian(task.arm, task.tasks, positions)]
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
-        raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")
+        raise InvalidInput(f"{label}: wants a function of positions, velocities and accelerations of one sample alone")
     if not read & set(variables):
-        raise InvalidInput(f"{what}: is the same whatever {task.arm.name} does; has it no masses?")
+        raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")
     lagrangian = Expression(tape, total)
     for factor, equation in zip([one for each in multipliers for one in each.entries], equations, strict=True):
         lagrangian = lagrangian + factor * Expression(tape, equation)

@@ -197,7 +197,6 @@ def _least_squares_multipliers(J, factors, gradient, multipliers, work):
 
 @compiled
 def _reduce_gradient(gradient, basis, reduced):
-    """Write the gradient in the null space; return its largest entry."""
     largest = 0.0
     for a in range(basis.shape[1]):
         reduced[a] = 0.0
@@ -209,7 +208,6 @@ def _reduce_gradient(gradient, basis, reduced):
 
 @compiled
 def _reduce_hessian(H, basis, reduced):
-    """Write the Hessian in the null space."""
     size, free = basis.shape
     for a in range(free):
         for b in range(a + 1):

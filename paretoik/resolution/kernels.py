@@ -123,7 +123,6 @@ def _solve_task(J, D, multipliers, velocities):
 
 @compiled
 def _add(velocities, term):
-    """Add a term to velocities."""
     for j in range(velocities.shape[0]):
         velocities[j] += term[j]
 
@@ -231,7 +230,6 @@ def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
 
 @compiled
 def _advance(motion, k, dt, q, velocities):
-    """Take an Euler step."""
     for j in range(q.shape[2]):
         q[motion, k + 1, j] = q[motion, k, j] + dt * velocities[motion, k, j]
 

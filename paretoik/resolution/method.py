@@ -38,17 +38,16 @@ class Parameter:
     fields: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the range."""
-        what = f"parameter {self.name}"
+        label = f"parameter {self.name}"
         if self.scale not in get_args(Scale):
-            raise InvalidInput(f"{what}: scale must be one of {', '.join(get_args(Scale))}, got {self.scale!r}")
-        lower, upper = (finite_array(f"{what}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
+            raise InvalidInput(f"{label}: scale must be one of {', '.join(get_args(Scale))}, got {self.scale!r}")
+        lower, upper = (finite_array(f"{label}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
         if not lower <= upper:
-            raise InvalidInput(f"{what}: a lower bound up to the upper one wanted, got {lower:g} to {upper:g}")
+            raise InvalidInput(f"{label}: a lower bound up to the upper one wanted, got {lower:g} to {upper:g}")
         if self.scale == "log" and not lower > 0:
-            raise InvalidInput(f"{what}: a lower bound above 0 wanted on a log scale, got {lower:g}")
+            raise InvalidInput(f"{label}: a lower bound above 0 wanted on a log scale, got {lower:g}")
         if self.scale == "integer" and (lower % 1 or upper % 1):
-            raise InvalidInput(f"{what}: whole bounds wanted on an integer scale, got {lower:g} to {upper:g}")
+            raise InvalidInput(f"{label}: whole bounds wanted on an integer scale, got {lower:g} to {upper:g}")
         object.__setattr__(self, "fields", tuple(self.fields) or (self.name,))
 
     @property
@@ -85,15 +84,14 @@ class Criterion:
     scale: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
             raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {self.objective!r}")
-        what = f"criterion {self.objective.name}"
-        finite_array(f"{what}, reference", self.reference, ())
-        if not finite_array(f"{what}, scale", self.scale, ()) > 0:
-            raise InvalidInput(f"{what}: a positive scale wanted, got {self.scale}")
-        if not (finite_array(f"{what}, gain", self.gain) >= 0).all():
-            raise InvalidInput(f"{what}: a gain of 0 or more wanted, got {self.gain}")
+        label = f"criterion {self.objective.name}"
+        finite_array(f"{label}, reference", self.reference, ())
+        if not finite_array(f"{label}, scale", self.scale, ()) > 0:
+            raise InvalidInput(f"{label}: a positive scale wanted, got {self.scale}")
+        if not (finite_array(f"{label}, gain", self.gain) >= 0).all():
+            raise InvalidInput(f"{label}: a gain of 0 or more wanted, got {self.gain}")
 
     @property
     def parameter(self) -> Parameter:
@@ -116,14 +114,17 @@ class Method:
     """A way to resolve one motion, or a batch of them where its numbers are arrays; ``resolve`` takes any."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInput for a number outside the range of its field."""
         for each in fields(self):
             if "below" not in each.metadata:
                 continue
-            upper, value, what = each.metadata["below"], getattr(self, each.name), f"{type(self).__name__}: {each.name}"
-            values, bound = finite_array(what, value), "" if np.isinf(upper) else f" and less than {upper:g}"
+            upper, value, label = (
+                each.metadata["below"],
+                getattr(self, each.name),
+                f"{type(self).__name__}: {each.name}",
+            )
+            values, bound = finite_array(label, value), "" if np.isinf(upper) else f" and less than {upper:g}"
             if not ((values >= 0) & (values < upper)).all():
-                raise InvalidInput(f"{what} of 0 or more{bound} wanted, got {value}")
+                raise InvalidInput(f"{label} of 0 or more{bound} wanted, got {value}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, on a path with these sample times [s]."""

@@ -212,7 +212,6 @@ class Predictor:
 
 
 def _update_traces(task: MotionTask, predictors: list[Predictor]) -> dict[str, np.ndarray]:
-    """Return the updates of all motions as padded arrays."""
     count, horizon = max(len(each.updates) for each in predictors), max(each.schedule.horizon for each in predictors)
     shape = (len(predictors), count)
     traces = {

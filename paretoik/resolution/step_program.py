@@ -52,14 +52,14 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
         [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
     ]
     for criterion in criteria:
-        what = f"criterion {criterion.name}"
-        value = trace_sample_function(motion, what, criterion.function)
+        label = f"criterion {criterion.name}"
+        value = trace_sample_function(motion, label, criterion.function)
         if value is None:
-            raise InvalidInput(f"{what}: looks at more than one sample")
+            raise InvalidInput(f"{label}: looks at more than one sample")
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
         read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
-            raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
+            raise InvalidInput(f"{label}: wants a function of positions, velocities or both, got one of other things")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     return StepProgram(
         program=compile_evaluator(tape, outputs),

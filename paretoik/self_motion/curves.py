@@ -97,16 +97,17 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
         )
         ahead, _, across = self_motion_frames(task, samples[active], trial.q)
         turn = np.sum(ahead * heading[active], axis=1)
-        good = trial.on_path & (np.abs(turn) > OPTIONS.turn)
-        moved = active[good]
-        q[moved], steep[moved], heading[moved] = trial.q[good], across[good], (ahead * np.sign(turn)[:, None])[good]
+        accepted = trial.on_path & (np.abs(turn) > OPTIONS.turn)
+        moved = active[accepted]
+        ahead *= np.sign(turn)[:, None]
+        q[moved], steep[moved], heading[moved] = trial.q[accepted], across[accepted], ahead[accepted]
         count[moved] += 1
         back = wrap_difference(begin[active] - q[active], task.arm.periodic)
-        closed = good & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[active] > 3)
+        closed = accepted & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[active] > 3)
         closed &= np.sum(heading[active] * first[active], axis=1) > OPTIONS.turn
         q[active[closed]] += back[closed]
         steps.append((moved, q[moved], heading[moved]))
-        step_length[active] = np.where(good, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
+        step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
         active = active[~closed & (step_length[active] > 1e-4)]
         if not len(active):
             break

@@ -108,14 +108,14 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
     errors, row, column = [], 0, 0
     for part in task.tasks:
         size = 2 if part.axes in ("xy", "xy+angle") else 3
-        target, rest = task.targets[sample, column : column + size], error[row : row + part.rows]
-        errors.append((float(np.linalg.norm(rest)), target, rest[:size], rest[size:]))
+        target, residual = task.targets[sample, column : column + size], error[row : row + part.rows]
+        errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
         row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
-    turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+    rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
     return (
         f"{(np.round(target, 6) + 0.0).tolist()} m is {np.linalg.norm(off):.3g} m from the nearest point found, "
-        f"{(np.round(target - off, 6) + 0.0).tolist()} m{turned}"
+        f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}"
     )
 
 

@@ -30,7 +30,6 @@ class TimedCurve:
     law: str
 
     def __post_init__(self) -> None:
-        """Refuse an unknown time law."""
         _check_law(self.law)
 
     def __call__(self, times: Times) -> Samples:

@@ -48,7 +48,6 @@ class Motion:
     cyclic: bool = False
 
     def __post_init__(self) -> None:
-        """Check the samples, broadcast the times over the batch and make both read-only."""
         q, time = real_array("motion: q", self.q), real_array("motion: time", self.time)
         if q.ndim < 2 or q.shape[-1] != self.arm.dof:
             raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
@@ -213,7 +212,6 @@ class Motion:
 
     @property
     def _errors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Errors of the tasks and their Jacobian."""
         times, inverse = np.unique(self.time, return_inverse=True)
         targets = np.concatenate([task.targets(times) for task in self.tasks], axis=1)
         return task_errors(self.arm, self.tasks, self.q, targets[inverse.reshape(self.time.shape)])

@@ -114,7 +114,6 @@ def solve_small_systems(
 
 @cache
 def _compiled() -> Any:
-    """Return the module of compiled functions."""
     from paretoik.task import compiled  # here: numba takes its time
 
     return compiled

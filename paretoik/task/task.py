@@ -53,7 +53,6 @@ class Task:
     axes: Axes | None = None
 
     def __post_init__(self) -> None:
-        """Check the axes against the path."""
         if not isinstance(self.path, Path):
             raise InvalidInput(f"path: a Path wanted, such as pk.line(...), got {self.path!r}")
         if self.axes is None:

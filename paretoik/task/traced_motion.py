@@ -121,7 +121,6 @@ class TracedMotion:
         return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
 
     def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
-        """Run a kernel of columns on every sample."""
         joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
         rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
         values = np.empty((len(rows), len(rows[0])), dtype=object)

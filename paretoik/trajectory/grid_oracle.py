@@ -142,7 +142,6 @@ def _check(task: MotionTask, resolution: float | None) -> None:
 
 
 def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
-    """Return the graph whose states are nodes."""
     pairs, at = transitions(task, grid)
     counts = [len(sources) for sources, _ in pairs]
     layers = build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))

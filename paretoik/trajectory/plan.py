@@ -144,7 +144,6 @@ def _optima(task: MotionTask, solutions: Solutions) -> tuple[Optimum, ...]:
 
 
 def _failure(task: MotionTask, motions: Motion, solutions: Solutions) -> Infeasible | SolverFailed:
-    """Return the error that says why no start converged."""
     status = STATUSES[int(solutions.status[0])]
     if solutions.violation.max() <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")

@@ -74,8 +74,8 @@ def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Fl
     """Return at most so many motions on the path of a level."""
     rollouts = rollout_starts(level, OPTIONS.rollouts * count, rng)
     travelling = travelling_starts(level, count, rng)[: count // 2]
-    rest = count - len(travelling)
-    return np.concatenate([_most_promising(level, rollouts[: OPTIONS.rollouts * rest], rest), travelling])
+    others = count - len(travelling)
+    return np.concatenate([_most_promising(level, rollouts[: OPTIONS.rollouts * others], others), travelling])
 
 
 def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples dof"]:

@@ -153,7 +153,6 @@ def _reformulate(functions: Functions) -> Reformulation:
 
 
 def _path_equations(functions: Functions) -> list[int]:
-    """Return the entries of the path's equations."""
     motion, task = functions.motion, functions.motion.task
     targets = task.targets.copy()
     if task.cyclic:
