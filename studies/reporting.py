@@ -1,7 +1,8 @@
-"""What all studies share: rows of a table, their printing, their JSON, figures, and p-values of several tests."""
+"""What all studies share: arguments, rows of a table, their printing and JSON, figures, p-values of several tests."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,6 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
@@ -34,6 +34,17 @@ class Row:
     ours: float
     paper: float | None = None
     note: str = ""
+
+
+def study_parser(description: str, *, quick: str = "", out: str = "") -> argparse.ArgumentParser:
+    """Return a parser of --json, and where they are named of --quick and --out (a folder for pictures, in runs/)."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
+    if quick:
+        parser.add_argument("--quick", action="store_true", help=quick)
+    if out:
+        parser.add_argument("--out", type=Path, default=Path("runs") / out, help="folder for the pictures")
+    return parser
 
 
 def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
@@ -64,10 +75,9 @@ def _record(row: Row) -> dict[str, str | float | None]:
 
 @contextmanager
 def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Give a figure of so many inches, and write it into a file."""
+    """Yield a figure of a size [inches] and write it into a file."""
     with matplotlib.rc_context({**PAPER.style, "font.size": 9.5, "axes.titlesize": 9.5}):
         figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
-        FigureCanvasAgg(figure)
         yield figure
         figure.savefig(file)
 

@@ -22,10 +22,10 @@ import paretoik.resolution.kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
 import paretoik.task.compiled
 import paretoik.trajectory.compiled.motion_kernel  # noqa: F401  before the hook, as all that is compiled
-import tests.shape_checks  # the hook knows it by name
+import tests.shape_checks
 
 # In production nobody looks at annotations; in tests calls and fields are held against them.
-jaxtyping.install_import_hook("paretoik", "tests.shape_checks.checked")
+tests.shape_checks.install("paretoik")
 
 hypothesis.settings.register_profile("local", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, print_blob=True)

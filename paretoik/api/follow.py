@@ -16,7 +16,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
-from paretoik.review.generation import Generation
+from paretoik.review.recorder import Generation
 from paretoik.run_files import PICTURE, STEPS, replace_file
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop

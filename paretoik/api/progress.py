@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from paretoik.compilation_notices import observe_compilation
 from paretoik.inputs import check_function
-from paretoik.review.generation import Generation
+from paretoik.review.recorder import Generation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

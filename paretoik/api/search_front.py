@@ -22,7 +22,7 @@ from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.pareto.scalarisation import ranges_of
-from paretoik.review.generation import Generation
+from paretoik.review.recorder import Generation
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit

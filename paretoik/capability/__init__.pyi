@@ -1,7 +1,7 @@
 from .actuation import DistributedActuation as DistributedActuation
 from .actuation import JointActuation as JointActuation
-from .axes_fits import fit_axes as fit_axes
 from .directional import PerformancePolygon as PerformancePolygon
+from .ellipsoid_fits import fit_axes as fit_axes
 from .ellipsoid_fits import fit_ellipsoids as fit_ellipsoids
 from .geodesic import FastestPath as FastestPath
 from .geodesic import fastest_path as fastest_path

@@ -58,6 +58,10 @@ class JointActuation:
         """The motors of every joint: one."""
         return (self.motors,)
 
+    def ratios(self, q: Joints, front: Joints) -> Float[np.ndarray, "*batch 1 dof"]:
+        """Return the joints' speeds per speed of their motors: 1."""
+        return np.ones((*q.shape[:-1], 1, q.shape[-1]))
+
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
         """What ``motors`` reads: a row a joint."""
@@ -183,6 +187,10 @@ class DistributedActuation:
         angle = self.angles(q)
         back, a, b = actuators.gears.py_func(np.sin(angle), np.cos(angle), front, self.rod)
         return back, self.bend * a, self.bend * b
+
+    def ratios(self, q: Joints, front: Joints) -> Float[np.ndarray, "*batch 2 dof"]:
+        """Return the joints' speeds per speed of their front and back sliders, A and B [rad/m]."""
+        return np.stack(self.gears(q, front)[1:], axis=-2)
 
 
 Actuation: TypeAlias = JointActuation | DistributedActuation

@@ -1,4 +1,4 @@
-"""In which posture an arm can do most: planar arms of three joints all around, others by ascent from many."""
+"""In which postures an arm is fastest or strongest: planar arms of three joints all around, others by ascent."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation
 from paretoik.capability.compiled import actuators, planar_maxima
-from paretoik.capability.directional_program import Quantity
 from paretoik.capability.infeasible_postures import planar_reach_error, postures_error
+from paretoik.capability.joint_capability import Quantity
 from paretoik.capability.posture_ascent import maximise_from
 from paretoik.capability.posture_samples import sample_holdable_postures, sample_postures_at
 from paretoik.robot.arm import Arm
@@ -28,15 +28,22 @@ def best_postures(
     samples: int,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "directions dof"]:
-    """Return for each direction the posture at a position in which most can be done along it.
+    """Return for each direction the posture at a position in which speed or force along it is greatest.
 
     Raises OutOfReach and Infeasible as ``directional_maxima`` does.
     """
     table = _planar_table(arm)
-    if table is not None:
-        return _search_curves(table, arm, actuation, position, directions, quantity, samples, rng)
-    starts = sample_holdable_postures(arm, actuation, position, samples, rng)
-    return maximise_from(arm, actuation, position, directions, quantity, starts)
+    if table is None:
+        starts = sample_holdable_postures(arm, actuation, position, samples, rng)
+        return maximise_from(arm, actuation, position, directions, quantity, starts)
+    values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
+    maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
+    if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
+        raise planar_reach_error(table, position)
+    if (values < 0).any():
+        postures = sample_postures_at(arm, position, min(samples, 400), rng)
+        raise postures_error(arm, actuation, postures, position)
+    return q
 
 
 @lru_cache(maxsize=64)
@@ -55,24 +62,3 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
     base_angle = np.arctan2(arm.base.rotation[1, 0], arm.base.rotation[0, 0])
     weights = np.array([[body.mass, *body.center[:2]] for body in arm.bodies] + [[*arm.gravity[:2], 0.0]])
     return lengths, turned, offsets, np.array([first[0], first[1], base_angle]), weights, np.array(arm.position_limits)
-
-
-def _search_curves(
-    table: tuple[np.ndarray, ...],
-    arm: Arm,
-    actuation: Actuation,
-    position: np.ndarray,
-    directions: np.ndarray,
-    quantity: Quantity,
-    samples: int,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Return the best postures of a planar arm with three joints."""
-    values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
-    maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
-    if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
-        raise planar_reach_error(table, position)
-    if (values < 0).any():
-        postures = sample_postures_at(arm, position, min(samples, 400), rng)
-        raise postures_error(arm, actuation, postures, position)
-    return q

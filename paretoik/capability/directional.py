@@ -13,14 +13,13 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.best_postures import best_postures
-from paretoik.capability.directional_program import Quantity
-from paretoik.capability.joint_capability import JointSpeeds, joint_speeds, torque_capacity
-from paretoik.capability.posture_values import gravity_torques
+from paretoik.capability.joint_capability import Quantity, joint_speeds, motor_speeds, torque_capacity
 from paretoik.capability.zonotopes import facet_joint_speeds, greatest_forces, highest_speeds
 from paretoik.errors import InvalidInput, check_size
 from paretoik.inputs import finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,14 +115,14 @@ def directional_maxima(
     check_size("seed", seed, 0)
     task = 2 if arm.is_planar else 3
     place = finite_array("position", position, (task,))
-    ways = unit_directions(directions, task)
+    vectors = unit_directions(directions, task)
     rng = np.random.default_rng(seed)
-    q = best_postures(arm, actuation, place, ways, quantity, samples=starts, rng=rng)
-    return _polygon(arm, actuation, quantity, place, ways, q)
+    q = best_postures(arm, actuation, place, vectors, quantity, samples=starts, rng=rng)
+    return _polygon(arm, actuation, quantity, place, vectors, q)
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return unit vectors: as many as a number says, or those given brought to length 1.
+    """Return unit vectors: as many as a number says, or ``directions`` brought to length 1.
 
     Raises InvalidInput for what is neither.
     """
@@ -135,18 +134,18 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
         height, turn = 1 - 2 * share, np.pi * (1 + np.sqrt(5)) * np.arange(directions)  # a spiral from pole to pole
         around = np.sqrt(1 - height**2)
         return np.stack([around * np.cos(turn), around * np.sin(turn), height], axis=1)
-    given = finite_array("directions", directions)
-    if given.ndim != 2 or given.shape[1] != task or not len(given):
-        fact = f"{directions!r}" if given.ndim == 0 else f"shape {given.shape}"
+    vectors = finite_array("directions", directions)
+    if vectors.ndim != 2 or vectors.shape[1] != task or not len(vectors):
+        fact = f"{directions!r}" if vectors.ndim == 0 else f"shape {vectors.shape}"
         raise InvalidInput(
             f"directions: a whole number, or vectors (directions, {task}), at least one, wanted, got {fact}"
         )
-    size = np.abs(given).max(axis=1, keepdims=True)
-    given = given / np.where(size > 0, size, 1.0)  # their squares may be too large or too small
-    length = np.linalg.norm(given, axis=1, keepdims=True)
+    size = np.abs(vectors).max(axis=1, keepdims=True)
+    vectors = vectors / np.where(size > 0, size, 1.0)  # their squares may be too large or too small
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not length.all():
         raise InvalidInput(f"directions: vectors longer than 0 wanted, got one of 0 at index {int(np.argmin(length))}")
-    return given / length
+    return vectors / length
 
 
 def _polygon(
@@ -157,19 +156,20 @@ def _polygon(
     directions: np.ndarray,
     q: np.ndarray,
 ) -> PerformancePolygon:
-    """Return the maxima in given postures, one a direction, with what every motor does."""
+    """Return the maxima in postures, one a direction, with what every motor does."""
     columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
         values = highest_speeds(columns, speeds.low, speeds.high, directions[:, None])[:, 0]
         dq = facet_joint_speeds(columns, speeds.low, speeds.high, directions * values[:, None])
-        front, speed, effort = _driven(actuation, q, torque, dq, speeds)
+        front = np.where(dq >= 0, speeds.front_high, speeds.front_low)
+        speed, effort = motor_speeds(actuation, q, front, torque, dq)
     else:
-        most, front = torque_capacity(actuation, q)
-        values = greatest_forces(columns, -most - torque, most - torque, directions[:, None])[:, 0]
-        pushed = directions * np.where(np.isfinite(values), values, 0.0)[:, None]
-        torque, dq = torque + np.einsum("kaj,ka->kj", columns, pushed), np.zeros_like(q)
-        effort = _ratios(actuation, q, front) * torque[:, None]
+        capacity, front = torque_capacity(actuation, q)
+        values = greatest_forces(columns, -capacity - torque, capacity - torque, directions[:, None])[:, 0]
+        force = directions * np.where(np.isfinite(values), values, 0.0)[:, None]
+        torque, dq = torque + np.einsum("kaj,ka->kj", columns, force), np.zeros_like(q)
+        effort = actuation.ratios(q, front) * torque[:, None]
         speed = np.zeros_like(effort)
     sliders = None
     if isinstance(actuation, DistributedActuation):
@@ -188,29 +188,3 @@ def _polygon(
         motor_efforts=effort,
         sliders=sliders,
     )
-
-
-def _ratios(actuation: Actuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """Return the joints' speeds per speed of every motor, (*batch, motors, dof)."""
-    if isinstance(actuation, DistributedActuation):
-        return np.stack(actuation.gears(q, front)[1:], axis=-2)
-    return np.ones((*q.shape[:-1], 1, q.shape[-1]))
-
-
-def _driven(
-    actuation: Actuation, q: np.ndarray, torque: np.ndarray, dq: np.ndarray, speeds: JointSpeeds
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return front sliders (batch, dof), and speeds and efforts of all motors (batch, motors, dof), that give dq."""
-    if not isinstance(actuation, DistributedActuation):
-        return np.zeros_like(q), dq[:, None], torque[:, None]
-    ahead = dq >= 0
-    front = np.where(ahead, speeds.front_high, speeds.front_low)
-    most = np.where(ahead, speeds.high, speeds.low)
-    share = np.divide(dq, most, out=np.zeros_like(dq), where=most != 0)
-    ratios = _ratios(actuation, q, front)
-    effort = ratios * torque[:, None]
-    found = []
-    for m, curve in enumerate(actuation.curves):
-        low, high = curve.speeds(effort[:, m])
-        found.append(share * np.where((ratios[:, m] > 0) == ahead, high, low))
-    return front, np.stack(found, axis=1), effort

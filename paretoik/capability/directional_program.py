@@ -8,22 +8,20 @@ Jang 2021, Eq. 1, there for one direction at a time.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.compiled.actuators import gears
-from paretoik.capability.joint_capability import joint_speeds, torque_capacity
-from paretoik.capability.motor_curves import MotorCurve
+from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
 from paretoik.nlp.traced import TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
-
-Quantity = Literal["velocity", "force"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,15 +43,10 @@ class DirectionalProgram:
         """Number of coordinates of a position."""
         return 2 if self.arm.is_planar else 3
 
-    @property
-    def curves(self) -> tuple[MotorCurve, ...]:
-        """The motors of every joint."""
-        return self.actuation.curves
-
     @cached_property
     def sizes(self) -> dict[str, tuple[int, ...]]:
         """The shape of every part of the unknowns, in order."""
-        dof, several = self.arm.dof, len(self.curves)
+        dof, several = self.arm.dof, len(self.actuation.curves)
         moving = self.count * (self.quantity == "velocity")
         return {
             "q": (dof,),
@@ -67,8 +60,7 @@ class DirectionalProgram:
     @cached_property
     def slices(self) -> dict[str, slice]:
         """Where every part stands among the unknowns."""
-        ends = np.cumsum([0, *(int(np.prod(shape)) for shape in self.sizes.values())]).tolist()
-        return {name: slice(a, b) for name, a, b in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
+        return consecutive_slices({name: int(np.prod(shape)) for name, shape in self.sizes.items()})
 
     @property
     def unknowns(self) -> int:
@@ -77,30 +69,28 @@ class DirectionalProgram:
 
     def scale(self, size: float) -> Float[np.ndarray, " unknowns"]:
         """Return how much one of each unknown is."""
-        found = np.ones(self.unknowns)
+        scale = np.ones(self.unknowns)
         if isinstance(self.actuation, DistributedActuation):
-            found[self.slices["front"]] = self.actuation.rod
-        fastest = np.stack([curve.fastest for curve in self.curves])
-        found[self.slices["motors"]] = np.broadcast_to(fastest, self.sizes["motors"]).ravel()
-        found[self.slices["values"]] = size
-        return found
+            scale[self.slices["front"]] = self.actuation.rod
+        fastest = np.stack([curve.fastest for curve in self.actuation.curves])
+        scale[self.slices["motors"]] = np.broadcast_to(fastest, self.sizes["motors"]).ravel()
+        scale[self.slices["values"]] = size
+        return scale
 
     def parts(self, z: Float[np.ndarray, " unknowns"], size: float) -> dict[str, np.ndarray]:
         """Return the unknowns by name and in their units."""
-        known = z * self.scale(size)
-        return {name: known[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
+        values = z * self.scale(size)
+        return {name: values[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
 
     def initial_point(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
         """Return the unknowns of a posture, all at rest, sliders at their best."""
         z = np.zeros(self.unknowns)
         z[self.slices["q"]] = q
         if isinstance(self.actuation, DistributedActuation):
-            load = dynamics.inverse_dynamics(self.arm, q, np.zeros_like(q), np.zeros_like(q))
-            moving = self.quantity == "velocity"
             capacity, front = torque_capacity(self.actuation, q)
-            if moving:
-                known = joint_speeds(self.actuation, q, load)
-                front = np.where(np.isnan(known.high), front, known.front_high)
+            if self.quantity == "velocity":
+                speeds = joint_speeds(self.actuation, q, dynamics.gravity_torques(self.arm, q))
+                front = np.where(np.isnan(speeds.high), front, speeds.front_high)
             front = np.where(np.isnan(capacity), self.actuation.front_bounds.mean(axis=1), front)
             z[self.slices["front"]] = front / self.actuation.rod
         return z
@@ -115,13 +105,19 @@ class DirectionalProgram:
         return replace(_transcribe(self), parameters=np.concatenate([position, directions.ravel(), [size]]))
 
 
+def consecutive_slices(sizes: Mapping[str, int]) -> dict[str, slice]:
+    """Return where parts of these sizes stand, one after the other."""
+    ends = np.cumsum([0, *sizes.values()]).tolist()
+    return {name: slice(a, b) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
+
+
 @lru_cache(maxsize=32)
 def _transcribe(settings: DirectionalProgram) -> TracedRows:
     task, arm = settings.task, settings.arm
 
-    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
-        position, size = known[:task], known[-1]
-        directions = np.array(known[task:-1], dtype=object).reshape(settings.count, task)
+    def rows(z: list[Any], parameters: list[Any]) -> tuple[list[Any], list[Any]]:
+        position, size = parameters[:task], parameters[-1]
+        directions = np.array(parameters[task:-1], dtype=object).reshape(settings.count, task)
         scale: Any = settings.scale(1.0).astype(object)
         scale[settings.slices["values"]] = size
         at = {
@@ -146,7 +142,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
             for a in range(task):
                 moved = sum(column[a] * speed for column, speed in zip(columns, speeds, strict=True))
                 equal.append((moved - value * direction[a]) / size)
-            for m, curve in enumerate(settings.curves):
+            for m, curve in enumerate(settings.actuation.curves):
                 effort = np.array([ratios[j][m] * load[j] for j in range(arm.dof)], dtype=object)
                 slacks += list(curve.slacks(effort, motors[m]).ravel())
             if settings.power:
@@ -178,11 +174,6 @@ def ratios_and_slacks(
     return ratios, slacks
 
 
-def back_sliders(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[Any]:
-    """Return the back sliders [m]."""
-    return [back for back, _, _ in gear_ratios(actuation, q, front)]
-
-
 def gear_ratios(actuation: DistributedActuation, q: list[Any], front: list[Any]) -> list[tuple[Any, Any, Any]]:
     """Return each joint's back slider [m] and its ratios A and B [rad/m]."""
     angles = [sign * (x - zero) for sign, x, zero in zip(actuation.bend, q, actuation.zero, strict=True)]
@@ -204,7 +195,7 @@ def _force_slacks(
     slacks = list[Any]()
     for j, (column, ratio) in enumerate(zip(columns, ratios, strict=True)):
         with_force = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
-        for r, curve in zip(ratio, settings.curves, strict=True):
+        for r, curve in zip(ratio, settings.actuation.curves, strict=True):
             if np.isfinite(curve.stall[j]):
                 for torque in (load[j], with_force):  # without the force, too
                     share = r * torque / curve.stall[j]

@@ -1,4 +1,4 @@
-"""Ellipsoids fitted to directional maxima: one convex program for all positions, free or from below."""
+"""Ellipsoids fitted to directional maxima: one convex program for all positions, or the paper's two stages."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from paretoik.capability.polynomials import empty_polynomials, orthogonal_design
-from paretoik.capability.speed_models import PolynomialEllipsoids
+from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
 from paretoik.capability.speed_samples import Directions, Positions, Speeds, check_determined, checked_samples
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.inputs import finite_array
@@ -92,6 +93,40 @@ def fit_ellipsoids(
         excess = float(np.log(model.speeds(positions, directions) / speeds).max())
         model = model.scaled(np.exp(-margin - OPTIONS.clearance - excess))
     return model
+
+
+def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> AxesEllipses:
+    """Return the paper's model, fitted in two stages as there: the ellipse of each position, then polynomials.
+
+    Arguments and errors are those of ``fit_ellipsoids``; InvalidInput also where the positions are not in the plane.
+    The radii a ≥ b and the angle c of each ellipse are those of least relative errors; c is continued from each
+    position to its nearest neighbours.
+    Source: Kim, Choi & Jang 2021, Eq. 5 and section 3.1.
+    """
+    positions, directions, speeds = checked_samples(positions, directions, speeds)
+    if positions.shape[1] != 2:
+        raise InvalidInput(f"positions: two coordinates wanted for ellipses, got {positions.shape[1]}")
+    empty = empty_polynomials(positions, 2)  # the degree of section 3.1
+    design, triangular = orthogonal_design(empty, positions)
+    squares, vectors = np.linalg.eigh(ellipsoids_at(directions, speeds))
+    major, minor = 1.0 / np.sqrt(squares.T)
+    angles = continued_angles(positions, np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0]))
+    for _ in angles:  # the squared errors fall every time, or stay from here on
+        fitted = design @ (design.T @ angles) / len(positions)
+        angles = angles + np.pi * np.round((fitted - angles) / np.pi)
+    coefficients = np.linalg.solve(triangular, design.T @ np.stack([major, minor, angles], axis=1)) / len(positions)
+    axes = replace(empty, coefficients=coefficients)
+    return AxesEllipses(axes=axes, lower=positions.min(axis=0), upper=positions.max(axis=0))
+
+
+def continued_angles(positions: Positions, angles: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
+    """Return angles plus multiples of π, each the nearest to that of a neighbour, along a shortest spanning tree."""
+    weights = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # the same tree; 0 would mean no edge
+    order, parents = breadth_first_order(minimum_spanning_tree(weights), 0, directed=False)
+    continued = angles.copy()
+    for index in order[1:]:
+        continued[index] -= np.pi * np.round((continued[index] - continued[parents[index]]) / np.pi)
+    return continued
 
 
 def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "samples task task"]:

@@ -1,16 +1,16 @@
-"""Why no posture at a position will do: out of reach, past joint limits, or overloaded; the errors that say so."""
+"""Which postures are feasible, and errors where none is: out of reach, past joint limits, or overloaded."""
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation
-from paretoik.capability.joint_capability import overload_error, torque_capacity
-from paretoik.capability.posture_values import gravity_torques
+from paretoik.capability.joint_capability import joint_speeds, overload_error, torque_capacity
 from paretoik.errors import Infeasible, OutOfReach, ParetoikError, SolverFailed
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:
@@ -29,27 +29,25 @@ def overload(
     return np.asarray(share.max(axis=1))
 
 
+def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " postures"]:
+    """Return in which postures (postures, dof) the motors can hold the arm."""
+    speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
+    return np.asarray(~np.isnan(speeds.high).any(axis=1))
+
+
 def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error of postures none of which can be held within limits."""
-    inside = q[(limit_excess(arm, q) <= 0).all(axis=1)]
-    return _overload_error(arm, actuation, inside) if len(inside) else _limit_error(arm, q, position)
-
-
-def _overload_error(arm: Arm, actuation: Actuation, q: np.ndarray) -> Infeasible:
-    """Return the error of the posture that is overloaded least."""
-    least = int(np.argmin(overload(arm, actuation, q)))
-    error = overload_error(actuation, arm, q[least], gravity_torques(arm, q[least]))
-    message = f"{error}; that is the best of {len(q)} postures looked at"
-    return Infeasible(message, limit=error.limit, violation=error.violation)
-
-
-def _limit_error(arm: Arm, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error of the posture that is least past its joints' limits."""
+    """Return the error of postures none of which can be held within limits: of the one that comes nearest to it."""
     excess = limit_excess(arm, q)
-    least = int(np.argmin(excess.max(axis=1)))
-    joint = int(np.argmax(excess[least]))
+    inside = q[(excess <= 0).all(axis=1)]
+    if len(inside):
+        best = inside[np.argmin(overload(arm, actuation, inside))]
+        error = overload_error(actuation, arm, best, gravity_torques(arm, best))
+        message = f"{error}; that is the best of {len(inside)} postures looked at"
+        return Infeasible(message, limit=error.limit, violation=error.violation)
+    row = int(np.argmin(excess.max(axis=1)))
+    joint = int(np.argmax(excess[row]))
     return Infeasible(
-        f"{arm.joint_names[joint]}: a position within its limits wanted, got {excess[least, joint]:.3g} rad or m "
+        f"{arm.joint_names[joint]}: a position within its limits wanted, got {excess[row, joint]:.3g} rad or m "
         f"past them in the best of {len(q)} postures that reach {position.tolist()} m",
         limit=f"position of {arm.joint_names[joint]}",
     )
@@ -58,16 +56,16 @@ def _limit_error(arm: Arm, q: np.ndarray, position: np.ndarray) -> Infeasible:
 def planar_reach_error(table: tuple[np.ndarray, ...], position: np.ndarray) -> OutOfReach:
     """Return the error of a position that no posture of a planar arm with three joints reaches."""
     lengths, base = table[0], table[3][:2]
-    least = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
+    shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
     return OutOfReach(
         f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
-        f"the arm reaches from {least:.10g} m to {float(lengths.sum()):.10g} m",
+        f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
         sample=0,
     )
 
 
 def reach_error_at(error: ParetoikError, position: np.ndarray) -> ParetoikError:
-    """Return the error of a task, told of the position: out of reach, or no posture was found."""
+    """Return the error of a task as one of a position: out of reach, or no posture was found."""
     if isinstance(error, OutOfReach):
         return OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
     return SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")

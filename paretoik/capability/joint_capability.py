@@ -1,16 +1,22 @@
-"""What an actuation lets every joint do: its range of speeds under a torque, and the torque it can hold."""
+"""What an actuation lets every joint do, and with them all the tool: speeds under a torque, torques, forces."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation, DistributedActuation, JointActuation
 from paretoik.capability.compiled import actuators
+from paretoik.capability.zonotopes import greatest_forces, highest_speeds
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+
+Quantity = Literal["velocity", "force"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +37,7 @@ def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds
 
     Raises InvalidInput where the arrays don't fit.
     """
-    high, low = (_best(actuation, q, turned, actuators.SPEED) for turned in (torque, -torque))
+    high, low = (_joint_maxima(actuation, q, load, actuators.SPEED) for load in (torque, -torque))
     return JointSpeeds(low=-low[..., 0], high=high[..., 0], front_low=low[..., 1], front_high=high[..., 1])
 
 
@@ -40,14 +46,38 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
 
     NaN where a motor cannot bear the torque. Without sliders ``front`` is not looked at.
     """
+    ratios = actuation.ratios(q, front)
+    efforts = ratios * torque[..., None, :]
+    low, high = ((ratios * _fastest_motors(actuation, ratios, efforts, ahead)).sum(-2) for ahead in (False, True))
+    return low, high
+
+
+def motor_speeds(
+    actuation: Actuation,
+    q: Float[np.ndarray, "*#batch dof"],
+    front: Float[np.ndarray, "*#batch dof"],
+    torque: Float[np.ndarray, "*#batch dof"],
+    dq: Joints,
+) -> tuple[Float[np.ndarray, "*batch motors dof"], Float[np.ndarray, "*#batch motors dof"]]:
+    """Return speeds and efforts of all motors that turn joints at dq under a torque.
+
+    The sliders of a joint share its speed: each runs in proportion to its highest speed under its load.
+    """
+    ratios = actuation.ratios(q, front)
+    efforts = ratios * torque[..., None, :]
     if isinstance(actuation, JointActuation):
-        return actuation.motors.speeds(torque)
-    ratios = actuation.gears(q, front)[1:]
-    ends = [
-        np.sort([ratio * speed for speed in curve.speeds(ratio * torque)], axis=0)
-        for ratio, curve in zip(ratios, actuation.curves, strict=True)
-    ]
-    return ends[0][0] + ends[1][0], ends[0][1] + ends[1][1]
+        return dq[..., None, :], efforts
+    fastest = _fastest_motors(actuation, ratios, efforts, dq[..., None, :] >= 0)
+    highest = (ratios * fastest).sum(axis=-2)
+    share = np.divide(dq, highest, out=np.zeros_like(dq), where=highest != 0)
+    return share[..., None, :] * fastest, efforts
+
+
+def _fastest_motors(actuation: Actuation, ratios: np.ndarray, efforts: np.ndarray, ahead: Any) -> np.ndarray:
+    """Return the motor speeds (*batch, motors, dof) that turn joints fastest, ``ahead`` or back."""
+    ends = [curve.speeds(efforts[..., m, :]) for m, curve in enumerate(actuation.curves)]
+    low, high = (np.stack(speeds, axis=-2) for speeds in zip(*ends, strict=True))
+    return np.where((ratios > 0) == ahead, high, low)
 
 
 def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
@@ -55,37 +85,58 @@ def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
 
     NaN where no slider fits. Raises InvalidInput where the arrays don't fit.
     """
-    found = _best(actuation, q, np.zeros_like(q), actuators.HOLD)
-    return found[..., 0], found[..., 1]
+    maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
+    return maxima[..., 0], maxima[..., 1]
 
 
 def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Infeasible:
     """Return the error that says which joint of one posture (dof,) cannot hold what, or has no slider that fits."""
-    can, _ = torque_capacity(actuation, q)
-    share = np.where(np.isnan(can), np.inf, np.abs(torque) / np.where(can > 0, can, 1e-300))
+    capacity, _ = torque_capacity(actuation, q)
+    share = np.where(np.isnan(capacity), np.inf, np.abs(torque) / np.where(capacity > 0, capacity, 1e-300))
     worst = int(np.argmax(share))
     name = arm.joint_names[worst]
-    if np.isnan(can[worst]):
+    if np.isnan(capacity[worst]):
         assert isinstance(actuation, DistributedActuation)
         angle = np.rad2deg(np.mod(actuation.angles(q)[worst] + np.pi, 2 * np.pi) - np.pi)
-        least, most = np.rad2deg(actuation.angle_bounds[worst])
+        lower, upper = np.rad2deg(actuation.angle_bounds[worst])
         return Infeasible(
-            f"{name}: a rod's angle that its sliders can reach wanted, {least:.4g}° to {most:.4g}° (0 and 180° are "
+            f"{name}: a rod's angle that its sliders can reach wanted, {lower:.4g}° to {upper:.4g}° (0 and 180° are "
             f"toggles), got {angle:.4g}°",
             limit=f"angle of {name}",
         )
     return Infeasible(
-        f"{name}: a torque of at most {can[worst]:.4g} N m wanted, what its motor can hold there, "
+        f"{name}: a torque of at most {capacity[worst]:.4g} N m wanted, what its motor can hold there, "
         f"got {abs(torque[worst]):.4g} N m",
         limit=f"torque of {name}",
         violation=float(share[worst] - 1.0),
     )
 
 
-def _best(actuation: Actuation, q: Joints, torque: Joints, what: int) -> np.ndarray:
+def values_at(
+    arm: Arm, actuation: Actuation, directions: Float[np.ndarray, "directions task"], quantity: Quantity, q: Joints
+) -> Float[np.ndarray, "*batch directions"]:
+    """Return the maxima along each direction in postures (*batch, dof); NaN where a joint cannot hold the arm."""
+    columns = kinematics.jacobian(arm, q)[..., : directions.shape[1], :]
+    low, high = _joint_ranges(arm, actuation, quantity, q)
+    return (highest_speeds if quantity == "velocity" else greatest_forces)(columns, low, high, directions)
+
+
+def _joint_ranges(arm: Arm, actuation: Actuation, quantity: Quantity, q: Joints) -> tuple[Joints, Joints]:
+    """Return the lowest and highest speeds, or added torques, of every joint; NaN where it cannot hold the arm."""
+    torque = dynamics.gravity_torques(arm, q)
+    if quantity == "velocity":
+        speeds = joint_speeds(actuation, q, torque)
+        return speeds.low, speeds.high
+    capacity = torque_capacity(actuation, q)[0]
+    capacity = np.where(np.abs(torque) <= capacity, capacity, np.nan)
+    return -capacity - torque, capacity - torque
+
+
+def _joint_maxima(actuation: Actuation, q: Joints, torque: Joints, quantity: int) -> np.ndarray:
     q, torque = (np.ascontiguousarray(each, dtype=float) for each in (q, torque))
     if q.shape != torque.shape or not q.ndim or q.shape[-1] != actuation.dof:
         raise InvalidInput(f"actuation: arrays (..., {actuation.dof}) wanted, got {q.shape} and {torque.shape}")
-    found = np.empty((q.size // actuation.dof, actuation.dof, 2))
-    actuators.joint_maxima(actuation.table, *(each.reshape(-1, actuation.dof) for each in (q, torque)), what, found)
-    return found.reshape(*q.shape, 2)
+    maxima = np.empty((q.size // actuation.dof, actuation.dof, 2))
+    flat = (each.reshape(-1, actuation.dof) for each in (q, torque))
+    actuators.joint_maxima(actuation.table, *flat, quantity, maxima)
+    return maxima.reshape(*q.shape, 2)

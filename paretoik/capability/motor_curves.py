@@ -24,10 +24,9 @@ class MotorCurve:
     """How fast motors may run at an effort, one motor a joint.
 
     ``stall`` (dof,) is the effort they can bear at most [N m, N], inf for any, ``fastest`` (dof,) their highest speed
-    [rad/s, m/s].
-    With t = effort / stall and u = speed / fastest, ``shape`` says where they may be: "diamond" (Eqs. 3 and 4, their
-    signs put right), where the sizes of t and u sum to no more than 1; "strip", where t, u and t + u are between −1
-    and 1, so that a motor which its load drives loses no speed; "box", where t and u are.
+    [rad/s, m/s]. With t = effort / stall and u = speed / fastest, ``shape`` says where they may be: "diamond" (Eqs. 3
+    and 4, their signs put right), where |t| + |u| ≤ 1; "strip", where t, u and t + u are between −1 and 1, so that a
+    motor which its load drives loses no speed; "box", where t and u are.
 
     Raises InvalidInput for what no motor can be.
 
@@ -42,7 +41,7 @@ class MotorCurve:
     def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
         if shape not in SHAPES:
             raise InvalidInput(f"motor curve: shape must be one of {', '.join(SHAPES)}, got {shape!r}")
-        efforts, speeds = (_positive(what, each) for what, each in (("stall", stall), ("fastest", fastest)))
+        efforts, speeds = (_positive(name, each) for name, each in (("stall", stall), ("fastest", fastest)))
         if len(speeds) != len(efforts):
             raise InvalidInput(f"motor curve: {len(efforts)} fastest wanted, one for each stall, got {len(speeds)}")
         if not np.isfinite(speeds).all():
@@ -87,13 +86,13 @@ class MotorCurve:
         return np.stack(rows, axis=-1)
 
 
-def _positive(what: str, value: object) -> Float[np.ndarray, " dof"]:
+def _positive(name: str, value: object) -> Float[np.ndarray, " dof"]:
     """Return positive numbers, one a joint, inf among them; raise InvalidInput for what is none."""
     try:
-        found = np.atleast_1d(np.array(value, dtype=float))
+        numbers = np.atleast_1d(np.array(value, dtype=float))
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.ndim != 1 or not len(found) or not np.all(found > 0) or np.iscomplexobj(np.asarray(value)):
-        raise InvalidInput(f"motor curve: {what} wants positive numbers, one a joint, got {value!r}")
-    found.setflags(write=False)
-    return found
+        numbers = np.empty(0)
+    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0) or np.iscomplexobj(np.asarray(value)):
+        raise InvalidInput(f"motor curve: {name} wants positive numbers, one a joint, got {value!r}")
+    numbers.setflags(write=False)
+    return numbers

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.capability.directional_program import back_sliders, ratios_and_slacks
+from paretoik.capability.directional_program import consecutive_slices, gear_ratios, ratios_and_slacks
 from paretoik.nlp.traced import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
@@ -41,7 +41,7 @@ class PointToPointProgram:
     @property
     def motors(self) -> int:
         """Number of motors a joint."""
-        return 2 if isinstance(self.actuation, DistributedActuation) else 1
+        return len(self.actuation.curves)
 
     @cached_property
     def slices(self) -> dict[str, slice]:
@@ -49,8 +49,7 @@ class PointToPointProgram:
         intervals, size = len(self.spline) - 1, self.spline.shape[1] * self.arm.dof
         sizes = {"q": size, "front": size * (self.motors - 1), "times": intervals}
         sizes["work"] = intervals * self.motors * self.arm.dof
-        ends = np.cumsum([0, *sizes.values()]).tolist()
-        return {name: slice(a, b) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
+        return consecutive_slices(sizes)
 
     @property
     def count(self) -> int:
@@ -59,23 +58,19 @@ class PointToPointProgram:
 
     @cached_property
     def costs(self) -> Float[np.ndarray, "2 unknowns"]:
-        """What duration [s] and energy [J] are of the unknowns."""
-        found = np.zeros((2, self.count))
-        found[0, self.slices["times"]] = self.pace
-        found[1, self.slices["work"]] = self.work_unit
-        return found
+        """The gradients of duration [s] and energy [J]."""
+        costs = np.zeros((2, self.count))
+        costs[0, self.slices["times"]] = self.pace
+        costs[1, self.slices["work"]] = self.work_unit
+        return costs
 
     def unknowns(
         self, q: np.ndarray, front: np.ndarray, intervals: np.ndarray, work: np.ndarray
     ) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of coefficients (points, coefficients, dof), intervals [s] and work [J]."""
         rod = getattr(self.actuation, "rod", 1.0)
-        parts = [
-            q,
-            (front / rod)[..., : self.arm.dof * (self.motors - 1)],
-            intervals / self.pace,
-            work / self.work_unit,
-        ]
+        sliders = (front / rod)[..., : self.arm.dof * (self.motors - 1)]
+        parts = [q, sliders, intervals / self.pace, work / self.work_unit]
         return np.concatenate([part.reshape(len(q), -1) for part in parts], axis=1)
 
     def coefficients(self, z: Float[np.ndarray, "points unknowns"]) -> tuple[np.ndarray, np.ndarray]:
@@ -90,9 +85,9 @@ class PointToPointProgram:
     def program(self) -> AssembledRows:
         """The whole program."""
         steps, samples = len(self.spline) - 1, len(self.spline)
-        first = np.array([np.flatnonzero(self.spline[i] > 0)[0] for i in range(samples)])
-        first = np.minimum(first, self.spline.shape[1] - min(REACH, self.spline.shape[1]))
         reach = min(REACH, self.spline.shape[1])
+        first = np.array([np.flatnonzero(self.spline[i] > 0)[0] for i in range(samples)])
+        first = np.minimum(first, self.spline.shape[1] - reach)
         near = first[:, None] + np.arange(reach)
         weights = np.take_along_axis(self.spline, near, axis=1)
         after = np.take_along_axis(self.spline[1:], near[:-1], axis=1)
@@ -103,7 +98,12 @@ class PointToPointProgram:
             where=np.concatenate([self._where(near[:-1]), times, work], axis=1),
             parameters=np.concatenate([weights[:-1], after], axis=1),
         )
-        parts = [self._ends(), moving]
+        end_points = Part(
+            program=_end(self.arm, len(self.start)),
+            where=np.array([[0], [self.spline.shape[1] - 1]]) * self.arm.dof + np.arange(self.arm.dof),
+            parameters=np.stack([self.start, self.target]),
+        )
+        parts = [end_points, moving]
         bounded = _sample(self.arm, self.actuation, reach)
         if bounded.inequalities:
             parts.append(Part(program=bounded, where=self._where(near), parameters=weights))
@@ -115,19 +115,12 @@ class PointToPointProgram:
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
 
-    def _ends(self) -> Part:
-        dof, last = self.arm.dof, self.spline.shape[1] - 1
-        where = np.array([[0], [last]]) * dof + np.arange(dof)
-        return Part(
-            program=_end(self.arm, len(self.start)), where=where, parameters=np.stack([self.start, self.target])
-        )
-
 
 @lru_cache(maxsize=32)
 def _end(arm: Arm, task: int) -> TracedRows:
-    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
+    def rows(z: list[Any], position: list[Any]) -> tuple[list[Any], list[Any]]:
         place = kinematics.frame_components(arm, kinematics.link_frames(arm, z), arm.frame("tool"))[1]
-        return [place[a] - known[a] for a in range(task)], []
+        return [place[a] - position[a] for a in range(task)], []
 
     return trace_rows(arm.dof, task, rows)
 
@@ -136,8 +129,8 @@ def _end(arm: Arm, task: int) -> TracedRows:
 def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
     """Return the program of the bounds at one sample, and of motors that hold the arm there."""
 
-    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
-        q, front = _at(arm, actuation, z, known)
+    def rows(z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
+        q, front = _at(arm, actuation, z, weights)
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         ratios, slacks = ratios_and_slacks(arm, actuation, q, front)
         for m, curve in enumerate(actuation.curves):
@@ -146,24 +139,25 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
                 slacks += [1.0 - share, 1.0 + share]
         return [], slacks
 
-    return trace_rows(_size(arm, actuation, reach), reach, rows)
+    return trace_rows(reach * arm.dof * len(actuation.curves), reach, rows)
 
 
 @lru_cache(maxsize=32)
 def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit: float) -> TracedRows:
     """Return the program of the motors between two samples."""
     curves = actuation.curves
-    size, dof = _size(arm, actuation, reach), arm.dof
+    size, dof = reach * arm.dof * len(actuation.curves), arm.dof
 
-    def rows(z: list[Any], known: list[Any]) -> tuple[list[Any], list[Any]]:
+    def rows(z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
         duration, work = z[size] * pace, np.array(z[size + 1 :], dtype=object).reshape(-1, dof)
-        ends = [_at(arm, actuation, z[:size], known[:reach]), _at(arm, actuation, z[:size], known[reach:])]
+        ends = [_at(arm, actuation, z[:size], each) for each in (weights[:reach], weights[reach:])]
         middle, front = ([(a + b) * 0.5 for a, b in zip(*pair, strict=True)] for pair in zip(*ends, strict=True))
         load = dynamics.torque_components(arm, middle, [0.0] * dof, [0.0] * dof)
         ratios, _ = ratios_and_slacks(arm, actuation, middle, front)
         travels = [[b - a for a, b in zip(ends[0][0], ends[1][0], strict=True)]]
         if isinstance(actuation, DistributedActuation):
-            sliders = [end[1] for end in ends], [back_sliders(actuation, *end) for end in ends]
+            backs = [[back for back, _, _ in gear_ratios(actuation, *end)] for end in ends]
+            sliders = [end[1] for end in ends], backs
             travels = [[b - a for a, b in zip(*places, strict=True)] for places in sliders]
         slacks = [duration]
         for m, (curve, change) in enumerate(zip(curves, travels, strict=True)):
@@ -175,10 +169,6 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit
         return [], slacks
 
     return trace_rows(size + 1 + len(curves) * dof, 2 * reach, rows)
-
-
-def _size(arm: Arm, actuation: Actuation, reach: int) -> int:
-    return reach * arm.dof * (2 if isinstance(actuation, DistributedActuation) else 1)
 
 
 def _at(arm: Arm, actuation: Actuation, z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:

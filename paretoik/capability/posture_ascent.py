@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.capability.actuation import Actuation
-from paretoik.capability.directional_program import DirectionalProgram, Quantity
-from paretoik.capability.posture_values import values_at
+from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.joint_capability import Quantity, values_at
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
@@ -155,10 +155,9 @@ def ascend(
 
 def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
     """Return the first few postures that are not near each other."""
-    chosen = [q[0]]
-    for one in q[1:]:
-        if len(chosen) == OPTIONS.largest:
-            break
-        if np.abs(wrap_difference(np.array(chosen) - one, arm.periodic)).max(axis=1).min() > OPTIONS.distance:
-            chosen.append(one)
+    chosen, remaining = list[np.ndarray](), q
+    while len(remaining) and len(chosen) < OPTIONS.largest:
+        chosen.append(remaining[0])
+        distances = np.abs(wrap_difference(remaining - remaining[0], arm.periodic)).max(axis=1)
+        remaining = remaining[distances > OPTIONS.distance]
     return chosen

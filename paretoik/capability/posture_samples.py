@@ -9,10 +9,8 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import DirectionalProgram
-from paretoik.capability.infeasible_postures import limit_excess, overload, postures_error, reach_error_at
-from paretoik.capability.joint_capability import joint_speeds
+from paretoik.capability.infeasible_postures import can_hold, limit_excess, overload, postures_error, reach_error_at
 from paretoik.capability.posture_ascent import ascend, distant_postures
-from paretoik.capability.posture_values import gravity_torques
 from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures
@@ -50,27 +48,26 @@ def sample_holdable_postures(
     Where none of the samples can be held, the least overloaded lead to some. Raises OutOfReach, and Infeasible, naming
     joint, torque and limit of the least overloaded.
     """
-    restricted, q, held = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
+    restricted, q, feasible = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
     for _ in range(OPTIONS.batches):
-        more = sample_postures_at(restricted, position, samples, rng)
-        holds = ~np.isnan(joint_speeds(actuation, more, gravity_torques(arm, more)).high).any(axis=1)
-        holds &= (limit_excess(arm, more) <= 0).all(axis=1)
-        q, held = np.concatenate([q, more]), np.concatenate([held, more[holds]])
-        if len(held) >= min(OPTIONS.enough, samples):
+        batch = sample_postures_at(restricted, position, samples, rng)
+        within = (limit_excess(arm, batch) <= 0).all(axis=1)
+        q = np.concatenate([q, batch])
+        feasible = np.concatenate([feasible, batch[within & can_hold(arm, actuation, batch)]])
+        if len(feasible) >= min(OPTIONS.enough, samples):
             break
-    if len(held):
-        return held
+    if len(feasible):
+        return feasible
     excess = np.maximum(limit_excess(arm, q), 0.0).max(axis=1)
-    over = overload(arm, actuation, q)
     program = DirectionalProgram(arm=arm, actuation=actuation, quantity="velocity", count=1)
-    size = OPTIONS.tool_radius * max(float(curve.fastest.max()) for curve in program.curves)
+    size = OPTIONS.tool_radius * max(float(curve.fastest.max()) for curve in actuation.curves)
     upright = np.eye(len(position))[-1]
-    starts = distant_postures(arm, q[np.argsort(over + excess)])
+    starts = distant_postures(arm, q[np.argsort(overload(arm, actuation, q) + excess)])
     ends = [ascend(program, position, upright, size, start) for start in starts]
     feasible = np.array([end for end in ends if end is not None]).reshape(-1, arm.dof)
-    held = feasible[~np.isnan(joint_speeds(actuation, feasible, gravity_torques(arm, feasible)).high).any(axis=1)]
-    if len(held):
-        return held
+    feasible = feasible[can_hold(arm, actuation, feasible)]
+    if len(feasible):
+        return feasible
     raise postures_error(arm, actuation, q, position)
 
 

@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,16 +56,14 @@ def minimum_timing(
     A motor that travels no more than the tolerance [rad, m] between samples rests, even under all it can bear.
     """
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
-    load, static_load = (dynamics.inverse_dynamics(arm, at, np.zeros_like(at), np.zeros_like(at)) for at in (middle, q))
+    middle_front = (front[..., 1:, :] + front[..., :-1, :]) / 2
+    effort = actuation.ratios(middle, middle_front) * gravity_torques(arm, middle)[..., None, :]
+    static_effort = actuation.ratios(q, front) * gravity_torques(arm, q)[..., None, :]
     if isinstance(actuation, DistributedActuation):
         back = actuation.gears(q, front)[0]
-        ratios = actuation.gears(middle, (front[..., 1:, :] + front[..., :-1, :]) / 2)[1:]
-        effort = np.stack([ratio * load for ratio in ratios], axis=-2)
         travel = np.stack([np.diff(front, axis=-2), np.diff(back, axis=-2)], axis=-2)
-        static_effort = np.stack([ratio * static_load for ratio in actuation.gears(q, front)[1:]], axis=-2)
     else:
-        effort, travel = load[..., None, :], np.diff(q, axis=-2)[..., None, :]
-        static_effort = static_load[..., None, :]
+        travel = np.diff(q, axis=-2)[..., None, :]
     shares, times = list[np.ndarray](), list[np.ndarray]()
     for m, curve in enumerate(actuation.curves):
         low, high = curve.speeds(effort[..., m, :])

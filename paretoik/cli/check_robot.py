@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.cli.arguments import JsonFlag
-from paretoik.cli.console import print_json
+from paretoik.cli.console import JsonFlag, print_json
 from paretoik.errors import InvalidInput
 
 

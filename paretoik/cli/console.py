@@ -1,12 +1,18 @@
-"""Results on stdout, messages on stderr, and exit codes."""
+"""What sub-commands share: arguments, results on stdout, messages on stderr, and exit codes."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Annotated
 
+import typer
 from rich.console import Console
 from rich.text import Text
 
+JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
+RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}
 
 

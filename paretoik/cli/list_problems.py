@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from paretoik.api.summary import columns
-from paretoik.cli.arguments import JsonFlag
-from paretoik.cli.console import print_json, print_message
+from paretoik.cli.console import JsonFlag, print_json, print_message
 from paretoik.errors import InvalidInput, ParetoikError
 
 

@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 import typer
 
 from paretoik.api.summary import entries, result_text
-from paretoik.cli.arguments import JsonFlag, QuietFlag
-from paretoik.cli.console import exit_code, print_json
+from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json
 from paretoik.cli.progress_display import show_progress, show_status
 
 

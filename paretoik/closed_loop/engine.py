@@ -28,22 +28,13 @@ def search(seed, step, generations, options, start, objectives, constraints, w, 
     seed_stream(w.state, seed, step)
     clearance = clearance_at_start(start, constraints, w)
     _initialise(warm_start, options, w)
-    single_rank = False
+    single_rank, bound, row = False, options.gene_bound, start.null_space.shape[0] + 1
+    crossover, mutation = options.crossover_probability, options.mutation_probability
     for generation in range(generations + 1):
         count = w.order.shape[0]
         if generation > 0:
             count = generate_offspring(
-                w.state,
-                w.genes,
-                w.order,
-                w.fitness,
-                w.F,
-                start.null_space.shape[0] + 1,
-                options.crossover_probability,
-                options.mutation_probability,
-                -options.gene_bound,
-                options.gene_bound,
-                w.children,
+                w.state, w.genes, w.order, w.fitness, w.F, row, crossover, mutation, -bound, bound, w.children
             )
         replaces = generation == 0 or not constraints.swept
         evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank)
@@ -195,13 +186,13 @@ def _select_of_two(F, count, children, single_rank, fitness, s):
 def _select_of_many(F, count, fitness, s):
     """Select of three and more objectives, failed points where others are too few; fitness is by order of choice."""
     rank_points(F, s.rank, s.spare)
-    found = select_by_distance(
+    selected = select_by_distance(
         F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
     )
     for k in range(F.shape[1]):
-        if found < count and s.rank[k] == F.shape[1]:
-            s.front[found], s.fitness[found] = k, 0.0
-            found += 1
+        if selected < count and s.rank[k] == F.shape[1]:
+            s.front[selected], s.fitness[selected] = k, 0.0
+            selected += 1
     for m in range(F.shape[0]):
         for k in range(count):
             s.objectives[m, k] = F[m, s.front[k]]

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.closed_loop.control_step import reach_by_joint
-from paretoik.closed_loop.obstacle_tables import tabulate
-from paretoik.closed_loop.programs import bounding_ball
+from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
@@ -68,7 +67,7 @@ def exact_steps(
         center=np.zeros(n - 2),
         target=np.zeros(2),
         obstacles=tabulate(task.obstacles),
-        bounding=tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
+        bounding=tabulate_balls(task.obstacles),
         required=task.min_clearance + task.link_radius,
         reach=reach_by_joint(task),
         reference=np.zeros(n),
@@ -79,9 +78,9 @@ def exact_steps(
     )
     q = np.empty((len(task.targets), n))
     q[0] = start
-    taken = best_steps(np.ascontiguousarray(task.targets), float(weight), options, steps, q)
-    if taken < len(q):
-        raise Infeasible(f"step {taken}: a free configuration wanted, there is none")
+    reached = best_steps(np.ascontiguousarray(task.targets), float(weight), options, steps, q)
+    if reached < len(q):
+        raise Infeasible(f"step {reached}: a free configuration wanted, there is none")
     return q
 
 

@@ -42,15 +42,15 @@ def best_step(previous, home, target, weight, options, s, q):
         return False
     largest_error = step_error(rho, theta, s, q)
     if weight < 1.0:
-        least, far, far_theta = 0.0, np.inf, 0.0
+        smallest_error, far, far_theta = 0.0, np.inf, 0.0
         if s.lengths.shape[0] == 4:
             far, far_theta = _reach_target(options, s, q, errors, merits, radii, angles)
         if not far < np.inf:
-            least, far, far_theta = _minimise(ERROR, none, options, s, q, errors, merits, radii, angles)
+            smallest_error, far, far_theta = _minimise(ERROR, none, options, s, q, errors, merits, radii, angles)
         if weight <= 0.0:
             rho, theta = far, far_theta
-        elif far > rho and largest_error > least:
-            ranges = (weight, np.sqrt(far**2 - rho**2), least, largest_error - least)
+        elif far > rho and largest_error > smallest_error:
+            ranges = (weight, np.sqrt(far**2 - rho**2), smallest_error, largest_error - smallest_error)
             _, rho, theta = _minimise(SUM, ranges, options, s, q, errors, merits, radii, angles)
     step_error(rho, theta, s, q)
     return True
@@ -75,7 +75,7 @@ def _grid(options, dof):
 
 @compiled
 def _minimise(quantity, ranges, options, s, q, errors, merits, radii, angles):
-    """Return (merit, ρ, θ) of the least: the best cells of the grid, minimised further."""
+    """Return (merit, ρ, θ) of the minimum: the best cells of the grid, minimised further."""
     rows, columns = radii.shape[0], angles.shape[0]
     for i in range(rows):
         for j in range(columns):
@@ -104,11 +104,11 @@ def _minimise(quantity, ranges, options, s, q, errors, merits, radii, angles):
 @compiled
 def _lowest_cell(merits):
     """Return (row, column) of the lowest cell that is no higher than its neighbours; −1 for none."""
-    row, column, least = -1, -1, np.inf
+    row, column, lowest = -1, -1, np.inf
     for i in range(merits.shape[0]):
         for j in range(merits.shape[1]):
-            if merits[i, j] < least and _is_local_minimum(merits, i, j):
-                row, column, least = i, j, merits[i, j]
+            if merits[i, j] < lowest and _is_local_minimum(merits, i, j):
+                row, column, lowest = i, j, merits[i, j]
     return row, column
 
 

@@ -65,13 +65,8 @@ def _solve(systems, r, first, last):
         for k in range(last - first):
             x[k] /= matrix[k]
     elif r == 2:
-        m11, m12, m21, m22 = (
-            systems[0, first:last],
-            systems[1, first:last],
-            systems[2, first:last],
-            systems[3, first:last],
-        )
-        x, y = systems[4, first:last], systems[5, first:last]
+        m11, m12, m21 = systems[0, first:last], systems[1, first:last], systems[2, first:last]
+        m22, x, y = systems[3, first:last], systems[4, first:last], systems[5, first:last]
         for k in range(last - first):  # Cramer's rule
             a, b, c, d = m11[k], m12[k], m21[k], m22[k]
             e, f, determinant = x[k], y[k], a * d - b * c

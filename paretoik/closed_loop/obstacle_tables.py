@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle
+from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 
 POINT, SEGMENT, BOX = range(3)
 KIND, RADIUS, FIRST, SECOND, AXES, COLUMNS = 0, 1, 2, 5, 8, 17
@@ -33,3 +33,22 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
             row[KIND], row[RADIUS], row[FIRST : FIRST + len(each.center)] = POINT, each.radius, each.center
             row[AXES + 8] = 0.0 if isinstance(each, Circle) else 1.0
     return rows
+
+
+def tabulate_balls(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
+    """Return the rows of a ball or circle around each obstacle; the obstacle itself where there is none."""
+    return tabulate([bounding_ball(obstacle) for obstacle in obstacles])
+
+
+def bounding_ball(obstacle: Obstacle) -> Obstacle:
+    """Return a ball around an obstacle, or a circle; the obstacle itself where there is none."""
+    if isinstance(obstacle, Capsule):
+        half_length = float(np.linalg.norm(obstacle.end - obstacle.start)) / 2
+        return Sphere((obstacle.start + obstacle.end) / 2, obstacle.radius + half_length)
+    if not isinstance(obstacle, Box):
+        return obstacle
+    place, radius = obstacle.pose, float(np.linalg.norm(obstacle.half_sizes))
+    if len(obstacle.half_sizes) == 3:
+        return Sphere(place.position, radius)
+    is_upright = abs(place.rotation[2, 2]) == 1.0
+    return Circle(place.position[:2], radius) if is_upright else obstacle

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -53,17 +52,21 @@ def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = 
 
     Raises Infeasible where none is clear of the obstacles.
     """
-    bounds, evaluator = posture_bounds(task, options), trace_posture(task)
-    workspace = _allocate(task.arm.dof, options.population)
-    violation = _engine()(
-        seed,
-        options,
-        np.ascontiguousarray(bounds[:, 0]),
-        np.ascontiguousarray(bounds[:, 1]),
-        evaluator.arrays,
-        workspace,
+    from paretoik.closed_loop.open_loop_engine import search_posture  # here: numba takes its time
+
+    population = options.population
+    workspace = PostureWorkspace(
+        parents=np.zeros((task.arm.dof, population)),
+        children=np.zeros((task.arm.dof, population)),
+        parent_values=np.zeros((2, population)),
+        child_values=np.zeros((2, population)),
+        order=np.zeros(population, np.int64),
+        sorted_values=np.zeros((4, population)),
+        spare=np.zeros(population, np.int64),
+        state=np.zeros(1, np.uint64),
     )
-    if violation > 0:
+    lower, upper = (np.ascontiguousarray(bound) for bound in posture_bounds(task, options).T)
+    if search_posture(seed, options, lower, upper, trace_posture(task).arrays, workspace) > 0:
         count = options.population * options.generations
         raise Infeasible(f"start: a posture clear of the obstacles wanted, none of {count} had its tool there")
     q: np.ndarray = workspace.parents[:, workspace.order[0]].copy()
@@ -91,23 +94,3 @@ def trace_posture(task: MotionTask) -> Evaluator:
     missing = np.maximum(task.min_clearance - motion.clearance, 0.0) if task.obstacles else 0.0
     outputs = [each.entries.item() if isinstance(each, TracedArray) else each for each in (missing, error)]
     return compile_evaluator(tape, [as_entry(tape, output) for output in outputs])
-
-
-def _allocate(dof: int, population: int) -> PostureWorkspace:
-    return PostureWorkspace(
-        parents=np.zeros((dof, population)),
-        children=np.zeros((dof, population)),
-        parent_values=np.zeros((2, population)),
-        child_values=np.zeros((2, population)),
-        order=np.zeros(population, np.int64),
-        sorted_values=np.zeros((4, population)),
-        spare=np.zeros(population, np.int64),
-        state=np.zeros(1, np.uint64),
-    )
-
-
-@cache
-def _engine() -> Any:
-    from paretoik.closed_loop.open_loop_engine import search_posture  # here: numba takes its time
-
-    return search_posture

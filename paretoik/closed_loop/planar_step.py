@@ -154,5 +154,5 @@ def merit(rho, error, quantity, ranges):
         return error
     if quantity == RADIUS:
         return rho
-    weight, reach, least, width = ranges
-    return weight * (rho / reach) ** 2 + (1.0 - weight) * (error - least) / width  # Eqs. 19 and 20
+    weight, largest_radius, smallest_error, width = ranges
+    return weight * (rho / largest_radius) ** 2 + (1.0 - weight) * (error - smallest_error) / width  # Eqs. 19 and 20

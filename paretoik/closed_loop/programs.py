@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,10 +14,9 @@ from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
 from paretoik.closed_loop.control_step import HISTORY, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
-from paretoik.closed_loop.obstacle_tables import tabulate
+from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
 from paretoik.errors import InvalidInput
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 from paretoik.task.path import Path
 from paretoik.task.task import path_errors
 from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
@@ -43,15 +42,6 @@ class StepPrograms:
     inputs: int
     constants: Float[np.ndarray, " numbers"]
 
-    @property
-    def outputs(self) -> int:
-        """Number of rows that ``objectives`` writes."""
-        return len(self.objectives.outputs)
-
-    def fixed_inputs(self, home: np.ndarray, target: np.ndarray) -> Float[np.ndarray, " rows"]:
-        """Return the rows of inputs that are the same for all candidates of a step."""
-        return np.concatenate([home, target, self.constants])
-
 
 def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float) -> StepPrograms:
     """Return the evaluators of steps of ``dt`` [s].
@@ -71,7 +61,11 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
     )
     outputs = []
     for objective in objectives:
-        value = trace_sample_function(motion, f"objective {objective.name}", _on(objective, step))
+
+        def evaluate(_: TracedMotion, objective: StepObjective = objective) -> Any:
+            return objective.function(step)
+
+        value = trace_sample_function(motion, f"objective {objective.name}", evaluate)
         if value is None:
             raise InvalidInput(f"objective {objective.name}: looks at more than the end of the step")
         outputs.append(as_entry(trace.tape, objective.sign * Expression(trace.tape, as_entry(trace.tape, value))))
@@ -82,7 +76,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
         orders=max(rates, default=0) + 1,
         nodes=trace_nodes(task),
         obstacles=tabulate(task.obstacles),
-        bounding=tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
+        bounding=tabulate_balls(task.obstacles),
         reach=reach_by_joint(task),
         inputs=len(trace.tape.inputs),
         constants=np.array([values[-1] for values in trace.parameters.values()]),
@@ -91,30 +85,25 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
 def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> np.ndarray:
     """Return the task errors (rows,) of a traced sample as expressions; ``target`` is as in ``MotionTask.targets``."""
+<<<<<<< HEAD
     errors = path_errors(task.arm, task.tasks, list(motion.q.entries), target)
     table = np.empty(len(errors), dtype=object)
     table[:] = errors
     return table
+=======
+    links, first = link_frames(task.arm, list(motion.q.entries)), 0
+    errors = []
+    for each in task.tasks:
+        errors += each.errors(task.arm, links, target[first : first + each.target_size])[0]
+        first += each.target_size
+    return np.array(errors, dtype=object)
+>>>>>>> hub/main
 
 
 def trace_nodes(task: MotionTask) -> Evaluator:
     """Return the evaluator, from joint positions, of x, y and z [m] of the arm's base, joints and tool in turn."""
     motion = trace_sample(task)
     return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])
-
-
-def bounding_ball(obstacle: Obstacle) -> Obstacle:
-    """Return a ball around an obstacle, or a circle; the obstacle itself where there is none."""
-    if isinstance(obstacle, Capsule):
-        half_length = float(np.linalg.norm(obstacle.end - obstacle.start)) / 2
-        return Sphere((obstacle.start + obstacle.end) / 2, obstacle.radius + half_length)
-    if not isinstance(obstacle, Box):
-        return obstacle
-    place, radius = obstacle.pose, float(np.linalg.norm(obstacle.half_sizes))
-    if len(obstacle.half_sizes) == 3:
-        return Sphere(place.position, radius)
-    is_upright = abs(place.rotation[2, 2]) == 1.0
-    return Circle(place.position[:2], radius) if is_upright else obstacle
 
 
 def _short_task(task: MotionTask, dt: float) -> MotionTask:
@@ -124,7 +113,3 @@ def _short_task(task: MotionTask, dt: float) -> MotionTask:
     quaternions = None if path.quaternions is None else path.quaternions[first]
     short = Path(times, path.positions[first], quaternions, path.curve)
     return replace(task, tasks=(replace(task.tasks[0], path=short), *task.tasks[1:]))
-
-
-def _on(objective: StepObjective, step: Step) -> Callable[[TracedMotion], Any]:
-    return lambda _: objective.function(step)

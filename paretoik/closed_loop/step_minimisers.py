@@ -17,14 +17,14 @@ def _merit_at(rho, arguments):
 
 @compiled
 def minimise_along(low, high, theta, quantity, ranges, options, s, q):
-    """Return (merit, ρ) of the least between two radii, by golden sections; from blocked ones towards the middle."""
+    """Return (merit, ρ) of the minimum between two radii, by golden sections; from blocked ones towards the middle."""
     arguments, middle = (theta, quantity, ranges, s, q), 0.5 * (low + high)
     return golden_section(_merit_at, arguments, low, high, options.golden_iterations, middle)
 
 
 @compiled
 def nelder_mead(rho, theta, size, quantity, ranges, options, s, q, simplex):
-    """Return (merit, ρ, θ) of the least that a simplex about a step leads to (Nelder & Mead 1965)."""
+    """Return (merit, ρ, θ) of the minimum that a simplex about a step leads to (Nelder & Mead 1965)."""
     for i in range(3):
         simplex[i, 0] = rho * np.cos(theta) + (size if i == 1 else 0.0)
         simplex[i, 1] = rho * np.sin(theta) + (size if i == 2 else 0.0)

@@ -1,17 +1,15 @@
-"""The search of one control step by the compiled engine: its workspace, and the population that comes of it."""
+"""The search of one control step by the compiled engine, and the population that it ends with."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives
 from paretoik.closed_loop.control_step import ControlStep
-from paretoik.closed_loop.programs import StepPrograms
+from paretoik.closed_loop.programs import ORDERS, StepPrograms
 from paretoik.closed_loop.workspace import (
     OPTIONS,
     EngineOptions,
@@ -26,7 +24,7 @@ from paretoik.errors import Infeasible
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
-    """The last population of a search: genes, their objectives, minimised, and the joint positions they stand for."""
+    """The last population of a search: genes, their objectives, minimised, and their joint positions."""
 
     genes: Genes
     F: Objectives
@@ -55,10 +53,8 @@ class StepSearch:
     def __post_init__(self) -> None:
         """Allocate the workspace, and the registers of the evaluators."""
         programs = self.programs
-        inputs = max(programs.inputs, self.dof)
-        self.workspace = allocate(
-            self.dof, self.redundancy, self.population, programs.outputs, inputs, options=self.options
-        )
+        inputs, outputs = max(programs.inputs, self.dof), len(programs.objectives.outputs)
+        self.workspace = allocate(self.dof, self.redundancy, self.population, outputs, inputs, options=self.options)
         self._has_searched = False
         self._objectives = ObjectiveProgram(programs.objectives.arrays, programs.orders)
         self._nodes = programs.nodes.arrays
@@ -68,21 +64,15 @@ class StepSearch:
 
         Raises Infeasible as ``start_and_constraints`` does.
         """
+        from paretoik.closed_loop.engine import search  # here: numba takes its time
+
         start, constraints = self.start_and_constraints(step)
         n, w = self.dof, self.workspace
-        rows = self.programs.fixed_inputs(step.home, step.target)
-        w.inputs[4 * n : 4 * n + len(rows)] = rows[:, None]
-        alive = _engine()(
-            self.seed,
-            step.sample,
-            self.generations,
-            self.options,
-            start,
-            self._objectives,
-            constraints,
-            w,
-            self.warm_start and self._has_searched,
-        )
+        rows = np.concatenate([step.home, step.target, self.programs.constants])
+        w.inputs[ORDERS * n : ORDERS * n + len(rows)] = rows[:, None]
+        warm_start = self.warm_start and self._has_searched
+        numbers = self.seed, step.sample, self.generations, self.options
+        alive = search(*numbers, start, self._objectives, constraints, w, warm_start)
         self._has_searched = True
         genes = w.genes[w.order[:alive]]
         return Population(genes=genes, F=w.F[: self.objectives, :alive].T.copy(), q=_decode(genes, start))
@@ -126,10 +116,3 @@ def _decode(genes: np.ndarray, start: StepStart) -> np.ndarray:
     matrix, rhs = rows[..., :-1] @ start.null_space, rows[..., -1] - rows[..., :-1] @ start.particular
     particular: np.ndarray = start.previous + start.particular
     return particular + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ start.null_space.T
-
-
-@cache
-def _engine() -> Any:
-    from paretoik.closed_loop.engine import search  # here: numba takes its time
-
-    return search

@@ -9,11 +9,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.capability.joint_capability import speeds_at_sliders
-from paretoik.capability.posture_values import gravity_torques
+from paretoik.capability.joint_capability import motor_speeds, speeds_at_sliders
 from paretoik.capability.zonotopes import facet_joint_speeds, highest_speeds
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.inverse_kinematics import order_by_neighbour, wrap_difference
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
@@ -127,14 +127,4 @@ class Configurations:
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
         """Return slider speeds (points, directions, 2, dof) that turn the joints: each in proportion to its best."""
-        assert isinstance(self.actuation, DistributedActuation)
-        ratios = np.stack(self.actuation.gears(at.q, at.front)[1:], axis=1)
-        efforts = ratios * torque[:, None]
-        ends = [curve.speeds(efforts[:, m]) for m, curve in enumerate(self.actuation.curves)]
-        low, high = (np.stack([end[side] for end in ends], axis=1) for side in (0, 1))
-        ahead = at.dq[:, :, None] > 0
-        best = np.where((ratios > 0)[:, None] == ahead, high[:, None], low[:, None])
-        reach = (ratios[:, None] * best).sum(axis=2)
-        share = np.divide(at.dq, reach, out=np.zeros_like(at.dq), where=reach != 0)
-        values: np.ndarray = share[:, :, None] * best
-        return values
+        return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]

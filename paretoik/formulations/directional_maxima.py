@@ -19,14 +19,15 @@ from paretoik.arrays import Genes
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.directional_program import DirectionalProgram
+from paretoik.capability.joint_capability import values_at
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
-from paretoik.capability.posture_values import gravity_torques, values_at
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.inverse_kinematics import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 

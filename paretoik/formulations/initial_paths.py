@@ -11,11 +11,11 @@ from scipy.interpolate import BSpline
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.joint_capability import joint_speeds, overload_error
 from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures
-from paretoik.capability.posture_values import gravity_torques
 from paretoik.capability.timing import minimum_timing
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.formulations.dense_formulation import front_sliders, slider_shares
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task

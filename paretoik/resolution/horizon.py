@@ -12,7 +12,7 @@ Source: Tringali & Cocuzza 2021, Eq. 4.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
 
@@ -46,9 +46,9 @@ class HorizonSolution:
 class HorizonProgram:
     """The program of ``horizon`` samples ahead, ``interval`` [s] from each other.
 
-    ``derivatives`` gives, of positions ahead, posture, velocity and targets, the objective, its gradient, the path's
-    equations and their Jacobian, sample by sample; ``hessian``, of multipliers too, the entries of the Hessian of the
-    Lagrangian at ``indices`` (rows, columns).
+    The last sample counts ``terminal`` times more. ``derivatives`` gives, of positions ahead, posture, velocity,
+    targets and terminal weight, the objective, its gradient, the path's equations and their Jacobian, sample by sample;
+    ``hessian``, of multipliers too, the entries of the Hessian of the Lagrangian at ``indices`` (rows, columns).
     """
 
     horizon: int
@@ -58,6 +58,7 @@ class HorizonProgram:
     derivatives: Evaluator
     hessian: Evaluator
     indices: tuple[np.ndarray, np.ndarray]
+    terminal: float = 0.0
 
     def solve(
         self,
@@ -68,7 +69,7 @@ class HorizonProgram:
     ) -> HorizonSolution:
         """Return the local minimum from positions ahead."""
         zeros = np.zeros(self.horizon * self.rows + self.dof)  # multipliers and jerk
-        inputs = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), zeros])[:, None]
+        inputs = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), [self.terminal], zeros])[:, None]
         value, converged, iterations = _compiled()(
             self.derivatives.arrays, self.hessian.arrays, *self.indices, inputs, self.horizon, self.dof, self.rows
         )
@@ -84,6 +85,11 @@ def horizon_program(
     Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
     accelerations, or depends on none of them.
     """
+    return replace(_trace_program(task, objective, horizon, interval), terminal=terminal)
+
+
+@lru_cache(maxsize=64)  # a search over a method's numbers asks for the same few programs again and again
+def _trace_program(task: MotionTask, objective: Objective, horizon: int, interval: float) -> HorizonProgram:
     n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
         raise InvalidInput(f"{label}: form 'integral' wanted, got {objective.form!r}")
@@ -92,11 +98,12 @@ def horizon_program(
     samples = [trace.inputs(n) for _ in range(horizon)]
     posture, velocity = trace.inputs(n), trace.inputs(n)
     targets = [list(trace.inputs(task.targets.shape[1]).entries) for _ in range(horizon)]
+    (terminal,) = trace.inputs(1).entries
     multipliers = [trace.inputs(task.rows) for _ in range(horizon)]
     jerk = trace.inputs(n)
     previous, previous_rate = posture, velocity
     total, equations, jacobian = tape.constant(0.0), list[int](), list[int]()
-    for k, (q, numbers) in enumerate(zip(samples, targets, strict=True)):
+    for q, numbers in zip(samples, targets, strict=True):
         dq = (q - previous) * (1.0 / interval)
         ddq = (dq - previous_rate) * (1.0 / interval)
         previous, previous_rate = q, dq
@@ -104,12 +111,12 @@ def horizon_program(
         value = trace_sample_function(motion, label, objective.function)
         if value is None:
             raise InvalidInput(f"{label}: looks at more than one sample")
-        weight = 1.0 + terminal if k == horizon - 1 else 1.0
-        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval * weight)
+        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval)
         total = as_entry(tape, Expression(tape, total) + term)
         positions = list(q.entries)
         equations += [as_entry(tape, one) for one in path_equations(task.arm, task.tasks, positions, numbers)]
         jacobian += [as_entry(tape, one) for one in path_jacobian(task.arm, task.tasks, positions)]
+    total = as_entry(tape, Expression(tape, total) + terminal * term)
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
         raise InvalidInput(f"{label}: wants a function of positions, velocities and accelerations of one sample alone")

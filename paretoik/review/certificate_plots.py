@@ -8,16 +8,13 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
 from paretoik.review.palette import PAPER
-from paretoik.review.plots import label, save
+from paretoik.review.plots import label, picture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,27 +46,20 @@ STYLE = CertificateStyle()
 def certificates_picture(front: Front, file: Path | str) -> None:
     """Write a PNG of a certified front: trade-offs with their exchange rates, residuals and weights of all points.
 
-    The line through a point is the front's slope there, of two objectives with the others fixed.
-
-    Raises
-    ------
-    InvalidInput
-        The front has no certificates, or the file cannot be written.
+    The line through a point is the front's slope there, of two objectives with the others fixed. Raises InvalidInput
+    where the front has no certificates, or the file cannot be written.
     """
     if front.certificates is None:
         raise InvalidInput(
             "certificates_picture: a front with certificates wanted, got one without: pk.refine it first"
         )
     pairs = list(combinations(range(len(front.names)), 2))[: STYLE.pairs]
-    with matplotlib.rc_context(PAPER.style):
-        figure = Figure(figsize=(3.3 * (len(pairs) + 2), 3.2), dpi=125, layout="constrained")
-        FigureCanvasAgg(figure)
+    with picture(file, (3.3 * (len(pairs) + 2), 3.2)) as figure:
         panels = np.atleast_1d(figure.subplots(1, len(pairs) + 2))
         for axes, pair in zip(panels, pairs, strict=False):
             _draw_trade(axes, front, pair)
         _draw_residuals(panels[-2], front)
         _draw_weights(panels[-1], front)
-        save(figure, file)
 
 
 def _draw_trade(axes: Axes, front: Front, pair: tuple[int, int]) -> None:
@@ -83,9 +73,8 @@ def _draw_trade(axes: Axes, front: Front, pair: tuple[int, int]) -> None:
     half_length = STYLE.tangent / np.hypot(1.0 / width[0], slopes / width[1])
     for status, marker in STYLE.markers.items():
         rows = certificates.status == status
-        if not rows.any():
-            continue
-        axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=f"{rows.sum()} {status}", **marker)
+        if rows.any():
+            axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=f"{rows.sum()} {status}", **marker)
     for a, b, slope, step in zip(x, y, slopes, half_length, strict=True):
         if np.isfinite(slope):
             axes.plot(
@@ -106,14 +95,8 @@ def _draw_residuals(axes: Axes, front: Front) -> None:
         (certificates.violation_between, "between samples", PAPER.quiet),
     ):
         shown = values > STYLE.floor
-        axes.plot(
-            places[shown],
-            values[shown],
-            ".",
-            color=colour,
-            markersize=6,
-            label=name if shown.any() else f"{name}: none",
-        )
+        text = name if shown.any() else f"{name}: none"
+        axes.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=text)
     for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
         axes.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
     axes.set(
@@ -127,15 +110,9 @@ def _draw_weights(axes: Axes, front: Front) -> None:
     assert certificates is not None
     bottom = np.zeros(len(front))
     for k, name in enumerate(front.names):
-        axes.bar(
-            places,
-            certificates.weights[:, k],
-            bottom=bottom,
-            width=0.9,
-            color=PAPER.accent(k),
-            label=name,
-        )
-        bottom = bottom + certificates.weights[:, k]
+        weights = certificates.weights[:, k]
+        axes.bar(places, weights, bottom=bottom, width=0.9, color=PAPER.accent(k), label=name)
+        bottom = bottom + weights
     axes.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(front) - 0.5))
     axes.grid(visible=False)
     axes.legend(frameon=True, framealpha=0.9, edgecolor="none", loc="upper center")

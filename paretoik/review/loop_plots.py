@@ -5,16 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle as Disc
 from matplotlib.patches import Polygon
 
 from paretoik.front.front import Front
 from paretoik.review.palette import PAPER
-from paretoik.review.plots import label, save, stroboscopic
+from paretoik.review.plots import label, picture, stroboscopic
 from paretoik.task.obstacles import Box, Circle, Obstacle
 
 
@@ -24,9 +21,7 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
     ``values`` (steps, n_obj) and ``ranges`` (steps, n_obj, 2: best, worst) are in the objectives' own signs; ``front``
     has their names and units. Raises InvalidInput where the file cannot be written.
     """
-    with matplotlib.rc_context(PAPER.style):
-        figure = Figure(figsize=(11.0, 3.6), dpi=125, layout="constrained")
-        FigureCanvasAgg(figure)
+    with picture(file, (11.0, 3.6)) as figure:
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.2])
         arm, joints, chosen = parts
         planar = motion.arm.is_planar
@@ -50,7 +45,6 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
             axes.set_ylabel(label(front, axis), fontsize=8)
         rows[0].set_title("chosen, within the front of each step")
         rows[-1].set_xlabel("time [s]")
-        save(figure, file)
 
 
 def obstacle_patches(axes: Any, obstacles: tuple[Obstacle, ...]) -> None:

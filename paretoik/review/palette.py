@@ -1,4 +1,4 @@
-"""Colours and sizes of what is drawn: one record for pictures on paper, one for recordings on a screen."""
+"""Colours, sizes and labels of what is drawn: one record for pictures on paper, one for recordings on a screen."""
 
 from __future__ import annotations
 
@@ -72,6 +72,11 @@ class RecordingPalette:
         (140, 200, 230, 255),
     )
     ghosts: int = 9
+
+
+def objective_label(name: str, unit: str, maximised: bool) -> str:
+    """Return the label of an objective's axis: its name, unit and sense."""
+    return name + (f" [{unit}]" if unit else "") + (", more is better" if maximised else "")
 
 
 PAPER = PicturePalette()

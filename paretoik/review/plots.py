@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -12,13 +13,12 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 from PIL import Image
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
-from paretoik.review.palette import PAPER
+from paretoik.review.palette import PAPER, objective_label
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,35 +34,29 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
     """Write a PNG of `front` and, where it has motions, of some of them: the best in each of the first objectives.
 
     To these comes `choice`, or without one the point nearest to the best of everything. One objective is shown as
-    values, two and three as scatters, more as parallel coordinates.
-
-    Raises
-    ------
-    InvalidInput
-        The file cannot be written.
+    values, two and three as scatters, more as parallel coordinates. Raises InvalidInput where writing fails.
     """
     highlights = _highlights(front, choice)
-    rows = len(front.names) > 2
-    with matplotlib.rc_context(PAPER.style):
-        figure = Figure(figsize=_size(front), dpi=125, layout="constrained")
-        FigureCanvasAgg(figure)
-        if front.motions is None or not highlights:
+    many, moving = len(front.names) > 2, front.motions is not None
+    size = ((9.6, 6.0) if moving else (9.6, 3.2)) if many else ((11.0, 3.3) if moving else (4.2, 3.4))
+    with picture(file, size) as figure:
+        if not moving or not highlights:
             _draw_front(figure, front, highlights)
         else:
-            grid: Any = {"nrows": 2} if rows else {"ncols": 2, "width_ratios": [1.0, 2.0]}
+            grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
             trade_off, motions = np.ravel(figure.subfigures(**grid))
             _draw_front(trade_off, front, highlights)
             _draw_motions(motions, front, highlights)
-        save(figure, file)
 
 
-def save(figure: Figure, file: Path | str) -> None:
-    """Write a figure as a small PNG.
-
-    Raises InvalidInput where the file cannot be written.
-    """
+@contextmanager
+def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
+    """Yield a figure of a size [inches] and write it as a small PNG; raises InvalidInput where that fails."""
     pixels = io.BytesIO()
-    figure.savefig(pixels, format="png")
+    with matplotlib.rc_context(PAPER.style):
+        figure = Figure(figsize=size, dpi=125, layout="constrained")
+        yield figure
+        figure.savefig(pixels, format="png")
     try:
         # A palette takes a third of the space of true colours, and the eye sees no difference.
         Image.open(pixels).convert("RGB").quantize(128).save(file, format="png", optimize=True)
@@ -71,9 +65,8 @@ def save(figure: Figure, file: Path | str) -> None:
 
 
 def label(front: Front, axis: int) -> str:
-    """Return the name of an objective with its unit, as axes show it."""
-    unit = f" [{front.units[axis]}]" if front.units[axis] else ""
-    return _text(f"{front.names[axis]}{unit}" + (", more is better" if front.maximised[axis] else ""))
+    """Return the label of an objective's axis."""
+    return _text(objective_label(front.names[axis], front.units[axis], front.maximised[axis]))
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
@@ -108,12 +101,6 @@ def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
     return [
         Highlight(index=index, colour=PAPER.accents[n % 4], reason=reason) for n, (index, reason) in enumerate(ordered)
     ]
-
-
-def _size(front: Front) -> tuple[float, float]:
-    if len(front.names) > 2:
-        return (9.6, 3.2 if front.motions is None else 6.0)
-    return (4.2, 3.4) if front.motions is None else (11.0, 3.3)
 
 
 def _draw_front(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
@@ -196,5 +183,5 @@ def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence
 
 
 def _text(words: str) -> str:
-    """Keep Matplotlib from reading dollar signs as mathematics."""
+    """Escape dollar signs, which Matplotlib reads as mathematics."""
     return words.replace("$", r"\$")

@@ -1,15 +1,39 @@
-"""The recorder of a run, whose failure never stops the run."""
+"""What is recorded of a run, and its recorder, whose failure never stops the run."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Ids, Objectives, Values
+from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front
-from paretoik.review.generation import Generation, Timeline
+
+Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Generation:
+    """One generation of a search: the objectives of its population and front in the user's own sign, the front's ids.
+
+    ``hypervolume`` is in the product of the objectives' units, ``failed`` counts evaluations that gave no number. A
+    step of a closed loop has no hypervolume, but a point of its front, ``chosen``, that was taken.
+    """
+
+    number: int
+    population: Population
+    front: Objectives
+    front_ids: Ids
+    hypervolume: float | None = None
+    failed: int = 0
+    chosen: Values | None = None
 
 
 class Recorder:

@@ -14,8 +14,8 @@ import rerun.blueprint as rrb
 from paretoik.front.front import Choice, Front
 from paretoik.review.canvas import Canvas
 from paretoik.review.chart import Chart
-from paretoik.review.generation import Generation
 from paretoik.review.motion_scene import MotionScene
+from paretoik.review.recorder import Generation
 from paretoik.review.search_scene import SearchScene, replay_window
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, pairwise, product
 from typing import Any, Literal
 
 import numpy as np
@@ -11,10 +12,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Ids, Objectives, Times, Values
+from paretoik.formulations.protocol import Timeline
 from paretoik.review.canvas import Canvas, window
 from paretoik.review.chart import Chart
-from paretoik.review.generation import Generation, Population, Timeline
-from paretoik.review.palette import SCREEN, Colour
+from paretoik.review.palette import SCREEN, Colour, objective_label
+from paretoik.review.recorder import Generation, Population
 
 Layer = Literal["population", "front", "chosen"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
@@ -41,9 +43,7 @@ class SearchScene:
     def pairs(self) -> list[tuple[int, int]]:
         """The pairs of objectives that get a panel: all up to four objectives, neighbours beyond."""
         n_obj = len(self.names)
-        if n_obj > 4:
-            return [(axis, axis + 1) for axis in range(n_obj - 1)]
-        return [(first, second) for first in range(n_obj) for second in range(first + 1, n_obj)]
+        return list(combinations(range(n_obj), 2) if n_obj <= 4 else pairwise(range(n_obj)))
 
     def canvases(self, shown: Objectives) -> list[Canvas]:
         """Return a canvas a pair of objectives whose windows hold `shown`, none where it has no finite point."""
@@ -84,18 +84,14 @@ class SearchScene:
 
     def series_views(self) -> list[rrb.View]:
         """Return the time series: hypervolume, best values, counts."""
-        series = ["best"] if self.timeline == "generation" else ["chosen", "best"]
-        return [
-            *([rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")] if "chosen" not in series else []),
-            *(
-                rrb.TimeSeriesView(
-                    origin=rr.new_entity_path(["search", what, name]), name=f"{what} {self._label(axis)}"
-                )
-                for what in series
-                for axis, name in enumerate(self.names)
-            ),
-            rrb.TimeSeriesView(origin="search/counts", name="points and failures"),
-        ]
+        if self.timeline == "generation":
+            kinds, views = ["best"], [rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")]
+        else:
+            kinds, views = ["chosen", "best"], []
+        for kind, (axis, name) in product(kinds, enumerate(self.names)):
+            origin = rr.new_entity_path(["search", kind, name])
+            views.append(rrb.TimeSeriesView(origin=origin, name=f"{kind} {self._label(axis)}"))
+        return [*views, rrb.TimeSeriesView(origin="search/counts", name="points and failures")]
 
     def charts(self, generations: Sequence[Generation]) -> list[Chart]:
         """Return the hypervolume over the generations, with a single objective its best value first.
@@ -121,22 +117,16 @@ class SearchScene:
 
     def log_styles(self, recording: rr.RecordingStream) -> None:
         """Give the time series their names and colours."""
+        volume = rr.SeriesLines(names="hypervolume", colors=SCREEN.front[:3], widths=2.0)
+        recording.log("search/hypervolume", volume, static=True)
+        colours = [SCREEN.front[:3], SCREEN.failed[:3]]
         recording.log(
-            "search/hypervolume",
-            rr.SeriesLines(names="hypervolume", colors=SCREEN.front[:3], widths=2.0),
-            static=True,
+            "search/counts", rr.SeriesLines(names=["front", "failed"], colors=colours, widths=2.0), static=True
         )
-        recording.log(
-            "search/counts",
-            rr.SeriesLines(names=["front", "failed"], colors=[SCREEN.front[:3], SCREEN.failed[:3]], widths=2.0),
-            static=True,
-        )
-        for axis, name in enumerate(self.names):
-            style = rr.SeriesLines(names=f"best {self._label(axis)}", colors=SCREEN.chosen[:3], widths=2.0)
-            recording.log(["search", "best", name], style, static=True)
-            if self.timeline == "step":
-                chosen = rr.SeriesLines(names=f"chosen {self._label(axis)}", colors=SCREEN.front[:3], widths=2.0)
-                recording.log(["search", "chosen", name], chosen, static=True)
+        series = {"best": SCREEN.chosen} | ({"chosen": SCREEN.front} if self.timeline == "step" else {})
+        for (kind, colour), (axis, name) in product(series.items(), enumerate(self.names)):
+            style = rr.SeriesLines(names=f"{kind} {self._label(axis)}", colors=colour[:3], widths=2.0)
+            recording.log(["search", kind, name], style, static=True)
 
     def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
         """Draw the axes of every panel, for all times (static) or for the current generation."""
@@ -223,8 +213,7 @@ class SearchScene:
         return f"{self.names[axis]}, share of the step's range" if self.timeline == "step" else self._label(axis)
 
     def _label(self, axis: int) -> str:
-        unit = f" [{self.units[axis]}]" if self.units[axis] else ""
-        return f"{self.names[axis]}{unit}" + (", more is better" if self.maximised[axis] else "")
+        return objective_label(self.names[axis], self.units[axis], self.maximised[axis])
 
 
 def _normalise(F: Objectives, reference: Population) -> Objectives:
@@ -242,8 +231,4 @@ def replay_window(generations: Sequence[Generation], front: Objectives) -> np.nd
     everything = np.concatenate(fronts)
     low, high = front.min(axis=0), front.max(axis=0)
     reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
-    nearest, farthest = (
-        np.maximum(everything.min(axis=0), low - reach),
-        np.minimum(everything.max(axis=0), high + reach),
-    )
-    return np.stack([nearest, farthest])
+    return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

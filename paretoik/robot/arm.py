@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -80,10 +81,12 @@ class Arm:
         """Number of joints that move."""
         return len(self.joint_names)
 
-    @property
+    @cached_property
     def periodic(self) -> np.ndarray:
-        """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,)."""
-        return np.array([joint_type != "prismatic" for joint_type in self.joint_types])
+        """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,), read-only."""
+        periodic = np.array([joint_type != "prismatic" for joint_type in self.joint_types])
+        periodic.setflags(write=False)
+        return periodic
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"

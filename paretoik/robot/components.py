@@ -1,4 +1,4 @@
-"""Vector algebra on components: the form in which the robot kernels compute.
+"""Vector algebra on components, the form in which the robot kernels compute, and their evaluation on batches.
 
 A component is an array over samples, a plain number where it is the same for all of them, or an expression where
 derivatives are wanted. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0
@@ -9,11 +9,14 @@ an array, so that everything runs on complex input too.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from paretoik.autodiff.tape import Expression
+from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
 
 if TYPE_CHECKING:
     Component: TypeAlias = "float | np.ndarray"  # as far as types go, an expression passes for an array
@@ -22,6 +25,7 @@ else:
 Vector: TypeAlias = tuple[Component, Component, Component]
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
+BLOCK_SIZE = 6144  # samples: enough to drown the cost of a call; at 48 KB a column, memory is reused, not mapped anew
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
@@ -133,3 +137,30 @@ def to_vector(vector: np.ndarray) -> Vector:
 def to_matrix(matrix: np.ndarray) -> Matrix:
     """Return a constant matrix (3, 3) as rows of components."""
     return tuple(to_vector(row) for row in matrix)  # type: ignore[return-value]
+
+
+def evaluate_in_blocks(
+    kernel: Callable[..., Sequence[Component]], arm: Arm, shape: tuple[int, ...], *arrays: np.ndarray
+) -> np.ndarray:
+    """Run ``kernel(*columns)`` over samples (*batch, dof), a block at a time; return (*batch, *shape).
+
+    Each argument reaches the kernel as a list of dof contiguous columns; the kernel returns the entries of ``shape`` in
+    order. Raises InvalidInput where an array's last axis is not the arm's dof or the batches differ.
+    """
+    arrays = tuple(np.asarray(array) for array in arrays)
+    for array in arrays:
+        if array.ndim == 0 or array.shape[-1] != arm.dof:
+            raise InvalidInput(f"{arm.name} has {arm.dof} joints; got an array of shape {array.shape}")
+        if array.shape != arrays[0].shape:
+            raise InvalidInput(f"joint arrays must have one shape, got {arrays[0].shape} and {array.shape}")
+    batch = arrays[0].shape[:-1]
+    count = int(np.prod(batch))
+    flat = [array.reshape(count, arm.dof) for array in arrays]
+    entries = int(np.prod(shape))
+    out = np.empty((count, entries), dtype=np.result_type(float, *arrays))
+    for start in range(0, count, BLOCK_SIZE):
+        stop = min(start + BLOCK_SIZE, count)
+        block = [[np.ascontiguousarray(part[start:stop, joint]) for joint in range(arm.dof)] for part in flat]
+        for entry, value in enumerate(kernel(*block)):
+            out[start:stop, entry] = value
+    return out.reshape(*batch, *shape)

@@ -14,7 +14,6 @@ import numpy as np
 from paretoik.arrays import InertiaMatrices, Joints, Values
 from paretoik.robot.arm import Arm
 from paretoik.robot.arm_constants import ArmConstants, LinkConstants, arm_constants, joint_cosines_and_sines
-from paretoik.robot.blocks import evaluate_in_blocks
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -25,6 +24,7 @@ from paretoik.robot.components import (
     apply_transposed,
     cross,
     dot,
+    evaluate_in_blocks,
     minus,
     plus,
     rotate_about_z,
@@ -40,6 +40,11 @@ def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
     Raises InvalidInput where the arrays don't fit the arm.
     """
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
+
+
+def gravity_torques(arm: Arm, q: Joints) -> Joints:
+    """Return the torques (*batch, dof) [N m, N] that hold the arm at rest."""
+    return inverse_dynamics(arm, q, np.zeros_like(q), np.zeros_like(q))
 
 
 def torque_components(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number
-from paretoik.robot.arm import Arm, Frame, JointType
+from paretoik.robot.arm import Arm, Frame
 from paretoik.robot.body import combine_bodies, transform_body
 from paretoik.robot.pose import Pose
 
@@ -39,8 +40,8 @@ def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
     others = np.arange(arm.dof) != i
     return replace(
         arm,
-        joint_names=tuple(np.array(arm.joint_names, dtype=object)[others]),
-        joint_types=tuple(np.array(arm.joint_types, dtype=object)[others]),
+        joint_names=arm.joint_names[:i] + arm.joint_names[i + 1 :],
+        joint_types=arm.joint_types[:i] + arm.joint_types[i + 1 :],
         placements=tuple(placements),
         bodies=tuple(bodies),
         tool=tool,
@@ -51,11 +52,13 @@ def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
     )
 
 
-def joint_motion(joint_type: JointType, value: float) -> Pose:
-    """Return the pose that a joint at ``value`` [rad or m] adds after its placement."""
+def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
+    """Return the pose that a joint at ``value`` [rad or m] adds after its placement; none for those of other types."""
     if joint_type == "prismatic":
-        return Pose(np.array([0.0, 0.0, value]))
-    return Pose(np.zeros(3), np.array([np.cos(value / 2), 0.0, 0.0, np.sin(value / 2)]))
+        return Pose(value * np.array(axis))
+    if joint_type in ("revolute", "continuous"):
+        return Pose(np.zeros(3), np.array([np.cos(value / 2), *(np.sin(value / 2) * np.array(axis))]))
+    return Pose(np.zeros(3))
 
 
 def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:

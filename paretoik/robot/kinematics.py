@@ -16,8 +16,7 @@ from jaxtyping import Inexact
 
 from paretoik.arrays import Jacobians, Joints, Positions, Rotations
 from paretoik.robot.arm import Arm, Frame
-from paretoik.robot.arm_constants import ArmConstants, arm_constants, joint_cosines_and_sines
-from paretoik.robot.blocks import evaluate_in_blocks
+from paretoik.robot.arm_constants import arm_constants, joint_cosines_and_sines
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -26,6 +25,7 @@ from paretoik.robot.components import (
     add,
     apply,
     cross,
+    evaluate_in_blocks,
     multiply,
     scale,
     subtract,
@@ -33,7 +33,6 @@ from paretoik.robot.components import (
     to_vector,
     transpose,
 )
-from paretoik.robot.pose import Pose
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ def link_frames(arm: Arm, q: Sequence[Component]) -> LinkFrames:
         if link.prismatic:
             origin = add(origin, scale(z, value))
         else:
-            x, y = _combine(x, y, cosine, sine), _combine(y, scale(x, -1.0), cosine, sine)
+            x, y = add(scale(x, cosine), scale(y, sine)), add(scale(y, cosine), scale(scale(x, -1.0), sine))
             rotation = transpose((x, y, z))
         rotations.append(rotation)
         origins.append(origin)
@@ -72,7 +71,11 @@ def frame_components(arm: Arm, links: LinkFrames, frame: Frame) -> tuple[Matrix,
         if frame.link < 0
         else (links.rotations[frame.link], links.origins[frame.link])
     )
-    offset_rotation, offset = _pose_on_link(constants, arm, frame.pose)
+    offset_rotation, offset = (
+        (constants.tool_rotation, constants.tool_translation)
+        if frame.pose is arm.tool
+        else (to_matrix(frame.pose.rotation), to_vector(frame.pose.position))
+    )
     return multiply(rotation, offset_rotation), add(origin, apply(rotation, offset))
 
 
@@ -130,14 +133,3 @@ def node_components(arm: Arm, q: Sequence[Component]) -> list[Component]:
     links = link_frames(arm, q)
     tool = frame_components(arm, links, arm.frame("tool"))[1]
     return [value for node in (arm_constants(arm).base_translation, *links.origins, tool) for value in node]
-
-
-def _combine(x: Vector, y: Vector, cosine: Component, sine: Component) -> Vector:
-    """Return x · cosine + y · sine."""
-    return add(scale(x, cosine), scale(y, sine))
-
-
-def _pose_on_link(constants: ArmConstants, arm: Arm, pose: Pose) -> tuple[Matrix, Vector]:
-    if pose is arm.tool:
-        return constants.tool_rotation, constants.tool_translation
-    return to_matrix(pose.rotation), to_vector(pose.position)

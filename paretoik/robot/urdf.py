@@ -1,4 +1,7 @@
-"""From a URDF to an arm: validate the whole file, select the chain from base to tip, then build."""
+"""From a URDF to an arm: validate the whole file, select the chain from base to tip, then build.
+
+Joint frames have their axis along z; fixed links are merged into those that move.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,15 @@ from typing import Literal
 
 import numpy as np
 
+from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.inputs import file_path
-from paretoik.robot.arm import Arm
-from paretoik.robot.urdf_builder import build_arm
-from paretoik.robot.urdf_chain import find_zero_limits, select_chain
-from paretoik.robot.urdf_description import JointDescription
+from paretoik.robot.arm import EARTH_GRAVITY, Arm, Frame, JointType
+from paretoik.robot.body import Body, combine_bodies, transform_body
+from paretoik.robot.fixed_joints import joint_motion
+from paretoik.robot.pose import Pose
+from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
+from paretoik.robot.urdf_description import JointDescription, RobotDescription
 from paretoik.robot.urdf_validation import read_robot
 
 
@@ -80,10 +86,86 @@ def from_urdf(
         raise InvalidInput(f"zero_limits must be 'unlimited' or None, got {zero_limits!r}")
     if zero_limits is None and (zeros := find_zero_limits(chain)):
         raise InvalidInput(f"{file}: {'; '.join(zeros)}")
-    return replace(build_arm(str(file), robot, chain), source=file)
+    return replace(_build_arm(str(file), robot, chain), source=file)
 
 
 def _summarise(joint: JointDescription) -> str:
     length, force = ("m", "N") if joint.type == "prismatic" else ("rad", "N m")
     limits = f"{joint.lower:g} to {joint.upper:g} {length}" if np.isfinite(joint.upper - joint.lower) else "no end"
     return f"  {joint.name}: {joint.type}, {limits}, {joint.velocity:g} {length}/s, {joint.effort:g} {force}"
+
+
+def _build_arm(source: str, robot: RobotDescription, chain: Chain) -> Arm:
+    """Return the arm of a chain without faults, under gravity (0, 0, −9.81) m/s².
+
+    Raises InvalidRobot, naming ``source``, where offsets or masses are too large to add up.
+    """
+    moving = chain.moving
+    types: tuple[JointType, ...] = tuple(joint.type for joint in moving)  # type: ignore[misc]  # of JOINT_TYPES
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            frames, placements = _place_links(chain)
+            bodies = _merge_links(robot, frames, len(moving))
+    except InvalidInput as error:  # an offset that is not finite
+        raise InvalidRobot(source, [f"the robot is too large, {error}"]) from None
+    for joint, body in zip(moving, bodies, strict=True):
+        if not np.isfinite([body.mass, *body.center, *body.inertia.flat]).all():
+            raise InvalidRobot(source, [f"joint {joint.name!r}: the masses that it moves are too large to add up"])
+    return Arm(
+        name=robot.name,
+        joint_names=tuple(joint.name for joint in moving),
+        joint_types=types,
+        placements=placements,
+        bodies=bodies,
+        tool=frames[chain.tip].pose,
+        base=Pose(np.zeros(3)),
+        gravity=np.array(EARTH_GRAVITY),
+        position_limits=np.array([[joint.lower, joint.upper] for joint in moving]),
+        velocity_limits=np.array([joint.velocity or np.inf for joint in moving]),
+        torque_limits=np.array([joint.effort or np.inf for joint in moving]),
+        frames={link: frames[link] for link in robot.links if link in frames},
+        notices=(*robot.warnings, *chain.notices),
+    )
+
+
+def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
+    """Return every link's frame on the moving link that carries it, and the placements of the moving joints.
+
+    The frame of a moving link is that of its joint, turned so that z is the joint's axis.
+    """
+    numbers = {joint.name: number for number, joint in enumerate(chain.moving)}
+    frames = {chain.base: Frame(link=-1, pose=Pose(np.zeros(3)))}
+    placements: dict[int, Pose] = {}
+    for joint in chain.below:
+        parent = frames[joint.parent]
+        origin = parent.pose @ Pose.from_rpy(joint.xyz, joint.rpy)
+        if joint.name in numbers:
+            turn = _rotation_of_z(np.array(joint.axis))
+            placements[numbers[joint.name]] = origin @ turn
+            frames[joint.child] = Frame(link=numbers[joint.name], pose=turn.inverse())
+        else:
+            frozen = joint_motion(joint.type, chain.frozen.get(joint.name, 0.0), joint.axis)
+            frames[joint.child] = Frame(link=parent.link, pose=origin @ frozen)
+    return frames, tuple(placements[number] for number in range(len(placements)))
+
+
+def _merge_links(robot: RobotDescription, frames: dict[str, Frame], count: int) -> tuple[Body, ...]:
+    """Return the body of each moving link with all links that are fixed to it; those of the base are left out."""
+    bodies: list[Body | None] = [None] * count
+    for name, frame in frames.items():
+        if frame.link >= 0:
+            link = robot.links[name]
+            inertial = Body(mass=link.mass, center=np.zeros(3), inertia=link.inertia)
+            body = transform_body(transform_body(inertial, Pose.from_rpy(link.xyz, link.rpy)), frame.pose)
+            before = bodies[frame.link]
+            bodies[frame.link] = body if before is None else combine_bodies(before, body)
+    return tuple(body for body in bodies if body is not None)
+
+
+def _rotation_of_z(axis: Vector3) -> Pose:
+    """Return a rotation that takes z to ``axis``, of length 1; exact where that is a coordinate axis."""
+    smallest = int(np.argmin(np.abs(axis)))
+    x = np.eye(3)[smallest] - axis[smallest] * axis
+    x /= np.linalg.norm(x)
+    rotation: Matrix3 = np.column_stack([x, np.cross(axis, x), axis])
+    return Pose.from_matrix(rotation)

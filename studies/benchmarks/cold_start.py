@@ -7,14 +7,13 @@ less; those of the clock are in the notes. A further process, with the caches fi
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from studies.benchmarks.checkouts import ROOT, run_in
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 GOALS = {"tracking": 0.5, "plan": 0.4, "closed loop": 0.25}  # of the seconds before
 CASES = {
@@ -90,15 +89,14 @@ def tabulate(case: str, timings: Mapping[str, tuple[Timing, Timing]]) -> list[Ro
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Time all cases, print the table, and write the rows where ``--json`` says."""
-    parser = argparse.ArgumentParser(description="First results with empty caches of compiled code.")
+    parser = study_parser("First results with empty caches of compiled code.")
     parser.add_argument("--before", type=Path, help="another checkout, to be timed in turn with this one")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    settings = parser.parse_args(arguments)
-    checkouts = {"now": ROOT} | ({"before": settings.before.resolve()} if settings.before else {})
+    options = parser.parse_args(arguments)
+    checkouts = {"now": ROOT} | ({"before": options.before.resolve()} if options.before else {})
     rows: list[Row] = []
     for case in CASES:
         rows += tabulate(case, {label: time_cold_and_warm(case, path) for label, path in checkouts.items()})
-    report(rows, json_file=settings.json)
+    report(rows, json_file=options.json)
 
 
 if __name__ == "__main__":

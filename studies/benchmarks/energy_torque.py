@@ -7,12 +7,10 @@ reference point (0.065, 0.10) against that of the ε-constraint front of CasADi 
 
 from __future__ import annotations
 
-import argparse
 import csv
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +18,7 @@ import paretoik as pk
 from paretoik.api.settings import DEFAULTS
 from paretoik.front.indicators import hypervolume
 from problems.tringali_2020 import energy_torque
-from studies.reporting import REPORTED, Row, report
+from studies.reporting import REPORTED, Row, report, study_parser
 
 REFERENCE_POINT = np.array([0.065, 0.10])
 TABLE = "energy_torque against the IPOPT reference"
@@ -68,19 +66,19 @@ def measured(variant: str, solve: Callable[..., pk.Front], seeds: Sequence[int])
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Solve for every seed and report medians."""
-    parser = argparse.ArgumentParser(description="The search at its defaults beside the energy_torque reference.")
+    parser = study_parser(
+        "The search at its defaults beside the energy_torque reference.", quick="3 seeds, 100 generations"
+    )
     parser.add_argument("--seeds", type=int, default=11)
-    parser.add_argument("--quick", action="store_true", help="3 seeds, 100 generations")
     parser.add_argument("--ablate", action="store_true", help="also without one ingredient of the search at a time")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    given = parser.parse_args(arguments)
-    seeds = range(3 if given.quick else given.seeds)
+    options = parser.parse_args(arguments)
+    seeds = range(3 if options.quick else options.seeds)
     problem = energy_torque()
     rows = []
-    for variant, algorithm in variants(problem, ablate=given.ablate).items():
+    for variant, algorithm in variants(problem, ablate=options.ablate).items():
         solve = partial(pk.solve, problem, algorithm=algorithm)
-        rows += measured(variant, partial(solve, generations=100) if given.quick else solve, seeds)
-    report(rows, json_file=given.json)
+        rows += measured(variant, partial(solve, generations=100) if options.quick else solve, seeds)
+    report(rows, json_file=options.json)
 
 
 if __name__ == "__main__":

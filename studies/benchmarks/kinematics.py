@@ -7,11 +7,9 @@ batch of motions from their samples, differences included, and whole problems fr
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +17,7 @@ import numpy as np
 from paretoik.formulations.tracking import Tracking
 from paretoik.robot.arm import Arm
 from paretoik.robot.arms import tringali_3r
-from paretoik.robot.blocks import evaluate_in_blocks
-from paretoik.robot.components import Component
+from paretoik.robot.components import Component, evaluate_in_blocks
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames
 from paretoik.search.seeding import seeded_population
@@ -28,7 +25,7 @@ from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
 from problems.panda import across_the_table, panda
 from problems.tringali_2020 import energy_torque
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 MOTIONS, SAMPLES = 200, 101
 BATCH = f"{MOTIONS} motions × {SAMPLES} samples"
@@ -179,12 +176,10 @@ def genes_evaluated(label: str, problem: Tracking, rounds: int) -> Row:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, print the tables, and write the rows where ``--json`` says."""
-    parser = argparse.ArgumentParser(description="Robot kernels beside a Python loop over Pinocchio.")
+    parser = study_parser("Robot kernels beside a Python loop over Pinocchio.", quick="three rounds")
     parser.add_argument("--rounds", type=int, default=15, help="rounds of which the best counts")
-    parser.add_argument("--quick", action="store_true", help="three rounds")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    given = parser.parse_args(arguments)
-    rounds = 3 if given.quick else given.rounds
+    options = parser.parse_args(arguments)
+    rounds = 3 if options.quick else options.rounds
     three, seven = tringali_3r(), panda()
     entries = [*contests("planar 3R", three, 8.0), *contests("Panda", seven, 2.0)]
     rows = [row for contest in entries for row in measured(contest, rounds)]
@@ -194,7 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         genes_evaluated("energy_torque", energy_torque(), rounds),
         genes_evaluated("across_the_table", across_the_table(), rounds),
     ]
-    report(rows, json_file=given.json)
+    report(rows, json_file=options.json)
 
 
 if __name__ == "__main__":

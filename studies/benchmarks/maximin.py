@@ -16,7 +16,6 @@ A12 is the chance that a MaxiMin run is the better one.
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -28,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from moocore import epsilon_additive, hypervolume, igd_plus, is_nondominated
+from moocore import is_nondominated
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.algorithms.moo.nsga3 import NSGA3
 from pymoo.algorithms.moo.sms import SMSEMOA
@@ -38,21 +37,19 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 from pymoo.util.ref_dirs import get_reference_directions
 from rich.console import Console
-from scipy.stats import mannwhitneyu
 
-from paretoik.arrays import Genes, Objectives, Values
+from paretoik.arrays import Genes, Objectives
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.seeding import seeded_population
 from problems.tringali_2020 import energy_torque
-from studies.reporting import Row, holm, report
+from studies.benchmarks.significance import MARGIN, Comparison, compare, decide, scores
+from studies.reporting import Row, report, study_parser
 
 OURS = "MaxiMin"
 BOXED = "MaxiMin, ranges="
 ISOLATED = "pcd"
 PARTITIONS = {2: 99, 3: 12, 5: 5}
 POPULATION = {2: 100, 3: 91, 5: 126}
-MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
-LEVEL = 0.05
 TABLE = f"{OURS} beside its peers, medians (hypervolume: more is better; IGD+, epsilon: less)"
 COST = "median CPU time of a run, at equal evaluations"
 
@@ -85,26 +82,6 @@ class Run:
 
     F: Objectives
     seconds: float
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """One comparison; all medians over seeds, ``ratio`` with its 95 % bootstrap interval."""
-
-    problem: str
-    indicator: str
-    peer: str
-    ours: float
-    theirs: float
-    ratio: float
-    ratio_low: float
-    ratio_high: float
-    a12: float
-    p: float
-    p_equal: float
-    p_holm: float = 1.0
-    p_equal_holm: float = 1.0
-    verdict: str = ""
 
 
 def dtlz(number: int, n_obj: int) -> Any:
@@ -200,56 +177,9 @@ def union_front(case: Case, runs: Sequence[Run], folder: Path | None) -> Objecti
     return union
 
 
-def scores(F: Objectives, union: Objectives) -> dict[str, float]:
-    """Judge one final front against the union."""
-    if not len(F):
-        return {"hypervolume": 0.0, "IGD+": np.inf, "epsilon": np.inf}
-    ideal, width = union.min(axis=0), np.ptp(union, axis=0)
-    width = np.where(width > 0, width, 1.0)
-    normal, reference = (F - ideal) / width, (union - ideal) / width
-    inside = normal[np.less(normal, 1.1).all(axis=1)]
-    return {
-        "hypervolume": float(hypervolume(inside, ref=np.full(F.shape[1], 1.1))) if len(inside) else 0.0,
-        "IGD+": float(igd_plus(normal, ref=reference)),
-        "epsilon": float(epsilon_additive(normal, ref=reference)),
-    }
-
-
-def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
-    """Test one indicator of ours against a peer's, each (seeds,)."""
-    better = 1.0 if indicator == "hypervolume" else -1.0
-    test = mannwhitneyu(better * ours, better * theirs)
-    margin = MARGIN[indicator]
-    p_equal = max(
-        mannwhitneyu(ours, theirs * (1.0 - margin), alternative="greater").pvalue,
-        mannwhitneyu(ours, theirs * (1.0 + margin), alternative="less").pvalue,
-    )
-    draw = np.random.default_rng(0).integers(0, len(ours), size=(2, 2000, len(ours)))
-    middle, other = float(np.median(ours)), float(np.median(theirs))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratios = np.median(ours[draw[0]], axis=1) / np.median(theirs[draw[1]], axis=1)
-        ratio = float(np.divide(middle, other))
-    low, high = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
-    a12 = test.statistic / len(ours) / len(theirs)
-    return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, test.pvalue, p_equal)
-
-
-def judged(rows: Sequence[Comparison]) -> list[Comparison]:
-    """Correct both tests and pronounce; losses first, then undecided, equal, wins."""
-    found = []
-    differing, equal = holm([row.p for row in rows]), holm([row.p_equal for row in rows])
-    for row, p, p_equal in zip(rows, differing, equal, strict=True):
-        verdict = "undecided"
-        if p < LEVEL:
-            verdict = "loss" if row.a12 < 0.5 else "win"
-        if p_equal < LEVEL:
-            verdict = f"{verdict}, within margin" if verdict != "undecided" else "equal"
-        found.append(replace(row, p_holm=float(p), p_equal_holm=float(p_equal), verdict=verdict))
-    grades = ["loss", "loss, within margin", "undecided", "equal", "win, within margin", "win"]
-    return sorted(found, key=lambda row: (grades.index(row.verdict), row.indicator, row.a12))
-
-
-def compared(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], folder: Path | None) -> list[Comparison]:
+def compare_all(
+    runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], folder: Path | None
+) -> list[Comparison]:
     """Score all runs and compare ours with every peer."""
     rows = []
     for case in chosen:
@@ -260,19 +190,14 @@ def compared(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case], fol
             for indicator in MARGIN:
                 ours, theirs = (np.array([score[indicator] for score in table[name]]) for name in (OURS, peer))
                 rows.append(compare(case.name, indicator, peer, ours, theirs))
-    return judged(rows)
+    return decide(rows)
 
 
 def comparison_rows(comparisons: Sequence[Comparison]) -> list[Row]:
     """Return each comparison as a row: our median, the peer's beside it, and the tests in the note."""
     rows = []
     for one in comparisons:
-        name, ratio = (
-            f"{one.indicator} beside {one.peer}",
-            f"{one.ratio:.3f} [{one.ratio_low:.3f}, {one.ratio_high:.3f}]",
-        )
-        tests = f"A12 {one.a12:.2f}, p {one.p_holm:.1e}, p equal {one.p_equal_holm:.1e}"
-        note = f"{one.verdict}; ratio {ratio}, {tests}"
+        name, note = f"{one.indicator} beside {one.peer}", f"{one.verdict}; {one.tests}"
         rows.append(Row(table=TABLE, row=one.problem, column=name, unit="", ours=one.ours, paper=one.theirs, note=note))
     return rows
 
@@ -288,13 +213,13 @@ def cost_rows(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case]) ->
     return rows
 
 
-def wanted(names: Sequence[str], *, quick: bool, console: Console) -> list[Case]:
+def choose_cases(names: Sequence[str], *, quick: bool, console: Console) -> list[Case]:
     """Choose cases and, for --quick, shorten them; say what is left out."""
-    known = cases()
-    unknown = sorted(set(names) - set(known))
+    every = cases()
+    unknown = sorted(set(names) - set(every))
     if unknown:
-        raise SystemExit(f"--problems: some of {', '.join(known)} wanted, got {', '.join(unknown)}")
-    chosen = [known[name] for name in names or (QUICK if quick else known)]
+        raise SystemExit(f"--problems: some of {', '.join(every)} wanted, got {', '.join(unknown)}")
+    chosen = [every[name] for name in names or (QUICK if quick else every)]
     if quick:
         chosen = [replace(case, generations=QUICK.get(case.name, 60)) for case in chosen]
         console.print(f"quick: {', '.join(f'{case.name} {case.generations} generations' for case in chosen)} only")
@@ -305,21 +230,19 @@ def wanted(names: Sequence[str], *, quick: bool, console: Console) -> list[Case]
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(prog="python -m studies.benchmarks.maximin", description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="four problems, few generations, 11 seeds")
+    parser = study_parser(__doc__.splitlines()[0], quick="four problems, few generations, 11 seeds")
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 11 with --quick)")
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems")
     parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all comparisons")
-    given = parser.parse_args(arguments)
-    seeds = given.seeds if given.seeds is not None else (11 if given.quick else 31)
+    options = parser.parse_args(arguments)
+    seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
     if seeds < 2:
         parser.error(f"--seeds: at least 2 wanted, got {seeds}")
     console = Console()
-    chosen = wanted(given.problems, quick=given.quick, console=console)
+    chosen = choose_cases(options.problems, quick=options.quick, console=console)
     runs = run_all(chosen, seeds, console)
-    comparisons = compared(runs, chosen, given.fronts)
-    report([*comparison_rows(comparisons), *cost_rows(runs, chosen)], json_file=given.json)
+    comparisons = compare_all(runs, chosen, options.fronts)
+    report([*comparison_rows(comparisons), *cost_rows(runs, chosen)], json_file=options.json)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ public face; beside another checkout's where one is given.
 
 from __future__ import annotations
 
-import argparse
 import ast
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from studies.benchmarks.checkouts import ROOT
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 MOST_FILE, MOST_FUNCTION = 300, 60  # lines
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -121,12 +120,11 @@ def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables, and write the rows where ``--json`` says."""
-    parser = argparse.ArgumentParser(description="How large the library is.")
+    parser = study_parser("How large the library is.")
     parser.add_argument("--before", type=Path, help="another checkout, counted beside this one")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    settings = parser.parse_args(arguments)
-    before = measure(settings.before / "paretoik") if settings.before else None
-    report(tabulate(measure(ROOT / "paretoik"), before), json_file=settings.json)
+    options = parser.parse_args(arguments)
+    before = measure(options.before / "paretoik") if options.before else None
+    report(tabulate(measure(ROOT / "paretoik"), before), json_file=options.json)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from studies.kim_2021.sensitivity import MASSES, changes, floor_rows, nearest_ro
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import cheating, figure_8, trajectory
 from studies.kim_2021.without_jumps import straight_rows
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,14 +51,12 @@ QUICK = Effort(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Regenerate the paper's table and figures, report the rows and draw the pictures."""
-    parser = argparse.ArgumentParser(prog="python -m studies.kim_2021", description="Kim, Choi & Jang 2021.")
-    parser.add_argument("--quick", action="store_true", help="coarse grids, few starts, few rounds")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    parser.add_argument("--out", type=Path, default=Path("runs/kim_2021"), help="folder for the pictures")
-    given = parser.parse_args(arguments)
-    rows, pictures = studied(QUICK if given.quick else Effort(), given.out)
-    report(rows, json_file=given.json)
-    print(f"{len(pictures)} pictures in {given.out}", file=sys.stderr)
+    options = study_parser(
+        "Kim, Choi & Jang 2021.", quick="coarse grids, few starts, few rounds", out="kim_2021"
+    ).parse_args(arguments)
+    rows, pictures = studied(QUICK if options.quick else Effort(), options.out)
+    report(rows, json_file=options.json)
+    print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 
 
 def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.capability.joint_capability import joint_speeds
-from paretoik.capability.posture_values import gravity_torques
+from paretoik.robot.dynamics import gravity_torques
 from studies.kim_2021.continuous import TIE, polished, resolved
 from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refined, wrapped
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper

@@ -8,9 +8,9 @@ import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.joint_capability import joint_speeds
-from paretoik.capability.posture_values import gravity_torques
 from paretoik.capability.zonotopes import highest_speeds
 from paretoik.nlp.linear_program import furthest
+from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import jacobian
 from problems.panda import panda
 from studies.kim_2021.full_program import full_program, places

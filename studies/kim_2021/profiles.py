@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.capability.joint_capability import joint_speeds
-from paretoik.capability.posture_values import gravity_torques
+from paretoik.robot.dynamics import gravity_torques
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

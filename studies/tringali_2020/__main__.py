@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 from studies.tringali_2020.candidates import Decline, declines, figure_1
 from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, simulated, tables, told
@@ -45,20 +43,18 @@ def studied(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Regenerate the paper's tables and figures, report the rows and draw the pictures."""
-    parser = argparse.ArgumentParser(prog="python -m studies.tringali_2020", description="Tringali & Cocuzza 2020.")
-    parser.add_argument("--quick", action="store_true", help="24 starts, 8 points of the front, 3 seeds of Figure 1")
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    parser.add_argument("--out", type=Path, default=Path("runs/tringali_2020"), help="folder for the pictures")
-    given = parser.parse_args(arguments)
-    if given.quick:
+    options = study_parser(
+        "Tringali & Cocuzza 2020.", quick="24 starts, 8 points of the front, 3 seeds of Figure 1", out="tringali_2020"
+    ).parse_args(arguments)
+    if options.quick:
         found = studied(starts=24, points=8, most=3000, seeds=3, finer=None)
     else:
         found = studied(starts=48, points=20, most=round(10**4.5), seeds=12, finer=401)
     rows, simulations, falling, trades = found
     names = matched(simulations["fitted"][0])
-    report(rows, json_file=given.json)
-    pictures = draw(given.out, simulations, falling, trades, names)
-    print(f"{len(pictures)} pictures in {given.out}", file=sys.stderr)
+    report(rows, json_file=options.json)
+    pictures = draw(options.out, simulations, falling, trades, names)
+    print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from studies.reporting import report
+from studies.reporting import report, study_parser
 from studies.tringali_2021.pictures import draw
 from studies.tringali_2021.real_time import real_time_rows
 from studies.tringali_2021.trajectories import (
@@ -24,29 +22,25 @@ from studies.tringali_2021.trajectories import (
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Regenerate the paper's table and figures, report the rows and draw the pictures."""
-    parser = argparse.ArgumentParser(prog="python -m studies.tringali_2021", description="Tringali & Cocuzza 2021.")
-    parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="8 starts of the global method, no bound, 1 round of timing, one schedule searched",
-    )
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    parser.add_argument("--out", type=Path, default=Path("runs/tringali_2021"), help="folder for the pictures")
-    given = parser.parse_args(arguments)
-    starts, rounds, generations = (8, 1, 5) if given.quick else (48, 5, 30)
+    options = study_parser(
+        "Tringali & Cocuzza 2021.",
+        quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched",
+        out="tringali_2021",
+    ).parse_args(arguments)
+    starts, rounds, generations = (8, 1, 5) if options.quick else (48, 5, 30)
     trajectories = [resolve_trajectory(number, masses, starts=starts) for masses in MASSES for number in NUMBERS]
     rows = [row for one in trajectories for row in table_5(one)]
-    rows += [] if given.quick else [lower_bound_row(4, "fitted")]
+    rows += [] if options.quick else [lower_bound_row(4, "fitted")]
     rows += (
         [row for one in trajectories for row in text_rows(one)]
         + singularity_rows(trajectories)
         + real_time_rows(rounds=rounds)
     )
-    for number in (3,) if given.quick else NUMBERS:
+    for number in (3,) if options.quick else NUMBERS:
         rows += schedule_rows(number, "fitted", starts=starts, generations=generations)
-    report(sorted(rows, key=lambda row: row.table.startswith("an update")), json_file=given.json)
-    pictures = draw(given.out, trajectories)
-    print(f"{len(pictures)} pictures in {given.out}", file=sys.stderr)
+    report(sorted(rows, key=lambda row: row.table.startswith("an update")), json_file=options.json)
+    pictures = draw(options.out, trajectories)
+    print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 
 
 if __name__ == "__main__":

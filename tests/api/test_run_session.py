@@ -14,7 +14,7 @@ from paretoik.api.progress import RunProgress
 from paretoik.api.run_session import run_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
-from paretoik.review.generation import Generation
+from paretoik.review.recorder import Generation
 from paretoik.run_files import RECORDING, RUN
 from tests.search.problems import Constant
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.capability.axes_fits import fit_axes
-from paretoik.capability.ellipsoid_fits import fit_ellipsoids
+from paretoik.capability.ellipsoid_fits import fit_axes, fit_ellipsoids
 from paretoik.capability.polynomials import Polynomials
 from paretoik.capability.speed_models import PolynomialEllipsoids
 from paretoik.capability.speed_samples import fit_errors

@@ -7,9 +7,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures, sample_postures_at
-from paretoik.capability.posture_values import gravity_torques
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import kinematics
+from paretoik.robot.dynamics import gravity_torques
 from tests.capability.drives import motors, planar
 
 

@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from paretoik.capability.axes_fits import fit_axes
-from paretoik.capability.ellipsoid_fits import fit_ellipsoids
+from paretoik.capability.ellipsoid_fits import fit_axes, fit_ellipsoids
 from paretoik.capability.speed_samples import fit_errors
 from paretoik.errors import InvalidInput
 from tests.capability.fields import field, grid, units, within

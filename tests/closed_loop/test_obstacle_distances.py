@@ -3,8 +3,8 @@ import pytest
 
 import paretoik as pk
 from paretoik.closed_loop.obstacle_distances import evaluate_distances
-from paretoik.closed_loop.obstacle_tables import tabulate
-from paretoik.closed_loop.programs import bounding_ball, trace_nodes
+from paretoik.closed_loop.obstacle_tables import bounding_ball, tabulate
+from paretoik.closed_loop.programs import trace_nodes
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose
 from paretoik.task.distances import clearance

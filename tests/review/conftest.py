@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from paretoik.front.front import Front
-from paretoik.review.generation import Generation
+from paretoik.review.recorder import Generation
 
 NAMES = ("kinetic_energy", "torque_norm", "manipulability", "jerk", "$cost$")
 UNITS = ("J s", "N²m²s", "", "rad²/s⁵", "€")

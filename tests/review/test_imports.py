@@ -6,7 +6,7 @@ import sys
 PROBE = """
 import sys
 import paretoik.front.storage, paretoik.execution.run_folder
-import paretoik.review.recorder, paretoik.review.viewer
+import paretoik.review.recorder
 print(sorted({"rerun", "matplotlib", "pymoo", "pyarrow", "moocore"} & set(sys.modules)))
 """
 

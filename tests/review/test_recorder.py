@@ -174,7 +174,7 @@ def test_a_constant_objective_gets_axes_all_the_same(tmp_path, make_front):
 KILLED = """
 import sys, os, signal
 import numpy as np
-from paretoik.review.generation import Generation
+from paretoik.review.recorder import Generation
 from paretoik.review.recorder import Recorder
 recorder = Recorder(sys.argv[1], title="killed", names=["a", "b"], units=["", ""], maximised=[False, False])
 for number in range(5):

@@ -1,12 +1,15 @@
-"""Component algebra: NumPy's results, with the numbers 0 and 1 folded away."""
+"""Component algebra: NumPy's results, with the numbers 0 and 1 folded away; batches of any shape, type and order."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from paretoik.robot import components
+from paretoik.robot import components, dynamics, kinematics
+from paretoik.robot.arms import tringali_3r
 from paretoik.robot.components import to_matrix, to_vector
+from tests.robot.laws import same
+from tests.robot.oracles import STEP
 
 RNG = np.random.default_rng(0)
 A, B = RNG.normal(size=(2, 3, 5))  # two vectors of components over five samples
@@ -47,3 +50,44 @@ def test_products_and_sums_with_zero_and_one_are_folded_away():
     assert np.array_equal(components.minus(0.0, x), -x)
     vector = tuple(A)
     assert components.dot(to_vector(np.array([0.0, 1.0, 0.0])), vector) is vector[1]
+
+
+KERNELS = {
+    "rotation": (lambda arm, q, dq, ddq: kinematics.forward_kinematics(arm, q)[0], lambda dof: (3, 3)),
+    "position": (lambda arm, q, dq, ddq: kinematics.forward_kinematics(arm, q)[1], lambda dof: (3,)),
+    "jacobian": (lambda arm, q, dq, ddq: kinematics.jacobian(arm, q), lambda dof: (6, dof)),
+    "link_nodes": (lambda arm, q, dq, ddq: kinematics.link_nodes(arm, q), lambda dof: (dof + 2, 3)),
+    "inverse_dynamics": (dynamics.inverse_dynamics, lambda dof: (dof,)),
+    "inertia_matrix": (lambda arm, q, dq, ddq: dynamics.inertia_matrix(arm, q), lambda dof: (dof, dof)),
+    "kinetic_energy": (lambda arm, q, dq, ddq: dynamics.kinetic_energy(arm, q, dq), lambda dof: ()),
+}
+
+
+@pytest.mark.parametrize("name", KERNELS)
+@pytest.mark.parametrize("batch", [(), (0,), (2, 3, 4), (4, 2, 1000)])
+def test_batches_of_any_shape_are_their_samples_one_by_one_to_the_bit(panda_arm, name, batch):
+    kernel, shape = KERNELS[name]
+    for arm in (panda_arm, tringali_3r("fitted").mounted(gravity=(0.0, -9.81, 0.0))):
+        state = np.random.default_rng(1).normal(size=(3, *batch, arm.dof))
+        whole = kernel(arm, *state)
+        assert whole.shape == (*batch, *shape(arm.dof))
+        assert whole.dtype == float
+        flat, result = state.reshape(3, -1, arm.dof), whole.reshape(-1, *shape(arm.dof))
+        for i in range(0, flat.shape[1], max(1, flat.shape[1] // 10)):
+            assert np.array_equal(kernel(arm, *flat[:, i]), result[i])
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_complex_input_with_a_vanishing_step_keeps_the_real_result(panda_arm, name):
+    kernel, _ = KERNELS[name]
+    state = np.random.default_rng(2).normal(size=(3, 5, 7))
+    result = kernel(panda_arm, *(state + 1j * STEP))
+    assert result.dtype == complex
+    same(result.real, kernel(panda_arm, *state), 1e-14)
+
+
+def test_kernels_leave_their_input_alone_and_take_it_in_any_order_of_memory(panda_arm):
+    state = np.random.default_rng(3).normal(size=(3, 6, 5, 7))
+    state.setflags(write=False)
+    turned = [np.asfortranarray(array) for array in state]
+    assert np.array_equal(dynamics.inverse_dynamics(panda_arm, *state), dynamics.inverse_dynamics(panda_arm, *turned))

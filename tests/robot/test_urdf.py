@@ -1,17 +1,196 @@
-"""A URDF checked and loaded: the report, and the choice that limits of zero require."""
+"""A URDF checked and loaded: the report, and the arm, which is the one that Pinocchio reads from the same text."""
 
 from __future__ import annotations
 
+import socket
 import sys
+from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
+from paretoik.robot.dynamics import inertia_matrix, inverse_dynamics
+from paretoik.robot.kinematics import forward_kinematics, jacobian
 from paretoik.robot.urdf import check_robot
-from tests.robot.conftest import JACO, PANDA
-from tests.robot.urdf_text import chain_of_three
+from tests.robot.conftest import JACO, PANDA, Oracle, oracle_of, random_urdf
+from tests.robot.urdf_text import BODY, LIMIT, chain_of_three, joint, link
+
+FILES = {PANDA: "panda_hand_tcp", JACO: "j2s6s200_end_effector"}
+
+
+def agree(ours, theirs):
+    scale = np.abs(theirs).max()
+    assert scale > 0
+    assert np.abs(ours - theirs).max() <= 1e-12 * scale
+
+
+def agree_with_pinocchio(oracle: Oracle):
+    q, dq, ddq = np.random.default_rng(1).normal(size=(3, 3, oracle.arm.dof))
+    model, data, tool = oracle.model, oracle.data, oracle.tool
+
+    def pose(x, frame=tool):
+        pinocchio.framesForwardKinematics(model, data, x)
+        return data.oMf[frame].homogeneous[:3]
+
+    def frame_jacobian(x):
+        return pinocchio.computeFrameJacobian(model, data, x, tool, pinocchio.LOCAL_WORLD_ALIGNED).copy()
+
+    def torques(*state):
+        return pinocchio.rnea(model, data, *state).copy()
+
+    def masses(x):
+        upper = np.triu(pinocchio.crba(model, data, x))
+        return upper + np.triu(upper, 1).T
+
+    rotation, position = forward_kinematics(oracle.arm, q)
+    agree(np.concatenate([rotation, position[..., None]], axis=-1), oracle.over(pose, q))
+    agree(jacobian(oracle.arm, q), oracle.over(frame_jacobian, q))
+    agree(inverse_dynamics(oracle.arm, q, dq, ddq), oracle.over(torques, q, dq, ddq))
+    agree(inertia_matrix(oracle.arm, q), oracle.over(masses, q))
+    for name in oracle.arm.frames:
+        number = model.getFrameId(name, pinocchio.FrameType.BODY)
+        rotation, position = forward_kinematics(oracle.arm, q, name)
+        theirs = oracle.over(lambda x, frame=number: pose(x, frame).copy(), q)
+        agree(np.concatenate([rotation, position[..., None]], axis=-1), theirs)
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 10**9))
+def test_a_random_robot_is_the_one_that_pinocchio_reads(seed):
+    agree_with_pinocchio(random_urdf(seed))
+
+
+@pytest.mark.slow
+@settings(max_examples=300)
+@given(seed=st.integers(0, 10**9))
+def test_many_random_robots_are_those_that_pinocchio_reads(seed):
+    agree_with_pinocchio(random_urdf(seed))
+
+
+def test_every_urdf_of_the_repository_has_a_tip_here():
+    root = Path(__file__).parents[2]
+    assert set(FILES) == {*(root / "problems" / "robots").glob("*.urdf"), *(root / "tests" / "robots").glob("*.urdf")}
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_the_robots_of_the_repository_are_those_that_pinocchio_reads(file):
+    arm = Arm.from_urdf(file, tip=FILES[file])
+    frozen = {notice.split("'")[1]: 0.0 for notice in arm.notices if "frozen at 0" in notice}
+    agree_with_pinocchio(oracle_of(file, arm, FILES[file], frozen))
+
+
+def test_the_panda_has_seven_joints_its_files_limits_and_its_fingers_frozen(panda_arm):
+    assert panda_arm.joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
+    assert set(panda_arm.joint_types) == {"revolute"}
+    assert panda_arm.position_limits[3].tolist() == [-3.0718, -0.0698]
+    assert panda_arm.velocity_limits.tolist() == [2.175] * 4 + [2.61] * 3
+    assert panda_arm.torque_limits.tolist() == [87.0] * 4 + [12.0] * 3
+    assert panda_arm.gravity.tolist() == [0.0, 0.0, -9.81]
+    assert panda_arm.bodies[6].mass == pytest.approx(0.735522 + 0.73 + 2 * 0.015)
+    assert panda_arm.source == PANDA
+    assert any("'panda_finger_joint1': off the chain, frozen at 0 m" in notice for notice in panda_arm.notices)
+
+
+def test_frames_of_merged_links_are_named_and_stand_where_the_file_says(panda_arm):
+    q = np.random.default_rng(0).normal(size=(3, 7))
+    flange, hand = (forward_kinematics(panda_arm, q, name) for name in ("panda_link8", "panda_hand"))
+    tip = forward_kinematics(panda_arm, q)[1]
+    assert np.linalg.norm(tip - flange[1], axis=-1) == pytest.approx(0.1034)
+    assert flange[1] + 0.1034 * flange[0][..., 2] == pytest.approx(tip)
+    assert hand[1] == pytest.approx(flange[1])
+
+
+def test_the_jaco_has_continuous_joints_without_ends():
+    arm = Arm.from_urdf(JACO, tip="j2s6s200_end_effector")
+    assert arm.joint_types.count("continuous") == 3
+    assert np.isinf(arm.position_limits[[0, 3, 5]]).all()
+    assert arm.bodies[5].mass == pytest.approx(0.99 + 4 * 0.01)  # the four finger links are fixed to the hand
+
+
+@pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "-1 0 0", "0 -1 0", "0 0 -1", "1 1 1", "0.6 0 -0.8"])
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+def test_a_joint_moves_about_or_along_the_axis_of_its_file(write_urdf, axis, kind):
+    file = write_urdf(link("a"), link("b"), joint("j", "a", "b", kind, LIMIT + f'<axis xyz="{axis}"/>'))
+    arm = Arm.from_urdf(file)
+    direction = np.array(axis.split(), float) / np.linalg.norm(np.array(axis.split(), float))
+    rotation, position = forward_kinematics(arm, np.array([0.7]))
+    if kind == "prismatic":
+        assert rotation == pytest.approx(np.eye(3))
+        assert position == pytest.approx(0.7 * direction)
+    else:
+        assert rotation @ direction == pytest.approx(direction)
+        assert np.trace(rotation) == pytest.approx(1 + 2 * np.cos(0.7))
+        away = np.cross(direction, np.roll(direction, 1) + np.array([0.0, 0.0, 0.1]))
+        assert np.cross(away, rotation @ away) @ direction > 0  # turns the right-handed way
+    assert forward_kinematics(arm, np.zeros(1))[0] == pytest.approx(np.eye(3))
+
+
+def test_infinite_limits_are_read_as_none(write_urdf):
+    limit = '<limit lower="-inf" upper="INF" velocity="Infinity" effort="inf"/>'
+    arm = Arm.from_urdf(write_urdf(*chain_of_three(inside=limit)))
+    assert arm.position_limits[1].tolist() == [-np.inf, np.inf]
+    assert np.isposinf(arm.velocity_limits[1])
+    assert np.isposinf(arm.torque_limits[1])
+
+
+def test_a_massless_flange_takes_the_mass_of_what_is_fixed_to_it(write_urdf):
+    parts = [*chain_of_three(last=""), link("hand"), joint("mount", "d", "hand", "fixed", "")]
+    arm = Arm.from_urdf(write_urdf(*parts))
+    assert arm.bodies[2].mass == 1.0
+    assert not any("moves no mass" in notice for notice in arm.notices)
+
+
+def test_a_link_with_inertia_and_no_mass_adds_its_inertia(write_urdf):
+    ring = BODY.replace('mass value="1"', 'mass value="0"')
+    parts = [*chain_of_three(), link("ring", ring), joint("mount", "d", "ring", "fixed", '<origin xyz="9 9 9"/>')]
+    body = Arm.from_urdf(write_urdf(*parts)).bodies[2]
+    assert body.mass == 1.0
+    assert body.center.tolist() == [0.0, 0.0, 0.0]
+    assert body.inertia == pytest.approx(2 * np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [('<origin xyz="1e308 0 0"/>', "too large, pose position"), ('<origin xyz="1e200 0 0"/>', "too large to add up")],
+)
+def test_offsets_that_overflow_are_refused(write_urdf, inside, words):
+    parts = [*chain_of_three(), link("e"), link("f")]
+    parts += [joint("k", "d", "e", "fixed", inside), joint("m", "e", "f", "fixed", inside)]
+    with pytest.raises(InvalidRobot, match=words):
+        Arm.from_urdf(write_urdf(*parts))
+
+
+def test_names_may_be_of_any_alphabet_and_even_of_pinocchios_own(write_urdf):
+    parts = [link("universe"), link("колено"), link("手 &lt;1&gt;")]
+    joints = [joint("root_joint", "universe", "колено"), joint("関節", "колено", "手 &lt;1&gt;")]
+    arm = Arm.from_urdf(write_urdf(*parts, *joints, name="robö.urdf"))
+    assert arm.joint_names == ("root_joint", "関節")
+    assert "手 <1>" in arm.frames
+
+
+def test_links_called_tool_or_base_do_not_hide_the_arms_own_frames(write_urdf):
+    parts = [link("base"), link("tool"), link("tip"), joint("j1", "base", "tool")]
+    origin = '<origin xyz="1 0 0"/>'
+    arm = Arm.from_urdf(write_urdf(*parts, joint("j2", "tool", "tip", inside=LIMIT + origin)))
+    assert forward_kinematics(arm, np.zeros(2))[1] == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_meshes_are_never_opened_and_the_network_is_never_asked(write_urdf, monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("the network was asked")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    shapes = [
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+        for name in ("http://example.org/a.stl", "../../../etc/passwd", "package://none/a.dae", "file:///none")
+    ]
+    arm = Arm.from_urdf(write_urdf(link("a"), link("b", "".join(shapes) + BODY), joint("j", "a", "b")))
+    assert arm.dof == 1
 
 
 def test_a_report_tells_the_chain_joint_by_joint():

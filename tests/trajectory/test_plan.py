@@ -50,7 +50,7 @@ def some_arm(seed, *, limited=False):
     return pk.Arm.planar(lengths=lengths, masses=masses, position_limits=limits), ends
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 8))])
 @pytest.mark.parametrize("limited", [False, True])
 def test_no_way_through_the_grid_beats_the_plan_of_a_random_arm(seed, limited):
     arm, ends = some_arm(seed, limited=limited)

@@ -21,7 +21,6 @@ them (-O1) are not counted.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,7 +32,7 @@ from studies.benchmarks.certified.exchange import exchange_rows
 from studies.benchmarks.certified.racing import race_rows
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.verdicts import losses_first, tell
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 QUICK = {"energy_torque": 6, "Panda": 3}  # points
 FEW = 3  # points of other problems with --quick
@@ -57,27 +56,25 @@ def rows_of(case: Case, subject: Subject, *, quick: bool, seed: int) -> list[Row
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="two problems, few points and steps")
+    parser = study_parser(__doc__, quick="two problems, few points and steps")
     names = [case.name for case in CASES]
     parser.add_argument("--problems", nargs="+", choices=names, metavar="NAME", help="only these problems")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     if COMPILER is None:
         tell("no C compiler: IPOPT and FATROP run with CasADi's own evaluation")
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
-        chosen = given.problems or (list(QUICK) if given.quick else names)
+        chosen = options.problems or (list(QUICK) if options.quick else names)
         for case in (one for one in CASES if one.name in chosen):
-            points = QUICK.get(case.name, FEW) if given.quick else case.points
+            points = QUICK.get(case.name, FEW) if options.quick else case.points
             try:
-                subject = subject_of(case, points=points, seed=given.seed, folder=Path(folder))
+                subject = subject_of(case, points=points, seed=options.seed, folder=Path(folder))
             except ParetoikError as error:
                 rows.append(judged(case.name, "front", "failed", "", 1, 0, str(error)))
                 continue
-            rows += rows_of(case, subject, quick=given.quick, seed=given.seed)
-    report(losses_first(rows), json_file=given.json)
+            rows += rows_of(case, subject, quick=options.quick, seed=options.seed)
+    report(losses_first(rows), json_file=options.json)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ whether our fronts are those of the readable path in pymoo.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -16,7 +15,6 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -32,7 +30,7 @@ from studies.benchmarks.closed_loop.contestants import (
     seconds,
 )
 from studies.benchmarks.closed_loop.equivalence import STEPS, equivalence_rows
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 ARMS: tuple[Links, ...] = (3, 4)
 EXACT, GOAL_EXACT = 100, 1e-4  # samples of a loop, and seconds a step
@@ -124,18 +122,15 @@ def first_call_rows() -> list[Row]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="3 rounds, 5 seeds on one step")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
-    given = parser.parse_args(arguments)
+    options = study_parser(__doc__, quick="3 rounds, 5 seeds on one step").parse_args(arguments)
     if not PYGMO:
         print("left out: pygmo, which is not installed")
-    rounds, slow = (3, 20) if given.quick else (9, 60)
+    rounds, slow = (3, 20) if options.quick else (9, 60)
     rows = [row for links in ARMS for row in speed_rows(links, rounds, slow)]
     rows += exact_rows(rounds)
     rows += first_call_rows()
-    rows += equivalence_rows(5, STEPS[:1]) if given.quick else equivalence_rows(31)
-    report(rows, json_file=given.json)
+    rows += equivalence_rows(5, STEPS[:1]) if options.quick else equivalence_rows(31)
+    report(rows, json_file=options.json)
 
 
 if __name__ == "__main__":

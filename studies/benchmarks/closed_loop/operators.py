@@ -47,18 +47,10 @@ class ReplaceOne(Mutation):  # type: ignore[misc]  # pymoo has no types
 class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
     """Of two individuals drawn with repetition the better: by rank, then by insertion distance, then by chance."""
 
-    def _do(
-        self,
-        problem: Any,
-        pop: Any,
-        n_select: int,
-        n_parents: int,
-        random_state: np.random.Generator,
-        **kwargs: Any,
-    ) -> Integers:
+    def _do(self, problem: Any, pop: Any, *shape: int, random_state: np.random.Generator, **kwargs: Any) -> Integers:
         rank = np.array([individual.data["rank"] for individual in pop])
         distance = np.array([individual.data["crowding"] for individual in pop])
-        first, second = random_state.integers(len(pop), size=(2, n_select, n_parents))
+        first, second = random_state.integers(len(pop), size=(2, *shape))
         better = (rank[first] < rank[second]) | ((rank[first] == rank[second]) & (distance[first] >= distance[second]))
         chosen: Integers = np.where(better, first, second)
         return chosen
@@ -70,16 +62,8 @@ class RankWeighting(Selection):  # type: ignore[misc]  # pymoo has no types
     Source: Haupt & Haupt 2004, section 2.2.4, rank weighting.
     """
 
-    def _do(
-        self,
-        problem: Any,
-        pop: Any,
-        n_select: int,
-        n_parents: int,
-        random_state: np.random.Generator,
-        **kwargs: Any,
-    ) -> Integers:
+    def _do(self, problem: Any, pop: Any, *shape: int, random_state: np.random.Generator, **kwargs: Any) -> Integers:
         best_first = np.lexsort((column(pop, "F")[:, 0], column(pop, "CV")[:, 0]))
         share = np.arange(len(pop), 0, -1) / (len(pop) * (len(pop) + 1) / 2)
-        drawn: Integers = best_first[random_state.choice(len(pop), size=(n_select, n_parents), p=share)]
+        drawn: Integers = best_first[random_state.choice(len(pop), size=shape, p=share)]
         return drawn

@@ -16,9 +16,7 @@ cells' means, seeds as blocks. Control-C judges the seeds that are done.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 from studies.benchmarks.energy_torque import reference_front
 from studies.benchmarks.fronts.cases import CASES, POPULATION, SAME
@@ -34,7 +32,7 @@ from studies.benchmarks.fronts.judging import (
 from studies.benchmarks.fronts.methods import PYGMO
 from studies.benchmarks.fronts.running import KINDS, Found, run_all
 from studies.benchmarks.planner.compiling import COMPILER
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 QUICK = ("energy_torque", "simulation 1")
 QUICK_EVALUATIONS = 1200
@@ -74,28 +72,26 @@ def tell_left_out(chosen: Sequence[str]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="two problems, few evaluations, 3 seeds")
+    parser = study_parser(__doc__, quick="two problems, few evaluations, 3 seeds")
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 3 with --quick)")
     parser.add_argument("--problems", nargs="+", choices=list(CASES), metavar="NAME", help="only these problems")
     parser.add_argument("--evaluations", type=int, help="equal evaluations, in place of each problem's own")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
-    given = parser.parse_args(arguments)
-    seeds = given.seeds if given.seeds is not None else 3 if given.quick else 31
+    options = parser.parse_args(arguments)
+    seeds = options.seeds if options.seeds is not None else 3 if options.quick else 31
     if seeds < 2:
         parser.error(f"--seeds: at least 2 wanted, got {seeds}")
-    evaluations = given.evaluations or (QUICK_EVALUATIONS if given.quick else None)
+    evaluations = options.evaluations or (QUICK_EVALUATIONS if options.quick else None)
     if evaluations is not None and evaluations < 4 * POPULATION:
         parser.error(f"--evaluations: at least {4 * POPULATION} wanted, got {evaluations}")
-    chosen = given.problems or (QUICK if given.quick else list(CASES))
+    chosen = options.problems or (QUICK if options.quick else list(CASES))
     tell_left_out(chosen)
-    if given.quick:
+    if options.quick:
         print(f"quick: {', '.join(chosen)} only, {evaluations} evaluations, {seeds} seeds: too few to prove much")
         print("quick: FATROP and IPOPT with CasADi's own evaluation, not compiled")
-    found = run_all(chosen, KINDS, seeds, evaluations, compiling=not given.quick)
+    found = run_all(chosen, KINDS, seeds, evaluations, compiling=not options.quick)
     if min((len(runs) for each in found.values() for runs in each.values()), default=0) < 2:
         parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
-    report(rows_of(found), json_file=given.json)
+    report(rows_of(found), json_file=options.json)
 
 
 if __name__ == "__main__":

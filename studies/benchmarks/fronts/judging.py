@@ -14,7 +14,7 @@ from paretoik.arrays import Objectives, Values
 from studies.benchmarks.fronts.cases import Run
 from studies.benchmarks.fronts.methods import CELLS, FACTORS, OURS, PLAIN
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
-from studies.benchmarks.maximin import MARGIN, Comparison, compare, judged, scores
+from studies.benchmarks.significance import MARGIN, Comparison, compare, decide, scores
 from studies.reporting import Row
 
 CORNER = 1.1  # of the hypervolume, in ranges of the union
@@ -117,13 +117,11 @@ def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
     """Return comparisons, losses first, after Holm over all of them, and their count by peer."""
     grades = ["loss", "undecided", "equal", "win"]
     rows, counts = [], dict[str, Counter[str]]()
-    for one in sorted(judged(every), key=lambda one: (grades.index(one.verdict.split(",")[0]), one.a12)):
+    for one in sorted(decide(every), key=lambda one: (grades.index(one.verdict.split(",")[0]), one.a12)):
         budget = one.problem.split(", equal ")[1]
         counts.setdefault(f"{one.peer}, equal {budget}", Counter())[one.verdict.split(",")[0]] += 1
-        ratio = f"ratio {one.ratio:.3f} [{one.ratio_low:.3f}, {one.ratio_high:.3f}]"
-        tests = f"A12 {one.a12:.2f}, p {one.p_holm:.1e}, p equal {one.p_equal_holm:.1e}"
-        said = one.verdict.upper() if one.verdict.startswith("loss") else one.verdict
-        name, note = f"{one.indicator} beside {one.peer}", f"{said}; {ratio}, {tests}"
+        verdict = one.verdict.upper() if one.verdict.startswith("loss") else one.verdict
+        name, note = f"{one.indicator} beside {one.peer}", f"{verdict}; {one.tests}"
         rows.append(
             Row(table=COMPARED, row=one.problem, column=name, unit="", ours=one.ours, paper=one.theirs, note=note)
         )

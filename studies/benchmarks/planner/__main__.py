@@ -14,7 +14,6 @@ nothing but the problem; a first one, which compiles, is not timed.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,7 +24,7 @@ from studies.benchmarks.planner.growth import growth
 from studies.benchmarks.planner.simulations import NAMES, Compared, Effort, compared, forms, summed
 from studies.benchmarks.planner.sweep import sweeps
 from studies.benchmarks.planner.verdicts import HALF, losses_first, tell
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 
 def simulated(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
@@ -44,20 +43,18 @@ def simulated(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="12 starts, the arm as printed, short sweeps")
+    parser = study_parser(__doc__, quick="12 starts, the arm as printed, short sweeps")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="file to write the rows to")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     if COMPILER is None:
         tell("no C compiler: peers run with CasADi's own evaluation alone")
-    effort = Effort(starts=12, repeats=1, seed=given.seed) if given.quick else Effort(seed=given.seed)
-    arms = ("printed",) if given.quick else ("printed", "fitted")
+    effort = Effort(starts=12, repeats=1, seed=options.seed) if options.quick else Effort(seed=options.seed)
+    arms = ("printed",) if options.quick else ("printed", "fitted")
     with tempfile.TemporaryDirectory() as folder, Cores() as cores:
         rows = simulated(cores, arms, effort, Path(folder))
-        rows += sweeps(cores, Path(folder), effort, quick=given.quick)
-    rows += growth(NAMES[:1] if given.quick else (NAMES[0], NAMES[2]), seed=given.seed, repeats=effort.repeats + 2)
-    report(losses_first(rows), json_file=given.json)
+        rows += sweeps(cores, Path(folder), effort, quick=options.quick)
+    rows += growth(NAMES[:1] if options.quick else (NAMES[0], NAMES[2]), seed=options.seed, repeats=effort.repeats + 2)
+    report(losses_first(rows), json_file=options.json)
 
 
 if __name__ == "__main__":

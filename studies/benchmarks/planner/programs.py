@@ -17,7 +17,7 @@ import numpy as np
 from casadi import SX, cos, dot, sin, sumsqr, vertcat
 
 from paretoik.task.motion_task import MotionTask
-from studies.benchmarks.reference_front import FITTED, INERTIAS, LENGTHS, PRINTED, coupling
+from studies.benchmarks.reference_program import FITTED, INERTIAS, LENGTHS, PRINTED, coupling
 
 MASSES = {"printed": PRINTED, "fitted": FITTED}
 ENERGY, TORQUE = "kinetic_energy", "torque_norm"

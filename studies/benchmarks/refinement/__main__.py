@@ -19,7 +19,6 @@ better by 1e-6 of the objective.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +28,7 @@ import numpy as np
 
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, timed
 from studies.benchmarks.refinement.cases import CASES, Contest, Solve
-from studies.reporting import Row, report
+from studies.reporting import Row, report, study_parser
 
 VIOLATION = 1e-6
 BETTER = 1e-6  # share of the objective
@@ -106,21 +105,19 @@ def contest_rows(name: str, contest: Contest) -> list[Row]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="two starts, 10 s each for SciPy")
+    parser = study_parser(__doc__, quick="two starts, 10 s each for SciPy")
     names = [case.name for case in CASES]
     parser.add_argument("--cases", nargs="+", choices=names, metavar="NAME", help="only these")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="file to write the rows to")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
-            if case.name in (given.cases or names):
+            if case.name in (options.cases or names):
                 tell(f"{case.name}: programs")
-                starts, seconds = (2, QUICK_SECONDS) if given.quick else (case.starts, SECONDS)
-                rows += contest_rows(case.name, case.make(starts, given.seed, seconds, Path(folder)))
-    report(losses_first(rows), json_file=given.json)
+                starts, seconds = (2, QUICK_SECONDS) if options.quick else (case.starts, SECONDS)
+                rows += contest_rows(case.name, case.make(starts, options.seed, seconds, Path(folder)))
+    report(losses_first(rows), json_file=options.json)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ import subprocess
 
 import pytest
 
+from paretoik.cli.show import show
 from paretoik.errors import InvalidInput
-from paretoik.review.viewer import show
 
 
 @pytest.fixture

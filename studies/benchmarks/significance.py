@@ -1,0 +1,91 @@
+"""Indicators of fronts against a reference, and tests of two methods' indicators over seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from moocore import epsilon_additive, hypervolume, igd_plus
+from scipy.stats import mannwhitneyu
+
+from paretoik.arrays import Objectives, Values
+from studies.reporting import holm
+
+MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One comparison; all medians over seeds, ``ratio`` with its 95 % bootstrap interval."""
+
+    problem: str
+    indicator: str
+    peer: str
+    ours: float
+    theirs: float
+    ratio: float
+    ratio_low: float
+    ratio_high: float
+    a12: float
+    p: float
+    p_equal: float
+    p_holm: float = 1.0
+    p_equal_holm: float = 1.0
+    verdict: str = ""
+
+    @property
+    def tests(self) -> str:
+        """The ratio with its interval, A12 and the corrected p-values, in words."""
+        ratio = f"ratio {self.ratio:.3f} [{self.ratio_low:.3f}, {self.ratio_high:.3f}]"
+        return f"{ratio}, A12 {self.a12:.2f}, p {self.p_holm:.1e}, p equal {self.p_equal_holm:.1e}"
+
+
+def scores(F: Objectives, union: Objectives) -> dict[str, float]:
+    """Judge one final front against the union."""
+    if not len(F):
+        return {"hypervolume": 0.0, "IGD+": np.inf, "epsilon": np.inf}
+    ideal, width = union.min(axis=0), np.ptp(union, axis=0)
+    width = np.where(width > 0, width, 1.0)
+    normal, reference = (F - ideal) / width, (union - ideal) / width
+    inside = normal[np.less(normal, 1.1).all(axis=1)]
+    return {
+        "hypervolume": float(hypervolume(inside, ref=np.full(F.shape[1], 1.1))) if len(inside) else 0.0,
+        "IGD+": float(igd_plus(normal, ref=reference)),
+        "epsilon": float(epsilon_additive(normal, ref=reference)),
+    }
+
+
+def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
+    """Test one indicator of ours against a peer's, each (seeds,)."""
+    better = 1.0 if indicator == "hypervolume" else -1.0
+    test = mannwhitneyu(better * ours, better * theirs)
+    margin = MARGIN[indicator]
+    p_equal = max(
+        mannwhitneyu(ours, theirs * (1.0 - margin), alternative="greater").pvalue,
+        mannwhitneyu(ours, theirs * (1.0 + margin), alternative="less").pvalue,
+    )
+    draw = np.random.default_rng(0).integers(0, len(ours), size=(2, 2000, len(ours)))
+    middle, other = float(np.median(ours)), float(np.median(theirs))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratios = np.median(ours[draw[0]], axis=1) / np.median(theirs[draw[1]], axis=1)
+        ratio = float(np.divide(middle, other))
+    low, high = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
+    a12 = test.statistic / len(ours) / len(theirs)
+    return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, test.pvalue, p_equal)
+
+
+def decide(rows: Sequence[Comparison]) -> list[Comparison]:
+    """Return comparisons with corrected tests and their verdicts; losses first, then undecided, equal, wins."""
+    decided = []
+    differing, equal = holm([row.p for row in rows]), holm([row.p_equal for row in rows])
+    for row, p, p_equal in zip(rows, differing, equal, strict=True):
+        verdict = "undecided"
+        if p < LEVEL:
+            verdict = "loss" if row.a12 < 0.5 else "win"
+        if p_equal < LEVEL:
+            verdict = f"{verdict}, within margin" if verdict != "undecided" else "equal"
+        decided.append(replace(row, p_holm=float(p), p_equal_holm=float(p_equal), verdict=verdict))
+    grades = ["loss", "loss, within margin", "undecided", "equal", "win, within margin", "win"]
+    return sorted(decided, key=lambda row: (grades.index(row.verdict), row.indicator, row.a12))
