@@ -85,19 +85,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
 def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> np.ndarray:
     """Return the task errors (rows,) of a traced sample as expressions; ``target`` is as in ``MotionTask.targets``."""
-<<<<<<< HEAD
-    errors = path_errors(task.arm, task.tasks, list(motion.q.entries), target)
-    table = np.empty(len(errors), dtype=object)
-    table[:] = errors
-    return table
-=======
-    links, first = link_frames(task.arm, list(motion.q.entries)), 0
-    errors = []
-    for each in task.tasks:
-        errors += each.errors(task.arm, links, target[first : first + each.target_size])[0]
-        first += each.target_size
-    return np.array(errors, dtype=object)
->>>>>>> hub/main
+    return np.array(path_errors(task.arm, task.tasks, list(motion.q.entries), target), dtype=object)
 
 
 def trace_nodes(task: MotionTask) -> Evaluator:
