@@ -61,11 +61,12 @@ def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarr
     bounds = task.bounds.get("position", task.arm.position_limits[None])
     bounds = np.concatenate([bounds, position_ranges(task.arm, bounds)[..., None]], axis=-1)
     scaling = np.array([[each.objective.sign, each.reference, each.scale] for each in criteria]).reshape(number, 3)
-    inputs = program.program.arrays, program.table, steps, bounds, _modes(method), settings, gains, scaling
+    inputs = program.table, steps, bounds, _modes(method), settings, gains, scaling
     outputs = (q, *traces.values())
 
     def run(first: int, last: int) -> None:
-        compiled_kernels().follow(first, last, *inputs, outputs)
+        arrays = program.program.arrays  # with a workspace of its own: one for a thread
+        compiled_kernels().follow(first, last, arrays, *inputs, outputs)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()
