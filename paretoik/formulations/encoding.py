@@ -15,10 +15,10 @@ from paretoik.task.motion_task import MotionTask
 
 @dataclass(frozen=True, kw_only=True)
 class EncodingOptions:
-    """``degree`` of the splines; ``radii`` [rad or m] of charts, tried from the base outwards."""
+    """Settings of the splines and of their charts."""
 
     degree: int = 3
-    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)
+    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad or m, tried outwards
 
 
 OPTIONS = EncodingOptions()

@@ -19,19 +19,14 @@ from paretoik.task.retraction import retract, task_errors
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOptions:
-    """How curves are traced and cut: ``step_length`` [rad or m] of the predictor, at most ``steps`` of a curve.
+    """How curves are traced and cut into nodes."""
 
-    ``turn`` is the least cosine between the directions of two steps, ``seeds`` the postures at either end of the path
-    that are carried along it. ``nodes``: how many in the furthest step of a joint, and at most in all; ``pair_nodes``
-    where pairs of nodes are states.
-    """
-
-    step_length: float = 0.1
-    turn: float = 0.9
-    steps: int = 1200
-    seeds: int = 48
-    nodes: tuple[int, int] = (12, 500_000)
-    pair_nodes: tuple[int, int] = (10, 30_000)
+    step_length: float = 0.1  # rad or m: of the predictor
+    turn: float = 0.9  # least cosine between the directions of two steps
+    steps: int = 1200  # of a curve, at most
+    seeds: int = 48  # postures at either end of the path that are carried along it
+    nodes: tuple[int, int] = (12, 500_000)  # in the furthest step of a joint, and at most in all
+    pair_nodes: tuple[int, int] = (10, 30_000)  # the same where pairs of nodes are states
 
 
 OPTIONS = CurveOptions()

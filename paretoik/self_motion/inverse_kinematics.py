@@ -15,20 +15,15 @@ from paretoik.task.retraction import OPTIONS as RETRACTION
 
 @dataclass(frozen=True, kw_only=True)
 class InverseKinematicsOptions:
-    """Damped least squares from random starts: Newton ``iterations`` of a start, the largest step of a joint.
-
-    ``damping`` is a share of the squared error, ``first_damping`` what is added in the first ``damped_iterations``.
-    A sample that few ``quick_starts`` reach is tried from ``thorough_starts``, with five times the iterations, before
-    it is called out of reach.
-    """
+    """Settings of damped least squares from random starts."""
 
     iterations: int = 40
-    longest_step: float = 0.5  # rad or m
-    damping: float = 1e-2
-    first_damping: float = 1e-3
+    longest_step: float = 0.5  # rad or m: of a joint
+    damping: float = 1e-2  # share of the squared error
+    first_damping: float = 1e-3  # added to it in the first iterations
     damped_iterations: int = 5
     quick_starts: int = 32
-    thorough_starts: int = 256
+    thorough_starts: int = 256  # with five times the iterations, before a sample is called out of reach
 
 
 OPTIONS = InverseKinematicsOptions()

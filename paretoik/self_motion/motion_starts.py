@@ -14,17 +14,12 @@ from paretoik.task.retraction import retract, row_space_basis, solve_small_syste
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How far starts move: ``travel`` [rad or m], all joints together along the self-motion, at most.
+    """How far starts move."""
 
-    Half of that falls into a share of the path between ``travel_width``. ``perturbation`` [rad or m] is the RMS change
-    of joints where the path leaves them free. From one sample to the next no joint moves further than
-    ``longest_jump`` [rad or m].
-    """
-
-    travel: float = 9.0
-    travel_width: tuple[float, float] = (0.3, 1.0)
-    perturbation: float = 1.0
-    longest_jump: float = 0.7
+    travel: float = 9.0  # rad or m: all joints together along the self-motion, at most
+    travel_width: tuple[float, float] = (0.3, 1.0)  # shares of the path into which half of the travel falls
+    perturbation: float = 1.0  # rad or m: RMS change of joints where the path leaves them free
+    longest_jump: float = 0.7  # rad or m: of a joint from one sample to the next
 
 
 OPTIONS = StartOptions()

@@ -19,23 +19,15 @@ At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (
 
 @dataclass(frozen=True, kw_only=True)
 class GridOptions:
-    """How a grid is laid and what it returns.
+    """How a grid is laid and what it returns."""
 
-    Joints without velocity limit may go ``pace`` times as fast as the path itself asks for. A quick grid has at most
-    ``quick_nodes``. Paths nearer than ``distinct`` [rad or m, RMS] to a better one are not told from it.
-
-    Terms of at most ``transitions`` are evaluated (more do not fit the memory of a small machine), ``block`` samples at
-    once. For the bound, steps between the corners of a cell are longer by ``cell`` nodes than those of a motion in it;
-    transitions are evaluated ``margin`` nodes beyond windows and ranges of joints.
-    """
-
-    pace: float = 2.5
-    quick_nodes: int = 30_000
-    distinct: float = 0.15
-    transitions: int = 40_000_000
-    block: int = 200_000
-    cell: int = 2
-    margin: int = 4
+    pace: float = 2.5  # times the path's own that joints without velocity limit may go
+    quick_nodes: int = 30_000  # of a quick grid, at most
+    distinct: float = 0.15  # rad or m, RMS: paths nearer to a better one are not told from it
+    transitions: int = 40_000_000  # more do not fit the memory of a small machine
+    block: int = 200_000  # samples that are evaluated at once
+    cell: int = 2  # nodes by which steps between a cell's corners are longer than those of a motion in it (the bound)
+    margin: int = 4  # nodes beyond windows and ranges of joints that transitions are evaluated (the bound)
 
 
 OPTIONS = GridOptions()

@@ -28,29 +28,19 @@ from paretoik.trajectory.program import MotionProgram, joint_distance
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How many starts there are, and when more are tried.
+    """How many starts there are, and when more are tried: rare optima for one degree of redundancy, else hops."""
 
-    ``rollouts`` are tried for each start. A grid of postures has nodes ``spacing`` [rad or m] apart, so that it takes
-    as long as many starts, and returns at most ``classes`` paths.
-
-    With one degree of redundancy: an optimum that at most ``rare`` starts reached is rare, and others are likely that
-    none has reached; with ``many`` optima likely too. At most ``rounds`` batches are added until none is rare. With
-    more degrees (basin hopping) the best ``hop_centers`` are perturbed, at most ``hops`` times, until ``patience``
-    rounds in turn brought nothing better. At the end the best ``disturbed`` are minimised from high barriers again, at
-    most as often. A value better by less than the share ``gain`` is no better.
-    """
-
-    rollouts: int = 4
-    spacing: float = 0.15
-    classes: int = 8
-    rare: int = 2
-    many: int = 6
-    rounds: int = 4
-    hop_centers: int = 4
-    patience: int = 2
-    hops: int = 12
-    disturbed: int = 3
-    gain: float = 1e-6
+    rollouts: int = 4  # that are tried for each start
+    spacing: float = 0.15  # rad or m: of a grid's nodes, so that it takes as long as many starts
+    classes: int = 8  # of a grid's paths, at most
+    rare: int = 2  # starts at most that reached an optimum, so that others are likely that none has reached
+    many: int = 6  # optima, so that others are likely too
+    rounds: int = 4  # batches at most that are added while an optimum is rare
+    hop_centers: int = 4  # best optima that are perturbed in a hop (basin hopping)
+    patience: int = 2  # hops in turn that brought nothing better
+    hops: int = 12  # at most
+    disturbed: int = 3  # best optima that are minimised from high barriers again at the end, and how often at most
+    gain: float = 1e-6  # share of a value by which another is better
 
 
 OPTIONS = StartOptions()

@@ -25,15 +25,11 @@ from paretoik.trajectory.whole_functions import WholeFunction
 
 @dataclass(frozen=True, kw_only=True)
 class TranscriptionOptions:
-    """How functions are probed for kinks, and how many sets of evaluators stay in memory.
+    """How functions are probed for kinks, and how many sets of evaluators stay in memory."""
 
-    ``probes`` are random inputs, position, velocity, acceleration and jerk with standard deviations ``probe_range``
-    [rad, rad/s, ...]. Levels of samples and scales of objectives share their evaluators: ``cache_size`` sets.
-    """
-
-    probes: int = 64
-    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)
-    cache_size: int = 16
+    probes: int = 64  # random inputs
+    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, rad/s, rad/s², rad/s³: standard deviations
+    cache_size: int = 16  # sets of evaluators; levels of samples and scales of objectives share them
 
 
 OPTIONS = TranscriptionOptions()
