@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Objectives
+from paretoik.arrays import JointPaths, Objectives
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
@@ -16,11 +16,9 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.program import joint_distance
 
 
-def sample_rollouts(
-    task: MotionTask, rng: np.random.Generator, *, count: int = 256
-) -> Float[np.ndarray, "motions time dof"]:
-    """Return roll-outs, at most so many: those that violate limits less first, then by non-domination."""
-    q = rollout_starts(task, count, rng)
+def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
+    """Return at most 256 roll-outs: those that violate limits less first, then by non-domination."""
+    q = rollout_starts(task, 256, rng)
     F, limits, _ = evaluate_motions(task, task.motion(q))
     violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
     finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
@@ -28,9 +26,7 @@ def sample_rollouts(
     return q[np.lexsort((rank, violation))]
 
 
-def choose_bases(
-    task: MotionTask, rollouts: Float[np.ndarray, "motions time dof"], count: int
-) -> Float[np.ndarray, "bases time dof"]:
+def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
     """Return the best roll-out of every branch, then the farthest of the better halves, at most ``count``."""
     branch = np.array(branch_labels(task.motion(rollouts)))
     members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
@@ -42,13 +38,10 @@ def choose_bases(
     return rollouts[chosen]
 
 
-def positions_on_path(
-    task: MotionTask, motions: Motion, *, tolerance: float = 1e-6
-) -> Float[np.ndarray, "motions time dof"]:
+def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """Return the joint positions of a user's motions.
 
-    Raises InvalidInput where they are not of the task's arm and samples, or off the path by more than ``tolerance``
-    [m, rad].
+    Raises InvalidInput where they are not of the task's arm and samples, or more than 1e-6 m or rad off the path.
     """
     if not isinstance(motions, Motion):
         raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
@@ -59,12 +52,12 @@ def positions_on_path(
             f"{q.shape[1]}"
         )
     deviation = float(task.motion(q).tracking_error.max())
-    if deviation > tolerance:
+    if deviation > 1e-6:
         raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
     return q
 
 
-def require_values(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> None:
+def require_values(task: MotionTask, q: JointPaths) -> None:
     """Raise EvaluationFailed, with the first cause, where objectives and limits of no motion have values."""
     causes = evaluate_motions(task, task.motion(q))[2]
     if all(causes):

@@ -46,12 +46,12 @@ class Configurations:
     stationary: MotionTask
     directions: Float[np.ndarray, "directions task"]
 
-    def bases(self, q: Float[np.ndarray, "postures dof"], *, distance: float = 0.1) -> Float[np.ndarray, "bases dof"]:
-        """Return postures no nearer to each other than a distance [rad or m], each beside its neighbours."""
+    def bases(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "bases dof"]:
+        """Return postures no nearer to each other than 0.1 rad or m, each beside its neighbours."""
         bases = list[np.ndarray]()
         for posture in q:
             distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
-            if distances.max(axis=1).min(initial=np.inf) > distance:
+            if distances.max(axis=1).min(initial=np.inf) > 0.1:
                 bases.append(posture)
         return order_by_neighbour(np.array(bases), self.arm.periodic)
 

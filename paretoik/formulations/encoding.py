@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, JointPaths
 from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask
 
@@ -56,9 +56,7 @@ class Encoding:
         """Return the number of each individual's base motion."""
         return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
 
-    def decode(
-        self, task: MotionTask, genes: Genes
-    ) -> tuple[Float[np.ndarray, "points time dof"], Bool[np.ndarray, "points time"]]:
+    def decode(self, task: MotionTask, genes: Genes) -> tuple[JointPaths, Bool[np.ndarray, "points time"]]:
         """Return motions and which of their samples are on the path."""
         which = self.species(genes)
         q, on_path = self.charts.at(task, which, self._coordinates(which, genes))
@@ -66,9 +64,7 @@ class Encoding:
             q[:, -1] = q[:, 0]
         return q, on_path
 
-    def encode(
-        self, which: Int[np.ndarray, " motions"], q: Float[np.ndarray, "motions time dof"]
-    ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
+    def encode(self, which: Int[np.ndarray, " motions"], q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
         """Return genes of motions around bases ``which``, and by how much [rad, m] the spline misses them."""
         y = self.charts.coordinates(which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)

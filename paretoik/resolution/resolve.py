@@ -115,11 +115,11 @@ def resolve(
     return motion
 
 
-def _starts(task: MotionTask, start: object, seed: int, candidate_count: int = 64) -> np.ndarray:
-    """Return the postures (*batch, dof) that motions start in, by default the candidate farthest from singular."""
+def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
+    """Return the postures (*batch, dof) that motions start in, by default that of 64 farthest from singular."""
     if start is None:
         rng = np.random.default_rng(seed)
-        candidates = sample_postures(task, candidate_count, rng)
+        candidates = sample_postures(task, 64, rng)
         if not len(candidates):
             raise reach_error(task, rng, 0)
         singular_values = np.linalg.svd(task_errors(task.arm, task.tasks, candidates, task.targets[0])[1])[1]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from paretoik.arrays import JointPaths
 from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
@@ -25,8 +26,8 @@ class Charts:
     row_space: Float[np.ndarray, "bases time dof rows"]
 
     def at(
-        self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "motions time redundancy"]
-    ) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
+        self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]
+    ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
         """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
 
         A sample whose correction jumps from that of the sample before has come to another sheet, and is off.
@@ -38,9 +39,7 @@ class Charts:
         on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= STARTS.longest_jump + base_step
         return q, on_path
 
-    def coordinates(
-        self, which: np.ndarray, q: Float[np.ndarray, "motions time dof"]
-    ) -> Float[np.ndarray, "motions time redundancy"]:
+    def coordinates(self, which: np.ndarray, q: JointPaths) -> Float[np.ndarray, "*batch time redundancy"]:
         """Return the coordinates y of motions around bases ``which``."""
         return np.einsum("ptdr,ptd->ptr", self.null_space[which], q - self.base[which])
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from paretoik.arrays import JointPaths
 from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
@@ -73,10 +74,8 @@ def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) ->
     return q[on_path.all(axis=1)]
 
 
-def perturbed_starts(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"], rng: np.random.Generator
-) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path near given ones, all joints displaced at random.
+def perturbed_starts(task: MotionTask, q: JointPaths, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
+    """Return motions on the path near others, all joints displaced at random.
 
     Most at both ends (in cyclic motions at opposite points), less in between, along the null space of the tasks'
     Jacobian; then they are retracted. Motions that leave the path or jump are left out.
@@ -132,10 +131,8 @@ def _integrate(
     return q[alive], len(task.times) - 1
 
 
-def _project_to_self_motion(
-    rows: np.ndarray, heading: Float[np.ndarray, "count dof"]
-) -> Float[np.ndarray, "count dof"]:
-    """Return unit directions of self-motion nearest to given ones; ``rows`` (count, dof, rows) move the tool."""
+def _project_to_self_motion(rows: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """Return unit directions of self-motion (count, dof) nearest to headings; ``rows`` move the tool."""
     tangent = heading - np.einsum("pdk,pek,pe->pd", rows, rows, heading)
     return tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
 
@@ -146,16 +143,14 @@ def _sample_inverse_weights(count: int, dof: int, rng: np.random.Generator) -> F
     return (basis / eigenvalues[:, None, :]) @ np.swapaxes(basis, -1, -2)
 
 
-def _remove_drift(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+def _remove_drift(task: MotionTask, q: JointPaths) -> JointPaths:
     """Return motions that end in the posture they start from, their drift taken out evenly over time."""
     drift = q[:, -1:] - q[:, :1]
     drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
     return q - (task.times / task.times[-1])[None, :, None] * drift
 
 
-def _retract_to_path(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"]
-) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
+def _retract_to_path(task: MotionTask, q: JointPaths) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
     """Return motions retracted to the path, and which of their samples are on it without a jump."""
     jacobian = task_errors(task.arm, task.tasks, q, task.targets)[1]
     directions = jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)

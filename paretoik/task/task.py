@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +31,7 @@ from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_com
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.path import Path
 
+Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 SINE_TOLERANCE = 1e-12  # the axis of a rotation with a smaller sine is rounding
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
@@ -131,9 +132,7 @@ class Task:
                 columns.append(rotation_vector(later @ rotations.swapaxes(-1, -2)))
         return np.concatenate(columns, axis=1)
 
-    def displacement_components(
-        self, arm: Arm, links: LinkFrames, displacement: Sequence[Component]
-    ) -> list[Component]:
+    def displacement_components(self, arm: Arm, links: LinkFrames, displacement: Components) -> list[Component]:
         """Return a row of ``displacements`` in the coordinates of ``errors``, as components."""
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
@@ -143,7 +142,7 @@ class Task:
             components += [vector[i] for i in self._rotation_axes]
         return components
 
-    def errors(self, arm: Arm, links: LinkFrames, target: Sequence[Component]) -> list[Component]:
+    def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
         """Return the errors at a target as components, all of them expressions or numbers."""
         rotation, position = frame_components(arm, links, _frame(arm, self.frame))
         size = self.position_rows
@@ -164,7 +163,7 @@ class Task:
             jacobian += [[angular[i] for angular in in_frame] for i in self._rotation_axes]
         return jacobian
 
-    def equations(self, arm: Arm, links: LinkFrames, target: Sequence[Component]) -> list[Component]:
+    def equations(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
         """Return smooth functions that vanish where the errors do; there their gradients are the Jacobian's rows.
 
         Unlike the rotation vector, sines of the angle have derivatives of every order on the path itself, and the same
@@ -189,32 +188,24 @@ class Task:
         return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
-def path_errors(
-    arm: Arm, tasks: Sequence[Task], q: Sequence[Component], targets: Sequence[Component]
-) -> list[Component]:
+def path_errors(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
     """Return the errors of all tasks at joint positions and targets, as components."""
     return _over_tasks(Task.errors, arm, tasks, q, targets)
 
 
-def path_equations(
-    arm: Arm, tasks: Sequence[Task], q: Sequence[Component], targets: Sequence[Component]
-) -> list[Component]:
+def path_equations(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
     """Return the ``equations`` of all tasks at joint positions and targets, as components."""
     return _over_tasks(Task.equations, arm, tasks, q, targets)
 
 
-def path_jacobian(arm: Arm, tasks: Sequence[Task], q: Sequence[Component]) -> list[Component]:
+def path_jacobian(arm: Arm, tasks: Sequence[Task], q: Components) -> list[Component]:
     """Return the Jacobian of all tasks at joint positions, by rows, as components."""
     links = link_frames(arm, q)
     return [slope for task in tasks for row in task.jacobian(arm, links) for slope in row]
 
 
 def _over_tasks(
-    components: Callable[..., list[Component]],
-    arm: Arm,
-    tasks: Sequence[Task],
-    q: Sequence[Component],
-    targets: Sequence[Component],
+    components: Callable[..., list[Component]], arm: Arm, tasks: Sequence[Task], q: Components, targets: Components
 ) -> list[Component]:
     links, values, first = link_frames(arm, q), list[Component](), 0
     for task in tasks:
@@ -228,7 +219,7 @@ def _frame(arm: Arm, name: str) -> Frame:
     return arm.frame(name)  # it searches and builds; retraction calls this a thousand times
 
 
-def _matrix(entries: Sequence[Component]) -> Matrix:
+def _matrix(entries: Components) -> Matrix:
     return tuple(tuple(entries[3 * i : 3 * i + 3]) for i in range(3))  # type: ignore[return-value]
 
 
@@ -276,6 +267,6 @@ def _half_turn(between: Matrix) -> Vector:
     return scale(axis, np.pi / np.sqrt(dot(axis, axis)))
 
 
-def _where(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Vector:
+def _where(condition: Component, first: Components, second: Components) -> Vector:
     x, y, z = (where(condition, one, other) for one, other in zip(first, second, strict=True))
     return x, y, z

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
@@ -80,9 +81,7 @@ def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples
     return np.empty((0, len(level.times), dof))
 
 
-def _most_promising(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"], limit: int
-) -> Float[np.ndarray, "chosen time dof"]:
+def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.ndarray, "chosen time dof"]:
     """Return the motions to start from: in every branch the best by objectives and limits, the branches in turn."""
     motions = task.motion(q)
     values = np.stack([o(motions) * o.sign for o in task.objectives])
