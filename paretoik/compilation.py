@@ -34,8 +34,8 @@ from paretoik.compilation_notices import SILENT, CompilationNotice, announce
 from paretoik.compilation_units import compilation_unit
 
 carray = numba.carray  # an array at a pointer
-OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy"}  # as in NumPy, division by 0 gives inf or nan
-WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # x / 0 is inf or nan
+WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True}
 
 # Functions that take functions are written into their callers: with a function as argument, nothing could be cached.
 inlined = numba.njit(inline="always", nogil=True, error_model="numpy")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 
 import matplotlib
@@ -21,6 +23,13 @@ from paretoik.review.palette import PAPER
 
 REPORTED = Path(__file__).parent / "reported"
 WIDTH = 180  # of what is printed into a file or a pipe
+
+
+@cache
+def paper_numbers(study: str) -> dict[tuple[str, str, str], float]:
+    """Return what the paper of a study prints, by table, row and column."""
+    with (REPORTED / f"{study}.csv").open(encoding="utf-8") as file:
+        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
 @dataclass(frozen=True, kw_only=True)

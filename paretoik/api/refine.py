@@ -17,7 +17,7 @@ from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
-from paretoik.pareto.improver import Improver
+from paretoik.pareto.improver import OPTIONS, suggest_points
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
@@ -140,23 +140,23 @@ def _no_worse(
 class SearchImprover:
     """Suggests genes to a search: those of points that a few iterations from its front lead to.
 
-    Raises InvalidInput where the problem has no gradients, or an objective or limit has no derivative.
+    ``spent`` counts iterations, each as one evaluation. Raises InvalidInput where the problem has no gradients, or an
+    objective or limit has no derivative.
     """
 
     def __init__(self, search: Search, solver: Solver = "auto") -> None:
-        self._search = search
+        self.spent = 0
+        self._search, self._solver = search, solver
         self._formulation = require_program("refine", search.problem)
-        self._improver = Improver(self._formulation.program(), self._formulation.branches, solver=solver)
-
-    @property
-    def spent(self) -> int:
-        """Iterations so far, each counted as one evaluation."""
-        return self._improver.spent
+        self._program = self._formulation.program()
 
     def __call__(self, progress: Progress) -> Genes | None:
         """Return genes to be evaluated next, or None."""
         front = self._search.archive.members
-        due = self._improver.is_due(progress.generation, progress.evaluations)
+        due = progress.generation % OPTIONS.every == 0 and self.spent <= OPTIONS.share * progress.evaluations
         if not due or front is None or len(front) < 2:
             return None
-        return self._formulation.genes(self._improver.suggest(self._formulation.points(front.X), front.F))
+        x = self._formulation.points(front.X)
+        x, iterations = suggest_points(self._program, x, front.F, self._formulation.branches(x), solver=self._solver)
+        self.spent += iterations
+        return self._formulation.genes(x)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,34 +23,29 @@ from paretoik.run_files import RECORDING, write_run
 PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
 
 
+@dataclass(kw_only=True, eq=False)
 class RunSession:
     """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it."""
 
-    def __init__(
-        self,
-        *,
-        provenance: Mapping[str, Any],
-        folder: Path | None,
-        interruption: Interruption,
-        observe: Observer | None,
-        title: str,
-    ) -> None:
-        self.provenance, self.folder, self.interruption = provenance, folder, interruption
-        self.recorder: Recorder | None = None
-        self._observe, self._title = observe, title
-        self._started = time.monotonic()
-        self._draft: Front | None = None
-        self._finished = False
+    provenance: Mapping[str, Any]
+    folder: Path | None
+    interruption: Interruption
+    observe: Observer | None
+    title: str
+    recorder: Recorder | None = None
+    started: float = field(default_factory=time.monotonic)
+    draft: Front | None = None
+    finished: bool = False
 
     def start(
         self, *, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], timeline: Timeline
     ) -> None:
         """Start the clock, and where the run has a folder the recording of objectives along generations or steps."""
-        self._started = time.monotonic()
+        self.started = time.monotonic()
         if self.folder is not None:
             self.recorder = Recorder(
                 self.folder / RECORDING,
-                title=self._title,
+                title=self.title,
                 names=names,
                 units=units,
                 maximised=maximised,
@@ -60,7 +55,7 @@ class RunSession:
     @property
     def seconds(self) -> float:
         """Time since the start [s]."""
-        return time.monotonic() - self._started
+        return time.monotonic() - self.started
 
     @property
     def signal(self) -> str | None:
@@ -70,24 +65,24 @@ class RunSession:
     @property
     def is_watched(self) -> bool:
         """Whether a recorder or an observer looks on."""
-        return self.recorder is not None or self._observe is not None
+        return self.recorder is not None or self.observe is not None
 
     def show(self, progress: RunProgress) -> None:
         """Show the recorder and the observer how far the run has come."""
         if self.recorder is not None and progress.generation is not None:
             self.recorder.record(progress.generation)
-        if self._observe is not None:
-            self._observe(progress)
+        if self.observe is not None:
+            self.observe(progress)
 
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
             front.save(self.folder)
-            self._draft = front
+            self.draft = front
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
-        self._finished = True
+        self.finished = True
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
             front.save(self.folder)
@@ -95,12 +90,12 @@ class RunSession:
     def fail(self, error: Exception) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
         failure = {"status": type(error).__name__, "reason": str(error)}
-        if self.folder is None or self._finished:
+        if self.folder is None or self.finished:
             return
-        if self._draft is None:
+        if self.draft is None:
             write_run(self.folder, {**self.provenance, **failure})
         else:
-            replace(self._draft, provenance={**self._draft.provenance, **failure}).save(self.folder)
+            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,7 @@ class FrontSearch:
         self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
+        self._corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it only grows
         self.settings = {
             "population": population,
             "generations": self.generations,
@@ -103,8 +105,8 @@ class FrontSearch:
     def _evolve(self, session: RunSession) -> Front:
         search = self.search
         session.start(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
-        observer = _GenerationObserver(search, session, self.generations)
-        status = evolve(search, [*self.endings, _Signal(session)], observe=observer, improve=self.improver)
+        observe = partial(self._show, session)
+        status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
         if not len(search.archive):
             raise _infeasible(search)
         counts = {
@@ -121,6 +123,33 @@ class FrontSearch:
             provenance={**session.provenance, "status": status, "counts": counts},
         )
 
+    def _show(self, session: RunSession, progress: Progress) -> None:
+        """Show a generation in the user's own sign."""
+        if not session.is_watched:
+            return
+        signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
+        if self._corner is None and len(front):
+            worst = front.max(axis=0)
+            self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
+        volume = 0.0 if self._corner is None else hypervolume(front, self._corner)
+        generation = Generation(
+            number=progress.generation,
+            population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
+            front=front * signs,
+            front_ids=progress.ids,
+            hypervolume=volume,
+            failed=failed,
+        )
+        shown = RunProgress(
+            stage="generation",
+            done=progress.generation,
+            total=self.generations,
+            seconds=progress.seconds,
+            summary=f"front {len(front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else ""),
+            generation=generation,
+        )
+        session.show(shown)
+
 
 @dataclass(frozen=True)
 class _Signal:
@@ -132,43 +161,6 @@ class _Signal:
     def reached(self, progress: Progress) -> str | None:
         """Return the name of the signal, if any."""
         return self.session.signal
-
-
-class _GenerationObserver:
-    """Shows every generation of a search in the user's own sign."""
-
-    def __init__(self, search: Search, session: RunSession, generations: int) -> None:
-        self.search, self.session, self.generations = search, session, generations
-        self.corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it can only grow
-
-    def __call__(self, progress: Progress) -> None:
-        if not self.session.is_watched:
-            return
-        signs = np.where(self.search.maximised, -1.0, 1.0)
-        if self.corner is None and len(progress.front):
-            worst = progress.front.max(axis=0)
-            self.corner = worst + np.maximum(ranges_of(progress.front), 0.1 * np.abs(worst))
-        volume = 0.0 if self.corner is None else hypervolume(progress.front, self.corner)
-        failed = progress.failed.count
-        generation = Generation(
-            number=progress.generation,
-            population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
-            front=progress.front * signs,
-            front_ids=progress.ids,
-            hypervolume=volume,
-            failed=failed,
-        )
-        summary = f"front {len(progress.front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else "")
-        self.session.show(
-            RunProgress(
-                stage="generation",
-                done=progress.generation,
-                total=self.generations,
-                seconds=progress.seconds,
-                summary=summary,
-                generation=generation,
-            )
-        )
 
 
 def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:

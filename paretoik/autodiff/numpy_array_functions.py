@@ -13,13 +13,7 @@ import numpy as np
 
 from paretoik.autodiff.numpy_ufuncs import apply_ufunc
 from paretoik.autodiff.tape import where
-from paretoik.autodiff.tracing import (
-    Trace,
-    TracedArray,
-    apply_elementwise,
-    entries_of,
-    rearrange,
-)
+from paretoik.autodiff.tracing import Trace, TracedArray, apply_elementwise, entries_of, rearrange
 from paretoik.errors import InvalidInput
 
 

@@ -40,8 +40,8 @@ def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
         second_sense = sense if op is Op.ADD else -sense
         pairs = list(product(smooth_pieces(tape, a, sense), smooth_pieces(tape, b, second_sense)))
         pieces = [tape.apply(op, *pair) for pair in pairs] if len(pairs) <= 64 else [i]
-    elif op is Op.MULTIPLY and (a in tape.values or b in tape.values):
-        factor, other = (a, b) if a in tape.values else (b, a)
+    elif (multiple := _as_multiple(tape, i)) is not None:
+        factor, other = multiple
         other_sense = sense if tape.values[factor] > 0 else -sense
         pieces = [tape.apply(op, factor, k) for k in smooth_pieces(tape, other, other_sense)]
     return list(dict.fromkeys(pieces))
@@ -50,8 +50,8 @@ def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
 def summands(tape: Tape, i: int) -> list[int]:
     """Return entries whose sum is entry i, expanded through sums, differences and multiples."""
     op, a, b, _ = tape.entries[i]
-    if op is Op.MULTIPLY and (a in tape.values or b in tape.values):
-        factor, other = (a, b) if a in tape.values else (b, a)
+    if (multiple := _as_multiple(tape, i)) is not None:
+        factor, other = multiple
         terms = summands(tape, other)
         return [tape.apply(op, factor, term) for term in terms] if len(terms) > 1 else [i]
     if op is Op.NEGATE:
@@ -64,17 +64,25 @@ def summands(tape: Tape, i: int) -> list[int]:
 
 def norm_terms(tape: Tape, i: int) -> tuple[float, list[int]] | None:
     """Return (factor > 0, entries) where entry i is factor · √Σ entries², a Euclidean norm; else None."""
-    op, a, b, _ = tape.entries[i]
+    op, a, _, _ = tape.entries[i]
     if op is Op.SQUARE_ROOT:
         terms = [tape.entries[k] for k in _flatten(tape, a, Op.ADD)]
         squares = all(inner is Op.MULTIPLY and first == second for inner, first, second, _ in terms)
         return (1.0, [first for _, first, *_ in terms]) if squares else None
-    if op is Op.MULTIPLY and (a in tape.values or b in tape.values):
-        factor, other = (a, b) if a in tape.values else (b, a)
+    if (multiple := _as_multiple(tape, i)) is not None:
+        factor, other = multiple
         norm = norm_terms(tape, other)
         if norm is not None and tape.values[factor] > 0:
             return norm[0] * tape.values[factor], norm[1]
     return None
+
+
+def _as_multiple(tape: Tape, i: int) -> tuple[int, int] | None:
+    """Return (constant, other factor) where entry i is a multiple; else None."""
+    op, a, b, _ = tape.entries[i]
+    if op is not Op.MULTIPLY or not (a in tape.values or b in tape.values):
+        return None
+    return (a, b) if a in tape.values else (b, a)
 
 
 def _flatten(tape: Tape, i: int, op: Op) -> list[int]:

@@ -64,7 +64,7 @@ class JointActuation:
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """What ``motors`` reads: a row a joint."""
+        """The columns of ``compiled.actuators``, a row a joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.motors.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.motors.stall, self.motors.fastest
@@ -123,9 +123,9 @@ class DistributedActuation:
         least_angle: object = LEAST_ROD_ANGLE,
     ) -> None:
         back = front if back is None else back
-        for what, curve in (("front", front), ("back", back)):
+        for name, curve in (("front", front), ("back", back)):
             if not isinstance(curve, MotorCurve):
-                raise InvalidInput(f"distributed actuation: {what} wants a MotorCurve, got {curve!r}")
+                raise InvalidInput(f"distributed actuation: {name} wants a MotorCurve, got {curve!r}")
         dof = len(front.stall)
         if len(back.stall) != dof or back.shape != front.shape:
             raise InvalidInput(
@@ -133,11 +133,11 @@ class DistributedActuation:
                 f"got {len(back.stall)} of shape {back.shape}"
             )
         numbers = {"rod": rod, "zero": zero, "bend": bend, "least_angle": least_angle}
-        settled = {name: broadcast(name, value, (dof,)) for name, value in numbers.items()}
+        geometry = {name: broadcast(name, value, (dof,)) for name, value in numbers.items()}
         pairs = {"front_bounds": front_bounds, "back_bounds": front_bounds if back_bounds is None else back_bounds}
-        settled |= {name: broadcast(name, value, (dof, 2)) for name, value in pairs.items()}
-        check_geometry(**settled)
-        for name, value in {"front": front, "back": back, **settled}.items():
+        geometry |= {name: broadcast(name, value, (dof, 2)) for name, value in pairs.items()}
+        check_geometry(**geometry)
+        for name, value in {"front": front, "back": back, **geometry}.items():
             object.__setattr__(self, name, value)
         _ = self.angle_bounds  # it refuses sliders that reach none
 
@@ -153,7 +153,7 @@ class DistributedActuation:
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """What ``motors`` reads: a row a joint."""
+        """The columns of ``compiled.actuators``, a row a joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.front.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.front.stall, self.front.fastest
@@ -167,12 +167,8 @@ class DistributedActuation:
     @cached_property
     def angle_bounds(self) -> Float[np.ndarray, "dof 2"]:
         """The least and the largest rod's angle θ [rad] that sliders within their bounds can give."""
-        return np.array(
-            [
-                angle_range(*each)
-                for each in zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)
-            ]
-        )
+        joints = zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)
+        return np.array([angle_range(*each) for each in joints])
 
     def angles(self, q: Joints) -> Joints:
         """Return the rods' angles θ (*batch, dof) [rad] at joint positions, as they are: not brought to one turn."""

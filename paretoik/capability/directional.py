@@ -24,7 +24,7 @@ from paretoik.robot.dynamics import gravity_torques
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
-    """The most that an arm can do along each direction from a position, and how.
+    """The highest speeds or forces of an arm along each direction from a position, and how they are reached.
 
     ``values`` (directions,) are speeds [m/s] or forces [N] along ``directions`` (directions, task), unit vectors, from
     ``position`` (task,) [m]; task is 2 for planar arms, else 3. Each has its own posture ``q`` (directions, dof), joint
@@ -65,27 +65,26 @@ def directional_maxima(
     starts: int = 20_000,
     seed: int = 0,
 ) -> PerformancePolygon:
-    """Return the most that the arm can do along each direction while its tool is at a position.
+    """Return the highest speeds or forces of an arm along each direction while its tool is at a position.
 
     Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
     tool can exert at rest, in postures that can be held without them. In a posture with its sliders both are exact: a
-    closed form, the facet of a zonotope (a linear program finds the same). Sliders are searched where they can bear
+    closed form, the facet of a zonotope (a linear program gives the same). Sliders are searched where they can bear
     their load, in 12 pieces of each stretch and by golden sections.
 
-    Postures of planar arms with three joints are looked at on every branch, all around, at 360 places on each curve and
-    wherever limits begin or end to be kept, and searched by golden sections from there: what has two maxima within a
-    degree may be missed. Other arms start from ``starts`` postures and climb, over posture, sliders and speeds at
-    once, by interior points from several of them, until the most was reached often: the best of what was found, no
-    proof. An arm without redundancy has few postures, and is as welcome.
+    Postures of planar arms with three joints are evaluated on every branch, all around, at 360 places on each curve and
+    wherever limits begin or end to hold, and searched by golden sections from there: one of two maxima within a degree
+    may be missed. Other arms ascend from several of ``starts`` postures, over posture, sliders and speeds at once, by
+    interior points, until the best value was reached often: no proof.
 
     These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
-    joints fast and soon have no way left, and each direction has a posture and gears of its own.
-    ``PointToPoint`` counts the way there.
+    joints fast for a short way, and each direction has a posture and gears of its own. ``PointToPoint`` counts the way
+    there.
 
     Parameters
     ----------
     arm, actuation
-        The arm, its gravity as it is mounted, and what drives it.
+        The arm, its gravity as it is mounted, and its motors.
     position
         Of the tool, (2,) for planar arms, else (3,) [m].
     directions
@@ -96,17 +95,9 @@ def directional_maxima(
         Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
         three joints need none.
 
-    Raises
-    ------
-    InvalidInput
-        Naming what cannot be used; OutOfReach where no posture reaches the position.
-    Infeasible
-        Where no posture was found that can be held: naming the joint, its torque and what its motor can hold, or the
-        rod's angle, of the best one looked at.
-    SolverFailed
-        Where no posture was found that reaches the position.
-
-    Source: Kim, Choi & Jang 2021, Eq. 1.
+    Raises InvalidInput naming what cannot be used; OutOfReach where no posture reaches the position, SolverFailed where
+    none was found that does; Infeasible where none was found that can be held, naming the joint, its torque and what
+    its motor can hold, or the rod's angle, of the best one. Source: Kim, Choi & Jang 2021, Eq. 1.
     """
     check_actuation(actuation, arm)
     if quantity not in get_args(Quantity):
@@ -149,12 +140,7 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
 
 
 def _polygon(
-    arm: Arm,
-    actuation: Actuation,
-    quantity: Quantity,
-    position: np.ndarray,
-    directions: np.ndarray,
-    q: np.ndarray,
+    arm: Arm, actuation: Actuation, quantity: Quantity, position: np.ndarray, directions: np.ndarray, q: np.ndarray
 ) -> PerformancePolygon:
     """Return the maxima in postures, one a direction, with what every motor does."""
     columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)

@@ -96,10 +96,7 @@ class DirectionalProgram:
         return z
 
     def program(
-        self,
-        position: Float[np.ndarray, " task"],
-        directions: Float[np.ndarray, "directions task"],
-        size: float,
+        self, position: Float[np.ndarray, " task"], directions: Float[np.ndarray, "directions task"], size: float
     ) -> TracedRows:
         """Return the program at a position along directions; traced once for all of them."""
         return replace(_transcribe(self), parameters=np.concatenate([position, directions.ravel(), [size]]))

@@ -20,12 +20,9 @@ from paretoik.nlp.ellipsoid_fit import fit_inverse_squares, symmetric_basis
 class EllipsoidFitOptions:
     """Settings of the fits of ellipsoids; measured on the data of ``studies.kim_2021``."""
 
-    longest: float = 30.0
-    """Radius of an ellipsoid within the box, at most, in radii of the ball of equal volume."""
-    needle: float = 10.0
-    """Radius at a sample, in the largest speed given there, from which on the directions do not determine it."""
-    clearance: float = 1e-12
-    """By which log speeds of a safe fit stay below their bounds, so that rounding does not matter."""
+    longest: float = 30.0  # radius of an ellipsoid within the box, at most, in radii of the ball of equal volume
+    needle: float = 10.0  # radius at a sample, in its largest speed, from which on directions do not determine it
+    clearance: float = 1e-12  # of log speeds of a safe fit from their bounds, so that rounding does not matter
 
 
 OPTIONS = EllipsoidFitOptions()
@@ -40,29 +37,22 @@ def fit_ellipsoids(
     safe: bool = False,
     margin: float = 0.0,
 ) -> PolynomialEllipsoids:
-    """Return the model of least Σ (fitted / true − true / fitted)², four times the squared relative errors.
+    """Return the model of least Σ (fitted / true − true / fitted)²: to first order four times the squared errors.
 
-    To first order, that is, and symmetric in over- and underestimates. The program is convex, so that the fit is
-    the best of its kind: in P, the inverse square of the ellipsoid, both errors and bounds are
-    (``nlp.ellipsoid_fit``). The scale s(p) of the model is fitted first, by linear least squares: log s is that of the
-    ball with the volume of the directional maxima. It takes cvxpy some two seconds to load.
+    The program is convex in P, the inverse square of the ellipsoid (``nlp.ellipsoid_fit``), so that the fit is the best
+    of its kind. The scale s(p) is fitted first, by linear least squares: log s is that of the ball with the volume of
+    the directional maxima. It takes cvxpy some two seconds to load.
 
     Parameters
     ----------
-    positions
-        Where the speeds were found (samples, task) [m], task 2 or 3.
-    directions
-        Along which (directions, task), unit vectors, evenly spread; opposite ones tell nothing new. Safe fits want many
-        (32, planar).
-    speeds
-        Directional maxima (samples, directions) [m/s].
+    positions, directions, speeds
+        Directional maxima (samples, directions) [m/s] at positions (samples, task) [m], task 2 or 3, along unit vectors
+        (directions, task), evenly spread; opposite ones tell nothing new. Safe fits want many (32, planar).
     degree
         Total degree of the polynomials.
-    safe
+    safe, margin
         Whether no sample may be overestimated: log(fitted / true) ≤ −margin then holds at every one, and nowhere else
-        for sure.
-    margin
-        What safe fits stay below the samples by, in log speed: 0.02 for about 2 %.
+        for sure; 0.02 is about 2 %.
 
     Raises InvalidInput for arrays that do not fit together, speeds that are not positive, positions or directions
     that do not determine the model; SolverFailed where the program has no solution that directions determine.

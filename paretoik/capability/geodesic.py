@@ -62,22 +62,12 @@ class FastestPath:
 def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTIONS.time_tolerance) -> float:
     """Return the least time [s] in which the tool can follow a path.
 
-    Parameters
-    ----------
-    model
-        The speeds that are possible.
-    points
-        Corners (n, task) [m] of the path, which is straight between them.
-    tolerance
-        Share of the time that it may be wrong by: samples are doubled until no more changes.
+    The path is straight between ``points`` (n, task) [m]. ``tolerance`` is the share of the time that it may be wrong
+    by: samples are doubled until no more changes.
 
-    Raises
-    ------
-    InvalidInput
-        For points that are not finite or outside the model's box, a tolerance that is not above zero, and a model that
-        is not finite at some point.
-    SolverFailed
-        Where the time has not settled when the samples are as fine as they get: the model jumps.
+    Raises InvalidInput for points that are not finite or outside the model's box, a tolerance that is not above zero,
+    and a model that is not finite at some point; SolverFailed where the time has not settled at the finest samples:
+    the model jumps.
     """
     check_model(model)
     task, corners = len(model.lower), finite_array("points", points)
@@ -95,18 +85,13 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTION
 def fastest_path(model: SpeedModel, start: ArrayLike, target: ArrayLike, *, intervals: int = 100) -> FastestPath:
     """Return the fastest path from ``start`` to ``target`` (task,) [m] within the model's box.
 
-    Its pieces take nearly equal times: their limit is that of their middles, and Σ ‖R Δp‖² is least, by Newton's method
-    from a straight start and others bowed sideways, of which the best optimum is kept. Times are those of a fine
-    quadrature afterwards, since a coarse sum can be below what the path really takes. Second derivatives are looked at
-    in the end and saddles are left: where the model is smooth, locally fastest is certain, globally only as far as the
-    starts reach.
+    Its pieces take nearly equal times: their limit is that of their middles, and Σ ‖R Δp‖² is minimised by Newton's
+    method from a straight start and others bowed sideways; the best optimum is returned. Times are those of a fine
+    quadrature, since a coarse sum can be below what the path really takes. Saddles are left: where the model is smooth,
+    locally fastest is certain, globally only as far as the starts reach.
 
-    Raises
-    ------
-    InvalidInput
-        For ends that are not finite or outside the box, fewer than one interval, a model that is not finite somewhere.
-    SolverFailed
-        Where no start has come to a minimum.
+    Raises InvalidInput for ends that are not finite or outside the box, fewer than one interval, and a model that is
+    not finite somewhere; SolverFailed where no start leads to a minimum.
     """
     check_size("intervals", intervals, 1)
     first, last = check_ends(model, start, target)

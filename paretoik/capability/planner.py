@@ -1,6 +1,6 @@
 """Plans of time-optimal control: the fastest path to the target in a few pieces, by second-order cone programs.
 
-A plan has a few pieces and, as unknowns, the points between them and the intervals that they take. The velocity limit
+The unknowns of a plan are the points between its pieces and the intervals that they take. The velocity limit
 ‖R v‖ ≤ 1 is linearised around the last path, again and again, which leaves second-order cone programs; a step is taken
 as far as the true time falls. Source: Kim, Choi & Jang 2021, Eq. 6.
 
@@ -33,12 +33,9 @@ PLACES = {"midpoint": 0.5, "printed": 0.0}  # share of a piece after which its l
 class PlannerOptions:
     """Settings of the iterations of a plan."""
 
-    iterations: int = 1000
-    """Cone programs of a plan, at most."""
-    time_tolerance: float = 1e-7
-    """Share of the time to go that an iteration may still gain, or be mistaken by, at the end."""
-    radius: float = 0.25
-    """Distance that a point may move in the first iteration, as a share of that to the target."""
+    iterations: int = 1000  # cone programs of a plan, at most
+    time_tolerance: float = 1e-7  # share of the time to go that an iteration may still gain, or err by, at the end
+    radius: float = 0.25  # of the distance to the target: how far a point may move in the first iteration
 
 
 OPTIONS = PlannerOptions()
@@ -75,13 +72,8 @@ def fastest_plan(
 
     Source: Kim, Choi & Jang 2021, Eq. 6; ``formulation="printed"`` is that equation to the letter.
 
-    Raises
-    ------
-    InvalidInput
-        For ends that are not finite or outside the model's box, a horizon below 1, an unknown formulation, and a model
-        that is not finite somewhere.
-    SolverFailed
-        Where the iterations do not converge.
+    Raises InvalidInput for ends that are not finite or outside the model's box, a horizon below 1, an unknown
+    formulation, and a model that is not finite somewhere; SolverFailed where the iterations do not converge.
     """
     planner = Planner(model, horizon=horizon, formulation=formulation)
     first, last = check_ends(model, position, target)

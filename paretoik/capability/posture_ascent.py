@@ -22,26 +22,17 @@ from paretoik.self_motion.inverse_kinematics import wrap_difference
 class AscentOptions:
     """Settings of the ascent from many starts."""
 
-    largest: int = 24
-    """Starts of a direction, at most."""
-    smallest: int = 6
-    """Starts of a direction, at least."""
-    repeats: int = 3
-    """Starts that have to end at the best value before the search of a direction ends."""
-    value_tolerance: float = 1e-6
-    """Share by which two values may differ and be the same."""
-    rounds: int = 4
-    """Rounds of trying what was best for one direction in the others."""
-    batch: int = 2000
-    """Postures whose values are computed together, for the memory it takes."""
-    distance: float = 0.5
-    """Distance of starts in some joint, at least [rad, m]."""
-    feasible: float = 1e-8
-    """Violation of the program up to which an end is feasible."""
-    interior_point: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=300)
-    """Of the ascent from a start."""
+    largest: int = 24  # starts of a direction, at most
+    smallest: int = 6  # at least
+    repeats: int = 3  # starts that have to end at the best value before the search of a direction ends
+    value_tolerance: float = 1e-6  # share by which two values may differ and be the same
+    rounds: int = 4  # of trying what was best for one direction in the others
+    batch: int = 2000  # postures whose values are computed together, for the memory it takes
+    distance: float = 0.5  # of starts in some joint, at least [rad, m]
+    feasible: float = 1e-8  # violation of the program up to which an end is feasible
+    interior_point: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=300)  # from a start
+    # near a maximum, or where interior points do not converge
     sqp: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=200, tolerance=1e-9)
-    """Of the ascent near a maximum, or where interior points do not converge."""
 
 
 OPTIONS = AscentOptions()

@@ -1,4 +1,4 @@
-"""Postures that reach a position: within limits and rods, and such that the motors can hold the arm."""
+"""Postures that reach a position, within limits and rods, in which the motors can hold the arm."""
 
 from __future__ import annotations
 
@@ -25,23 +25,16 @@ from paretoik.task.path import Path
 class PostureSampleOptions:
     """Settings of the search for postures that motors can hold."""
 
-    enough: int = 64
-    """Postures that can be held from which on no more samples are drawn."""
-    batches: int = 8
-    """Times that samples are drawn, at most."""
-    tool_radius: float = 0.1
-    """Times the motors' highest speed, the order of a tool's speed [m]."""
+    enough: int = 64  # postures that can be held from which on no more samples are drawn
+    batches: int = 8  # of samples, at most
+    tool_radius: float = 0.1  # m: times the motors' highest speed, the order of a tool's speed
 
 
 OPTIONS = PostureSampleOptions()
 
 
 def sample_holdable_postures(
-    arm: Arm,
-    actuation: Actuation,
-    position: Float[np.ndarray, " task"],
-    samples: int,
-    rng: np.random.Generator,
+    arm: Arm, actuation: Actuation, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
     """Return postures that reach a position, within limits, in which motors can hold the arm.
 

@@ -8,7 +8,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array
 
 
-def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least: float) -> tuple[float, float]:
+def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: float) -> tuple[float, float]:
     """Return the least and largest θ that sliders within bounds give, toggles left out; raise InvalidInput for none.
 
     cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other less c², and
@@ -21,7 +21,7 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least: float) -
     cosines = [(rod * rod - s * s - b * b) / (2 * s * b) for s, b in places]
     ends = np.arccos(np.clip([max(cosines), min(cosines)], -1.0, 1.0))
     fits = min(cosines) <= 1.0 and max(cosines) >= -1.0
-    low, high = max(float(ends[0]), least), min(float(ends[1]), np.pi - least)
+    low, high = max(float(ends[0]), least_angle), min(float(ends[1]), np.pi - least_angle)
     if not fits or low > high:
         raise InvalidInput(
             f"distributed actuation: sliders that reach a rod's angle away from its toggles wanted, got front "
@@ -32,13 +32,13 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least: float) -
 
 def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
     """Return numbers broadcast to a shape, not to be written; raise InvalidInput, naming them, where they cannot be."""
-    given = finite_array(f"distributed actuation: {name}", value)
+    numbers = finite_array(f"distributed actuation: {name}", value)
     try:
-        settled = np.broadcast_to(given, shape).copy()
+        array = np.broadcast_to(numbers, shape).copy()
     except ValueError:
-        raise InvalidInput(f"distributed actuation: {name} wants shape {shape}, got {given.shape}") from None
-    settled.setflags(write=False)
-    return settled
+        raise InvalidInput(f"distributed actuation: {name} wants shape {shape}, got {numbers.shape}") from None
+    array.setflags(write=False)
+    return array
 
 
 def check_geometry(
@@ -52,14 +52,14 @@ def check_geometry(
 ) -> None:
     """Raise InvalidInput, naming the joint (dof,), for lengths, bounds (dof, 2) and angles that cannot be."""
 
-    def refused(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
+    def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
         if wrong.any():
             j = int(np.argmax(wrong))
             raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
 
-    refused(rod <= 0, "a rod longer than 0 wanted", rod)
-    refused(~np.isin(bend, (-1.0, 1.0)), "bend 1 or −1 wanted", bend)
-    refused((least_angle <= 0) | (least_angle >= np.pi), "a least angle between 0 and π wanted", least_angle)
-    for what, pairs in (("front", front_bounds), ("back", back_bounds)):
-        refused((pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]), f"{what} bounds 0 < lower ≤ upper wanted", pairs)
-    refused(front_bounds[:, 1] > rod, "front sliders no farther than the rod is long wanted", front_bounds)
+    refuse(rod <= 0, "a rod longer than 0 wanted", rod)
+    refuse(~np.isin(bend, (-1.0, 1.0)), "bend 1 or −1 wanted", bend)
+    refuse((least_angle <= 0) | (least_angle >= np.pi), "a least angle between 0 and π wanted", least_angle)
+    for name, pairs in (("front", front_bounds), ("back", back_bounds)):
+        refuse((pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]), f"{name} bounds 0 < lower ≤ upper wanted", pairs)
+    refuse(front_bounds[:, 1] > rod, "front sliders no farther than the rod is long wanted", front_bounds)

@@ -62,21 +62,22 @@ def time_optimal_control(
     cut to what the model allows where the tool is, from where the tool stands at first, ``initial`` or the start. When
     the reference has landed the controller alone goes on until the tool is within ``tolerance`` [m] of the target.
 
-    The plant is the model itself: what is commanded is kept exactly for a period. Where the tool is, is fed back to the
-    controller only; plans begin at the reference, so that ``arrival`` and ``to_go`` depend neither on
-    ``initial`` nor on ``gain``, and say nothing about an arm that is slower than its model.
+    The plant is the model itself: commands hold exactly for a period. The tool's position is fed back to the controller
+    only; plans begin at the reference, so that ``arrival`` and ``to_go`` depend neither on ``initial`` nor on ``gain``,
+    and say nothing about an arm that is slower than its model.
 
     Source: Kim, Choi & Jang 2021, Eqs. 6 and 7, with the gain, the cut and the two ends added.
 
-    Raises
-    ------
-    InvalidInput
-        For positions that are not finite or outside the model's box, a horizon below 1, a period or tolerance not
-        above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite somewhere.
-    SolverFailed
-        Where a plan does not converge, or the reference is still not there after ten times the straight line's time.
+    Raises InvalidInput for positions that are not finite or outside the model's box, a horizon below 1, a period or
+    tolerance not above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite
+    somewhere; SolverFailed where a plan does not converge, or the reference is still not there after ten times the
+    straight line's time.
     """
-    _check_settings(period=period, gain=gain, tolerance=tolerance)
+    for name, value in (("period", period), ("gain", gain), ("tolerance", tolerance)):
+        if not 0 < finite_array(name, value, ()) < np.inf:
+            raise InvalidInput(f"{name}: a finite number above 0 wanted, got {value}")
+    if gain * period > 1.0 + LIMIT_TOLERANCE:
+        raise InvalidInput(f"gain: at most 1 / period = {1 / period:g} 1/s wanted, got {gain:g}: it overshoots")
     planner = Planner(model, horizon=horizon, formulation=formulation)
     first, last = check_ends(model, start, target)
     tool = first if initial is None else finite_array("initial", initial, first.shape)
@@ -96,14 +97,6 @@ def time_optimal_control(
         arrival=float(times[len(references) - 1]),
         settled=float(times[-1]),
     )
-
-
-def _check_settings(*, period: float, gain: float, tolerance: float) -> None:
-    for name, value in (("period", period), ("gain", gain), ("tolerance", tolerance)):
-        if not 0 < finite_array(name, value, ()) < np.inf:
-            raise InvalidInput(f"{name}: a finite number above 0 wanted, got {value}")
-    if gain * period > 1.0 + LIMIT_TOLERANCE:
-        raise InvalidInput(f"gain: at most 1 / period = {1 / period:g} 1/s wanted, got {gain:g}: it overshoots")
 
 
 def _reference(

@@ -12,6 +12,7 @@ from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible, shorten
 from paretoik.closed_loop.extended_jacobian import decode
 from paretoik.compilation import compiled
+from paretoik.compilation_references import refer
 from paretoik.search.compiled.many_objectives import rank_points, select_by_distance
 from paretoik.search.compiled.offspring import draw_chromosome, generate_offspring
 from paretoik.search.compiled.random_streams import seed_stream
@@ -20,11 +21,13 @@ from paretoik.search.compiled.two_objectives import insertion_distances, keep_fa
 
 
 @compiled(what="the search of a control step", seconds=15)
-def search(seed, step, generations, options, start, objectives, constraints, w, warm_start):
+def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start):
     """Search one step; return how many of the last population in the workspace have not failed.
 
     The arguments are those of ``workspace.py``. A ``warm_start`` begins with the population in the workspace.
     """
+    options, start, objectives = refer(options), refer(start), refer(objectives)
+    constraints, w = refer(constraints), refer(workspace)
     seed_stream(w.state, seed, step)
     clearance = clearance_at_start(start, constraints, w)
     _initialise(warm_start, options, w)

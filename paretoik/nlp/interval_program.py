@@ -60,10 +60,7 @@ class IntervalSolver:
         self._solver: clarabel.DefaultSolver | None = None
 
     def solve(
-        self,
-        pieces: Pieces,
-        lower: Float[np.ndarray, "between task"],
-        upper: Float[np.ndarray, "between task"],
+        self, pieces: Pieces, lower: Float[np.ndarray, "between task"], upper: Float[np.ndarray, "between task"]
     ) -> Moves:
         """Return the best moves between ``lower`` and ``upper`` [m], finite and on either side of 0.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -28,6 +27,7 @@ class ColdSearchOptions:
     weight: float = 1e-3
     batch: int = 4
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-2)
+    second_barrier: InteriorPointOptions = InteriorPointOptions(barrier=0.1)
 
 
 OPTIONS = ColdSearchOptions()
@@ -65,17 +65,13 @@ class StartSearch:
     observe: Observe | None = None
     multimodal: bool = True
 
-    @cached_property
-    def _finite_starts(self) -> Points:
-        return self.starts[np.isfinite(self.starts).reshape(len(self.starts), -1).all(axis=1)]
-
     def optima(self, objective: int) -> Points:
         """Return the local optima of one objective, nearly alone, best first.
 
         Raises SolverFailed where no start leads to a point within all limits.
         """
         natural = self.program_of(np.ones(self.n_obj))
-        values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in self._finite_starts]).reshape(-1, self.n_obj)
+        values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in self.starts]).reshape(-1, self.n_obj)
         sizes = np.median(np.abs(values), axis=0) if len(values) else np.ones(self.n_obj)
         program = self.program_of(np.where(sizes > 0, sizes, 1.0))
         solutions = self.optima_below(program, objective, np.full(self.n_obj, np.inf), OPTIONS.weight)
@@ -86,15 +82,22 @@ class StartSearch:
     def optima_below(self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float) -> Solutions:
         """Return what the starts lead to for one objective, the others below ``upper``, best first."""
         weights = main_weights(self.n_obj, np.array([main]), weight)
-        solutions = minimise_weighted(
-            program,
-            self._finite_starts,
-            weights,
-            upper[None],
-            OPTIONS.barrier,
-            solver=self.solver,
-            batch=OPTIONS.batch,
-            observe=self.observe,
-        )
+
+        def solve(starts: Points, barrier: InteriorPointOptions) -> Solutions:
+            return minimise_weighted(
+                program,
+                starts,
+                weights,
+                upper[None],
+                barrier,
+                solver=self.solver,
+                batch=OPTIONS.batch,
+                observe=self.observe,
+            )
+
+        solutions = solve(self.starts, OPTIONS.barrier)
+        failed = ~solutions.converged
+        if failed.any():
+            solutions = solutions.replace_rows(failed, solve(self.starts[failed], OPTIONS.second_barrier))
         merit = np.where(solutions.converged, solutions.objectives[:, : self.n_obj] @ weights[0], np.inf)
         return solutions[np.argsort(merit, kind="stable")[: int(solutions.converged.sum())]]

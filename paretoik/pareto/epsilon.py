@@ -136,14 +136,20 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
         again, new_merit = solve(best, OPTIONS.end_tolerance, barrier)
         better = new_merit < merit - POINT_TOLERANCE
         ends, merit = ends.replace_rows(better, again[better]), np.where(better, new_merit, merit)
+    weight = OPTIONS.end_tolerance
+    while not ends.converged.all() and weight < OPTIONS.end_weight:  # a flat valley, steeper with more of the others
+        weight *= 10.0
+        again, _ = solve(best, weight, OPTIONS.cold)
+        missing = ~ends.converged & again.converged
+        ends = ends.replace_rows(missing, again[missing])
     if not ends.converged.all():
         failed = program.objective_names[int(np.argmin(ends.converged))]
         raise SolverFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
-    weight = np.full(count, OPTIONS.end_weight)
+    weights = np.full(count, OPTIONS.end_weight)
     for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
-        finished = solve(ends.x, weight, OPTIONS.warm)[0]
+        finished = solve(ends.x, weights, OPTIONS.warm)[0]
         loss = np.diagonal(finished.objectives) - np.diagonal(ends.objectives)
-        weight = weight * np.sqrt(OPTIONS.end_tolerance / np.maximum(loss, OPTIONS.end_tolerance)) / 2
+        weights = weights * np.sqrt(OPTIONS.end_tolerance / np.maximum(loss, OPTIONS.end_tolerance)) / 2
         accepted = finished.converged & (loss <= OPTIONS.end_tolerance)
         if accepted.all():
             break
@@ -240,18 +246,28 @@ class _Sweep:
 
         Where there are many valleys, a neighbour that came later may lie in a better one.
         """
+        options = OPTIONS.warm._replace(iterations=OPTIONS.branch_iterations)
+        tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
-            x, values = self.front()
-            rows = spread_rows(values, self.points)
-            x, values = x[rows], values[rows]
-            if len(x) < 2:
+            pairs = self._neighbours()
+            pairs = pairs[~(pairs[:, None] == tried).all(axis=2).any(axis=1)]
+            if not len(pairs):
                 return
-            off = np.linalg.norm(values[:, None] - values[None], axis=2) + np.where(np.eye(len(x)) > 0, np.inf, 0.0)
-            near = np.argsort(off, axis=1)[:, : min(OPTIONS.neighbours, len(x) - 1)]
-            upper = np.repeat(values, near.shape[1], axis=0)
-            solutions = self._minimise(x[near.ravel()], np.ones((1, self.n_obj)), upper, OPTIONS.warm)
-            gain = upper.sum(axis=1) - solutions.objectives[:, : self.n_obj].sum(axis=1)
+            tried = np.concatenate([tried, pairs])
+            upper = self.objectives[pairs[:, 0], : self.n_obj]
+            solutions = self._minimise(self.x[pairs[:, 1]], np.ones((1, self.n_obj)), upper, options)
+            gain = np.sum(upper - solutions.objectives[:, : self.n_obj], axis=1)
             better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
             if not better.any():
                 return
             self.add(solutions[better])
+
+    def _neighbours(self) -> Int[np.ndarray, "pairs 2"]:
+        """Return pairs of rows: every point that spreads over the front, and one of the nearest others of these."""
+        rows = front_rows(self.objectives[:, : self.n_obj])
+        rows = rows[spread_rows(self.objectives[rows, : self.n_obj], self.points)]
+        values = self.objectives[rows, : self.n_obj]
+        distances = np.linalg.norm(values[:, None] - values, axis=2)
+        np.fill_diagonal(distances, np.inf)
+        near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
+        return np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)

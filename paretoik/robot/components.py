@@ -113,20 +113,12 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 def rotate_about_z(a: Vector, cosine: Component, sine: Component) -> Vector:
     """Return a rotated about z by the angle whose cosine and sine are given."""
-    return (
-        minus(times(cosine, a[0]), times(sine, a[1])),
-        plus(times(sine, a[0]), times(cosine, a[1])),
-        a[2],
-    )
+    return (minus(times(cosine, a[0]), times(sine, a[1])), plus(times(sine, a[0]), times(cosine, a[1])), a[2])
 
 
 def rotate_back_about_z(a: Vector, cosine: Component, sine: Component) -> Vector:
     """Return a rotated about z by the opposite angle."""
-    return (
-        plus(times(cosine, a[0]), times(sine, a[1])),
-        minus(times(cosine, a[1]), times(sine, a[0])),
-        a[2],
-    )
+    return (plus(times(cosine, a[0]), times(sine, a[1])), minus(times(cosine, a[1]), times(sine, a[0])), a[2])
 
 
 def to_vector(vector: np.ndarray) -> Vector:

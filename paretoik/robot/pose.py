@@ -22,12 +22,8 @@ UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonor
 class Pose:
     """Position and orientation of one frame: ``position`` [m] and unit ``quaternion`` (w, x, y, z).
 
-    A quaternion within 1e-6 of length 1 is normalised, any other refused. Both arrays are read-only.
-
-    Raises
-    ------
-    InvalidInput
-        For anything but three finite coordinates and a finite unit quaternion.
+    A quaternion within 1e-6 of length 1 is normalised. Both arrays are read-only. Raises InvalidInput for anything but
+    three finite coordinates and a finite unit quaternion.
 
     >>> tool = Pose.planar(1.0, 0.0, angle=np.pi / 2) @ Pose([0.5, 0.0, 0.0])
     >>> tool.position.round(12)

@@ -60,13 +60,7 @@ def select_chain(
         else:
             faults.append(f"joint {name!r}: moves no mass, though other joints follow it")
     return Chain(
-        base=start,
-        tip=end,
-        moving=moving,
-        below=below,
-        frozen=frozen,
-        faults=tuple(faults),
-        notices=tuple(notices),
+        base=start, tip=end, moving=moving, below=below, frozen=frozen, faults=tuple(faults), notices=tuple(notices)
     )
 
 

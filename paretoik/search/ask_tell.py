@@ -64,10 +64,7 @@ class Search:
     all searched together, from the best of each: the end of a front may lie in a basin that is dominated except at its
     bottom.
 
-    Raises
-    ------
-    InvalidInput
-        A size, seed, bound or initial gene that cannot be used, by name and value.
+    Raises InvalidInput for a size, seed, bound or initial gene that cannot be used, by name and value.
     """
 
     def __init__(
@@ -195,13 +192,11 @@ class Search:
     ) -> None:
         """Tell objectives and constraints of ids, in any order and in as many parts as wanted.
 
-        ``F`` (n, n_obj) minimised, ``G`` (n, n_ieq) <= 0 when kept, ``H`` (n, n_eq) = 0. A row that is not finite
-        counts as failed, ``causes`` may say why. The generation is complete when every id has been told.
+        ``F`` (n, n_obj) minimised, ``G`` (n, n_ieq) <= 0 and ``H`` (n, n_eq) = 0 where feasible. A row that is not
+        finite counts as failed, ``causes`` may say why. The generation is complete when every id has been told.
 
-        Raises
-        ------
-        InvalidInput
-            An id that is unknown or told twice, or an array of another shape; nothing is taken in then.
+        Raises InvalidInput for an id that is unknown or told twice, or an array of another shape; nothing is taken in
+        then.
         """
         rows, outcome = self._rows(ids), self._outcome
         assert outcome is not None

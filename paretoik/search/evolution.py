@@ -33,12 +33,7 @@ def evolve(
     that raise again count as failed. After each generation ``observe`` is shown the progress, and ``improve`` may
     return genes to be evaluated in the next. Ctrl-C ends with "interrupted".
 
-    Raises
-    ------
-    InvalidInput
-        No ending.
-    EvaluationFailed
-        Every evaluation of the first generation failed.
+    Raises InvalidInput for no ending, EvaluationFailed where every evaluation of the first generation failed.
     """
     if not endings:
         raise InvalidInput("endings: at least one wanted, got none")

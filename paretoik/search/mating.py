@@ -114,9 +114,9 @@ class BranchwiseMating:
         if len(labels) == 1:
             return rivals
         even = np.less(rng.random(rivals.shape[1]), OPTIONS.even_share)
-        drawn = members[rng.integers(0, len(labels), size=int(even.sum()))]
+        individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
         for rival in rivals:
-            rival[even] = _draw_from_species(species, drawn, rng)
+            rival[even] = _draw_from_species(species, individuals, rng)
         return rivals
 
     def _mutate(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
@@ -156,5 +156,5 @@ def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.
     by_species = np.argsort(species, kind="stable")
     labels, first, sizes = np.unique(species[by_species], return_index=True, return_counts=True)
     group = np.searchsorted(labels, species[individuals])
-    drawn: Integers = by_species[first[group] + rng.integers(0, sizes[group])]
-    return drawn
+    mates: Integers = by_species[first[group] + rng.integers(0, sizes[group])]
+    return mates

@@ -28,10 +28,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
     ``crossover`` (two parents) and ``mutation`` are pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20).
     The rest is explained at ``MaxiMin``.
 
-    Raises
-    ------
-    InvalidInput
-        A size or bound that cannot be used, by name and value; also a misspelt option of pymoo's ``minimize``.
+    Raises InvalidInput for a size or bound that cannot be used, and for a misspelt option of pymoo's ``minimize``.
     """
 
     def __init__(

@@ -38,10 +38,7 @@ def check_problem(problem: Any) -> None:
 def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tolerance: float = 1e-12) -> Floats:
     """Return genes (points, genes) inside the bounds; what is outside by ``tolerance`` of the range is clipped.
 
-    Raises
-    ------
-    InvalidInput
-        A wrong shape, a NaN, or a gene outside its bounds by more than rounding, with row and gene.
+    Raises InvalidInput for a wrong shape, a NaN, or a gene outside its bounds by more than rounding, with row and gene.
     """
     X = np.atleast_2d(real_array(name, genes))
     if X.ndim != 2 or X.shape[1] != problem.n_var:

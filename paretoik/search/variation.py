@@ -66,5 +66,5 @@ class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
 
 
 def _log_uniform(bounds: tuple[float, float], count: int, rng: np.random.Generator) -> Floats:
-    drawn: Floats = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size=(count, 1)))
-    return drawn
+    samples: Floats = np.exp(rng.uniform(np.log(bounds[0]), np.log(bounds[1]), size=(count, 1)))
+    return samples

@@ -107,8 +107,8 @@ def solve_small_systems(
 
     A pivot that vanishes gives a solution that is not finite, or a determinant of 0.
     """
-    solution, determinant = np.array(right, dtype=float), np.empty(len(matrix))
-    _compiled().solve_small_systems(np.array(matrix, dtype=float), solution, determinant)
+    solution, determinant = np.array(right, dtype=float, order="C"), np.empty(len(matrix))
+    _compiled().solve_small_systems(np.array(matrix, dtype=float, order="C"), solution, determinant)
     return solution, determinant
 
 

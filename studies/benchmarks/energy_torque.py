@@ -45,7 +45,7 @@ def variants(problem: pk.Tracking, *, ablate: bool) -> dict[str, pk.MaxiMinNSGA2
     }
 
 
-def measured(variant: str, solve: Callable[..., pk.Front], seeds: Sequence[int]) -> list[Row]:
+def measure_variant(variant: str, solve: Callable[..., pk.Front], seeds: Sequence[int]) -> list[Row]:
     """Return the medians of one variant over seeds, after printing every seed."""
     reference = hypervolume(reference_front(), REFERENCE_POINT)
     shares, points, seconds = [], [], []
@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = []
     for variant, algorithm in variants(problem, ablate=options.ablate).items():
         solve = partial(pk.solve, problem, algorithm=algorithm)
-        rows += measured(variant, partial(solve, generations=100) if options.quick else solve, seeds)
+        rows += measure_variant(variant, partial(solve, generations=100) if options.quick else solve, seeds)
     report(rows, json_file=options.json)
 
 

@@ -126,7 +126,7 @@ def best_times(functions: Sequence[Callable[[], object]], rounds: int) -> list[f
     return shortest
 
 
-def measured(contest: Contest, rounds: int) -> list[Row]:
+def measure_contest(contest: Contest, rounds: int) -> list[Row]:
     """Return the rows of one contest: our speed, the peer's and their ratio."""
     ours, peer = best_times([contest.ours, contest.peer], rounds)
     table, speed = f"{contest.kernel}, {BATCH}", MOTIONS * SAMPLES / 1e6
@@ -145,7 +145,7 @@ def measured(contest: Contest, rounds: int) -> list[Row]:
     ]
 
 
-def motions_evaluated(label: str, arm: Arm, goal: float, rounds: int) -> Row:
+def motion_row(label: str, arm: Arm, goal: float, rounds: int) -> Row:
     """Return the time that kinetic energy and torque norm of a batch of motions take; the goal is in milliseconds."""
     q = np.random.default_rng(0).normal(size=(MOTIONS, SAMPLES, arm.dof))
     times = np.linspace(0.0, 1.0, SAMPLES)
@@ -166,7 +166,7 @@ def motions_evaluated(label: str, arm: Arm, goal: float, rounds: int) -> Row:
     )
 
 
-def genes_evaluated(label: str, problem: Tracking, rounds: int) -> Row:
+def gene_row(label: str, problem: Tracking, rounds: int) -> Row:
     """Return the time that a problem takes from genes to objectives and limits, for one first population."""
     genes = seeded_population(problem, MOTIONS, rng=np.random.default_rng(0))
     taken = best_times([lambda: problem.evaluate(genes)], rounds)[0]
@@ -182,12 +182,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rounds = 3 if options.quick else options.rounds
     three, seven = tringali_3r(), panda()
     entries = [*contests("planar 3R", three, 8.0), *contests("Panda", seven, 2.0)]
-    rows = [row for contest in entries for row in measured(contest, rounds)]
+    rows = [row for contest in entries for row in measure_contest(contest, rounds)]
     rows += [
-        motions_evaluated("planar 3R", three, 50.0, rounds),
-        motions_evaluated("Panda", seven, 300.0, rounds),
-        genes_evaluated("energy_torque", energy_torque(), rounds),
-        genes_evaluated("across_the_table", across_the_table(), rounds),
+        motion_row("planar 3R", three, 50.0, rounds),
+        motion_row("Panda", seven, 300.0, rounds),
+        gene_row("energy_torque", energy_torque(), rounds),
+        gene_row("across_the_table", across_the_table(), rounds),
     ]
     report(rows, json_file=options.json)
 

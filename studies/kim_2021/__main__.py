@@ -11,7 +11,7 @@ import numpy as np
 
 from studies.kim_2021.energies import posture_rows, postures, table_4
 from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
-from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_rows, raced, time_energy, time_energy_rows
+from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_fronts, race_rows, time_energy, time_energy_rows
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.racing import polygon_race, step_race
@@ -54,12 +54,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = study_parser(
         "Kim, Choi & Jang 2021.", quick="coarse grids, few starts, few rounds", out="kim_2021"
     ).parse_args(arguments)
-    rows, pictures = studied(QUICK if options.quick else Effort(), options.out)
+    rows, pictures = run_study(QUICK if options.quick else Effort(), options.out)
     report(rows, json_file=options.json)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 
 
-def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
+def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     """Return all rows, and the pictures drawn into a folder."""
     angles = [float(angle) for angle in range(-180, 180, effort.angle)]
     corners = polygons()
@@ -80,7 +80,7 @@ def studied(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
         time_energy(name, points=effort.points, starts=effort.searches, samples=effort.moments) for name in MECHANISMS
     ]
     rows += [row for one in fronts for row in time_energy_rows(one)]
-    races = [raced(one, starts=effort.searches // 4, samples=effort.moments) for one in fronts]
+    races = [race_fronts(one, starts=effort.searches // 4, samples=effort.moments) for one in fronts]
     rows += [row for one in races for row in race_rows(one)]
     rows += polygon_race(rounds=effort.rounds)
     for one in trajectories.values():

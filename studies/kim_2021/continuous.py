@@ -20,8 +20,8 @@ from studies.kim_2021.profiles import (
     lasting,
     minimum_timing,
     nodes,
-    refined,
-    wrapped,
+    refine_profile,
+    wrap_angles,
 )
 
 ELBOWS = (1.0, -1.0)
@@ -44,8 +44,8 @@ def resolved(
     fine, found = evenly(path, 4 * pieces), []
     for first in dict.fromkeys((price, EASY)):  # where work counts for little, the grid alone tells too little apart
         coarse = continuous(mechanism, evenly(path, pieces), cell=cell, price=first)
-        begun = polished(mechanism, refined(mechanism, coarse, fine), first)
-        found.append(begun if first == price else polished(mechanism, begun, price))
+        begun = improve_profile(mechanism, refine_profile(mechanism, coarse, fine), first)
+        found.append(begun if first == price else improve_profile(mechanism, begun, price))
     return min(found, key=lambda one: _whole(one, price))
 
 
@@ -60,12 +60,12 @@ def continuous(
     turns = 2 * np.pi / count * np.arange(count)
     sides = [nodes(mechanism, points, np.broadcast_to(turns, (len(points), count)), side) for side in ELBOWS]
     chosen = _search_curves(sides, max(1, round(FURTHEST / (len(points) - 1) / turns[1])), price)
-    return polished(
+    return improve_profile(
         mechanism, minimum_timing(mechanism, points, turns[chosen % count], np.array(ELBOWS)[chosen // count]), price
     )
 
 
-def polished(mechanism: Mechanism, known: Profile, price: float = TIE) -> Profile:
+def improve_profile(mechanism: Mechanism, known: Profile, price: float = TIE) -> Profile:
     """Return a profile from which no linear program gains more."""
     points, angles, elbows, radius = known.points, known.angles, known.elbows, RADIUS
     now = _whole(known, price)
@@ -108,7 +108,7 @@ def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarr
 
 def _costs(before: Nodes, after: Nodes, i: int, own: np.ndarray, other: np.ndarray, price: float) -> np.ndarray:
     """Return time + price · work of piece i from some postures to others, inf where one cannot be held."""
-    change = wrapped(after.q[i + 1, other] - before.q[i, own])
+    change = wrap_angles(after.q[i + 1, other] - before.q[i, own])
     time = lasting(change, before.slowness[:, i, own], after.slowness[:, i + 1, other]).max(axis=-1)
     if price:
         loaded = np.abs(before.torque[i, own] + after.torque[i + 1, other]) / 2
@@ -179,7 +179,7 @@ def _room(
 
 
 def _signed(near: Nodes, one: int, other: int) -> tuple[np.ndarray, np.ndarray]:
-    change = wrapped(near.q[1:, other] - near.q[:-1, one])
+    change = wrap_angles(near.q[1:, other] - near.q[:-1, one])
     mean = (near.slowness[:, :-1, one] + near.slowness[:, 1:, other]) / 2
     loaded = np.abs(near.torque[:-1, one] + near.torque[1:, other]) / 2
     ways = np.stack([-change, change])

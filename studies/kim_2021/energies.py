@@ -15,8 +15,8 @@ from jaxtyping import Float
 import paretoik as pk
 from paretoik.capability.joint_capability import joint_speeds
 from paretoik.robot.dynamics import gravity_torques
-from studies.kim_2021.continuous import TIE, polished, resolved
-from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refined, wrapped
+from studies.kim_2021.continuous import TIE, improve_profile, resolved
+from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refine_profile, wrap_angles
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
 from studies.kim_2021.trajectories import Trajectory
 from studies.reporting import Row
@@ -99,7 +99,9 @@ def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
         lazy=resolved(mechanism, one.path, pieces=pieces, cell=cell, price=LAZY),
         driven=along_profile(mechanism, soonest),
         maxima=maxima,
-        checked=float(polished(mechanism, refined(mechanism, soonest, evenly(one.path, 16 * pieces)), TIE).times[-1]),
+        checked=float(
+            improve_profile(mechanism, refine_profile(mechanism, soonest, evenly(one.path, 16 * pieces)), TIE).times[-1]
+        ),
         following=following,
         straight=float(other.times[-1]),
     )
@@ -145,7 +147,7 @@ def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tupl
     q = np.array([each.q[0] for each in found])
     known = joint_speeds(mechanism.actuation, q, gravity_torques(mechanism.arm, q))
     slowness = 1.0 / np.stack([-known.low, known.high])
-    turned = lasting(wrapped(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:])
+    turned = lasting(wrap_angles(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:])
     driven = Driven(
         lasting=seconds,
         q=q,

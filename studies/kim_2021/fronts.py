@@ -98,7 +98,7 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
     )
 
 
-def raced(one: TimeEnergy, *, starts: int, samples: int) -> Race:
+def race_fronts(one: TimeEnergy, *, starts: int, samples: int) -> Race:
     """Return what the same starts lead to by interior points, ours and IPOPT's, and IPOPT's gains from our front."""
     problem = problem_of(one.name, samples)
     own, program = problem.program(), motion_program(problem)

@@ -29,7 +29,7 @@ QUIET: dict[str, Any] = {
 }
 
 
-def toleranced(tolerance: float) -> dict[str, float]:
+def solver_options(tolerance: float) -> dict[str, float]:
     """Return how IPOPT is told within what to solve."""
     return {"ipopt.tol": tolerance, "ipopt.constr_viol_tol": tolerance}
 
@@ -105,7 +105,7 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
     program = {"x": ca.vertcat(*unknowns), "p": given, "f": -speed, "g": ca.vertcat(*equal, *rows)}
     lower, upper = np.array([*ends, (0.0, np.inf)]).T
     return FullProgram(
-        solver=ca.nlpsol("full", "ipopt", program, {**QUIET, **toleranced(tolerance)}),
+        solver=ca.nlpsol("full", "ipopt", program, {**QUIET, **solver_options(tolerance)}),
         lower=lower,
         upper=upper,
         inequalities=len(rows),

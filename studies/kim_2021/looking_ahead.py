@@ -11,12 +11,12 @@ from jaxtyping import Float
 
 from paretoik.capability.polynomials import Polynomials
 from paretoik.capability.speed_models import PolynomialEllipsoids
-from studies.kim_2021.full_program import QUIET, toleranced
+from studies.kim_2021.full_program import QUIET, solver_options
 
 LENGTH = 0.1  # m: what points are counted in
 WARM: dict[str, Any] = {
     **QUIET,
-    **toleranced(1e-8),
+    **solver_options(1e-8),
     "ipopt.warm_start_init_point": "yes",
     "ipopt.mu_init": 1e-7,
     "ipopt.warm_start_bound_push": 1e-9,

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from studies.kim_2021.full_program import LENGTHS, QUIET, diamond, linkage, toleranced
+from studies.kim_2021.full_program import LENGTHS, QUIET, diamond, linkage, solver_options
 
 STEP = 0.1  # s: what intervals are counted in
 WORK = 0.1  # J: what the work of a motor in one of them is counted in
@@ -88,7 +88,7 @@ def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionP
             "motion",
             "ipopt",
             program,
-            {**QUIET, **toleranced(tolerance), "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0},
+            {**QUIET, **solver_options(tolerance), "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0},
         ),
         equalities=len(equal),
         inequalities=len(rows),

@@ -41,7 +41,7 @@ class Profile:
     @property
     def turned(self) -> Float[np.ndarray, "pieces 3"]:
         """How far the joints turn in every piece [rad]."""
-        return wrapped(np.diff(self.q, axis=0))
+        return wrap_angles(np.diff(self.q, axis=0))
 
     @property
     def work(self) -> Float[np.ndarray, " 3"]:
@@ -74,12 +74,12 @@ def nodes(
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)
     bent = np.asarray(elbows) * np.arccos(np.clip(cosine, -1.0, 1.0))
     begun = np.arctan2(y, x) - np.arctan2(second * np.sin(bent), first + second * np.cos(bent))
-    q = wrapped(np.stack([begun, bent, angles - begun - bent], axis=-1))
+    q = wrap_angles(np.stack([begun, bent, angles - begun - bent], axis=-1))
     torque = gravity_torques(arm, q)
     known = joint_speeds(mechanism.actuation, q, torque)
     speeds = np.stack([-known.low, known.high])
     low, high = np.where(np.isfinite(arm.position_limits), arm.position_limits, [-np.pi, np.pi]).T
-    inside = np.abs(wrapped(q - (low + high) / 2)) <= (high - low) / 2
+    inside = np.abs(wrap_angles(q - (low + high) / 2)) <= (high - low) / 2
     able = (np.abs(cosine) <= 1.0)[..., None] & inside & (speeds > 0)  # NaN, where it cannot hold, is not above 0
     slowness = np.divide(1.0, speeds, out=np.full_like(speeds, np.inf), where=able)
     return Nodes(q=q, torque=torque, slowness=slowness)
@@ -94,12 +94,12 @@ def minimum_timing(
     """Return a profile with its times: every piece takes that of its slowest joint."""
     known = nodes(mechanism, points, angles[:, None], elbows[:, None])
     q, slowness = known.q[:, 0], known.slowness[:, :, 0]
-    pieces = lasting(wrapped(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:]).max(axis=-1)
+    pieces = lasting(wrap_angles(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:]).max(axis=-1)
     times = np.append(0.0, np.cumsum(pieces))
     return Profile(points=points, angles=angles, elbows=elbows, q=q, torque=known.torque[:, 0], times=times)
 
 
-def refined(mechanism: Mechanism, known: Profile, points: Float[np.ndarray, "n 2"]) -> Profile:
+def refine_profile(mechanism: Mechanism, known: Profile, points: Float[np.ndarray, "n 2"]) -> Profile:
     """Return a profile on more points of its path, evenly between its own, the last link's angle straight between."""
     count = len(known.angles)
     places = np.linspace(0, count - 1, len(points))
@@ -127,7 +127,7 @@ def lasting(
     return found
 
 
-def wrapped(angle: np.ndarray) -> np.ndarray:
+def wrap_angles(angle: np.ndarray) -> np.ndarray:
     """Return angles within half a turn of 0."""
     found: np.ndarray = angle - 2 * np.pi * np.round(angle / (2 * np.pi))
     return found

@@ -26,7 +26,7 @@ MASSES = (0.0, 0.1, 0.25, 0.5, 0.8)  # kg a link
 
 
 @dataclass(frozen=True, kw_only=True)
-class Assumed:
+class Assumptions:
     """What has to be assumed: kg a link, degrees, the way that joints bend, motor curves, whether JAM has DAM's joints.
 
     ``joint_ranges`` gives JAM the joint ranges that rods and sliders impose on DAM; without, its joints turn freely.
@@ -84,7 +84,7 @@ class Assumed:
         return replace(self.free, position_limits=np.sort(ends, axis=0).T)
 
 
-def gains(assumed: Assumed, names: Sequence[str], directions: int = DIRECTIONS) -> np.ndarray:
+def gains(assumed: Assumptions, names: Sequence[str], directions: int = DIRECTIONS) -> np.ndarray:
     """Return how much faster DAM is (positions, directions). Raises Infeasible where either cannot hold the arm."""
     found = []
     for name in names:
@@ -101,10 +101,10 @@ def gains(assumed: Assumed, names: Sequence[str], directions: int = DIRECTIONS) 
     return np.array(found)
 
 
-def changes(*, angles: Sequence[float]) -> Iterator[Assumed]:
+def changes(*, angles: Sequence[float]) -> Iterator[Assumptions]:
     """Yield the assumptions with one of them changed at a time, themselves first."""
-    yield Assumed()
-    usual = Assumed()
+    yield Assumptions()
+    usual = Assumptions()
     for name, values in (
         ("mass", MASSES),
         ("base_angle", angles),
@@ -142,16 +142,16 @@ def floor_rows() -> list[Row]:
 
     At a toggle the rod lies along both links: there sliders turn a joint ever faster, and for an ever shorter way.
     """
-    usual = _slider_speeds(Assumed())
+    usual = _slider_speeds(Assumptions())
     rows = []
     for angle in SMALLER_ANGLES:
-        cost = 100 * (1.0 - usual / _slider_speeds(Assumed(least_angle=angle)))
+        cost = 100 * (1.0 - usual / _slider_speeds(Assumptions(least_angle=angle)))
         note = f"none in {np.count_nonzero(cost < 0.1)} of {cost.size} directions, largest {cost.max():.0f} %"
         rows.append(beside_paper((FLOOR, f"against {angle:g}°", "cost mean"), "%", cost.mean(), note))
     return rows
 
 
-def _slider_speeds(assumed: Assumed) -> np.ndarray:
+def _slider_speeds(assumed: Assumptions) -> np.ndarray:
     """Return the directional maxima of DAM (positions, directions) [m/s]."""
     arm, sliders = assumed.free, assumed.sliders
     return np.array([pk.directional_maxima(arm, sliders, place, DIRECTIONS).values for place in POSITIONS.values()])
@@ -160,11 +160,11 @@ def _slider_speeds(assumed: Assumed) -> np.ndarray:
 def nearest_rows(*, angles: Sequence[float], masses: Sequence[float] = MASSES) -> list[Row]:
     """Return of all combinations how many hold the arm and say what the paper does, and those that come nearest."""
     printed = paper()["Figures 5 and 6", "p6", "gain largest"]
-    tried, held = 0, list[tuple[Assumed, np.ndarray]]()
+    tried, held = 0, list[tuple[Assumptions, np.ndarray]]()
     shapes: tuple[Literal["diamond", "strip"], ...] = ("diamond", "strip")
     bends: tuple[Literal[-1, 1], ...] = (1, -1)
     for mass, angle, bend, shape, ranges in product(masses, angles, bends, shapes, (False, True)):
-        assumed = Assumed(mass=mass, base_angle=angle, bend=bend, shape=shape, joint_ranges=ranges)
+        assumed = Assumptions(mass=mass, base_angle=angle, bend=bend, shape=shape, joint_ranges=ranges)
         tried += 1
         try:
             held.append((assumed, 100 * gains(assumed, ("p6",))[0]))
@@ -187,7 +187,7 @@ def nearest_rows(*, angles: Sequence[float], masses: Sequence[float] = MASSES) -
     return rows
 
 
-def _near(assumed: Assumed, gain: np.ndarray, printed: float, note: str) -> Row:
+def _near(assumed: Assumptions, gain: np.ndarray, printed: float, note: str) -> Row:
     return Row(
         table=NEAREST,
         row=str(assumed),

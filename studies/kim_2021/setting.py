@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-from functools import cache
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from studies.reporting import REPORTED, Row
+from studies.reporting import Row, paper_numbers
 
 # The text names p4, p5 and p6; that the nine are a grid of x and y, row by row, is a reading of Figure 6.
 POSITIONS = {
@@ -19,6 +18,7 @@ POSITIONS = {
 }
 DIRECTIONS = 16
 MECHANISMS = ("JAM", "DAM")
+paper = partial(paper_numbers, "kim_2021")
 
 
 def actuation_of(mechanism: str) -> pk.capability.JointActuation | pk.capability.DistributedActuation:
@@ -29,13 +29,6 @@ def actuation_of(mechanism: str) -> pk.capability.JointActuation | pk.capability
 def speeds(mechanism: str, position: Float[np.ndarray, " 2"], directions: object = DIRECTIONS) -> np.ndarray:
     """Return the directional maxima [m/s] of the arm as the library has it by default, 0.5 kg a link."""
     return pk.directional_maxima(pk.arms.kim_3r(), actuation_of(mechanism), position, directions).values
-
-
-@cache
-def paper() -> dict[tuple[str, str, str], float]:
-    """Return what the paper prints, by table, row and column."""
-    with (REPORTED / "kim_2021.csv").open(encoding="utf-8") as file:
-        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
 def beside_paper(place: tuple[str, str, str], unit: str, ours: float, note: str = "") -> Row:

@@ -20,7 +20,7 @@ WAYS = 32  # twice the paper's: a safe fit wants many
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sampled:
+class SampledMaxima:
     """Directional maxima (positions, directions) [m/s] of a mechanism over a grid of the nine positions' box."""
 
     positions: Float[np.ndarray, "positions 2"]
@@ -37,16 +37,18 @@ class Surrogates:
 
     mechanism: str
     models: dict[str, PolynomialEllipsoids | AxesEllipses]
-    seen: Sampled
-    unseen: Sampled
+    seen: SampledMaxima
+    unseen: SampledMaxima
 
 
-def sampled(mechanism: str, positions: Float[np.ndarray, "positions 2"], *, turned: bool = False) -> Sampled:
+def sample_maxima(
+    mechanism: str, positions: Float[np.ndarray, "positions 2"], *, turned: bool = False
+) -> SampledMaxima:
     """Return maxima in 32 directions, or in those between them."""
     shift = np.pi / WAYS if turned else 0.0
     directions = unit_directions(WAYS, 2) @ np.array([[np.cos(shift), np.sin(shift)], [-np.sin(shift), np.cos(shift)]])
     values = np.stack([speeds(mechanism, position, directions) for position in positions])
-    return Sampled(positions=positions, directions=directions, values=values)
+    return SampledMaxima(positions=positions, directions=directions, values=values)
 
 
 def grid(count: int, *, between: bool = False) -> Float[np.ndarray, "positions 2"]:
@@ -60,7 +62,7 @@ def grid(count: int, *, between: bool = False) -> Float[np.ndarray, "positions 2
 
 def surrogates(mechanism: str, *, count: int) -> Surrogates:
     """Return all models: on a grid of count × count positions, and the paper's on its nine."""
-    seen, nine = sampled(mechanism, grid(count)), sampled(mechanism, np.array(list(POSITIONS.values())))
+    seen, nine = sample_maxima(mechanism, grid(count)), sample_maxima(mechanism, np.array(list(POSITIONS.values())))
     fitted, few = ((each.positions, each.directions, each.values) for each in (seen, nine))
     models: dict[str, PolynomialEllipsoids | AxesEllipses] = {
         "ellipsoids": fit_ellipsoids(*fitted),
@@ -71,7 +73,10 @@ def surrogates(mechanism: str, *, count: int) -> Surrogates:
         "(a, b, c), nine positions as in the paper": fit_axes(*few),
     }
     return Surrogates(
-        mechanism=mechanism, models=models, seen=seen, unseen=sampled(mechanism, grid(count, between=True), turned=True)
+        mechanism=mechanism,
+        models=models,
+        seen=seen,
+        unseen=sample_maxima(mechanism, grid(count, between=True), turned=True),
     )
 
 
@@ -103,7 +108,7 @@ def all_surrogates(*, count: int) -> dict[str, Surrogates]:
     return {mechanism: surrogates(mechanism, count=count) for mechanism in MECHANISMS}
 
 
-def _errors_at(samples: Sampled) -> Float[np.ndarray, "positions directions"]:
+def _errors_at(samples: SampledMaxima) -> Float[np.ndarray, "positions directions"]:
     """Return the relative errors of ellipses each fitted to the maxima of one position."""
     matrices = ellipsoids_at(samples.directions, samples.values)
     slowness = np.sqrt(np.einsum("ki,nij,kj->nk", samples.directions, matrices, samples.directions))

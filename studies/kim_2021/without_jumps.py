@@ -9,14 +9,14 @@ import numpy as np
 from paretoik.errors import SolverFailed
 from studies.kim_2021.continuous import resolved
 from studies.kim_2021.profiles import Mechanism
-from studies.kim_2021.sensitivity import Assumed
+from studies.kim_2021.sensitivity import Assumptions
 from studies.kim_2021.setting import POSITIONS, beside_paper
 from studies.reporting import Row
 
 TABLE = "soonest from p4 straight to p6, postures not jumping"
 
 
-def straight_rows(assumptions: Iterable[Assumed], *, pieces: int, cell: float) -> list[Row]:
+def straight_rows(assumptions: Iterable[Assumptions], *, pieces: int, cell: float) -> list[Row]:
     """Return the ratio of both times for everything assumed; NaN where nothing holds on the way."""
     path = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
     rows, known = [], dict[tuple[object, ...], float]()

@@ -15,7 +15,7 @@ from studies.reporting import Row
 BETWEEN = 20  # times finer than the steps
 
 
-def meets(run: ClosedLoopRun, *, finer: int = BETWEEN) -> tuple[int, float]:
+def count_collisions(run: ClosedLoopRun, *, finer: int = BETWEEN) -> tuple[int, float]:
     """Return at how many points of a finer grid the arm meets an obstacle, and the longest step of a joint [rad]."""
     q, task = run.q, run.task
     share = np.linspace(0, 1, finer, endpoint=False)[:, None, None]
@@ -38,7 +38,7 @@ def collision_rows(
 
 
 def _row(reading: str, name: str, run: ClosedLoopRun) -> Row:
-    met, longest = meets(run)
+    met, longest = count_collisions(run)
     return Row(
         table=f"points between steps where the arm meets an obstacle, {BETWEEN} a step",
         row=reading,

@@ -44,7 +44,7 @@ class Cell:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Followed:
+class CellLoop:
     """A cell's closed loop, searched, its seconds of processor time, and the exact motion from the same start."""
 
     cell: Cell
@@ -63,37 +63,37 @@ def cells(
     ]
 
 
-def starts(wanted: Sequence[Cell], *, seed: int) -> dict[tuple[int, float], np.ndarray]:
+def find_starts(selection: Sequence[Cell], *, seed: int) -> dict[tuple[int, float], np.ndarray]:
     """Return where each arm begins on each circle, by OLGA, clear of the obstacles: the same with and without them."""
-    asked = list(dict.fromkeys((cell.links, cell.distance) for cell in wanted))
-    if len(asked) == 1:
-        return {asked[0]: _start(*asked[0], seed)}
+    pairs = list(dict.fromkeys((cell.links, cell.distance) for cell in selection))
+    if len(pairs) == 1:
+        return {pairs[0]: _start(*pairs[0], seed)}
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        return dict(zip(asked, pool.map(_start, *zip(*asked, strict=True), [seed] * len(asked)), strict=True))
+        return dict(zip(pairs, pool.map(_start, *zip(*pairs, strict=True), [seed] * len(pairs)), strict=True))
 
 
 def _start(links: Links, distance: float, seed: int) -> np.ndarray:
     return marcos_2012.loop(links, distance, blocked=True, steps=3, seed=seed).start
 
 
-def followed(
-    wanted: Sequence[Cell], begins: dict[tuple[int, float], np.ndarray], *, steps: int = STEPS, seed: int = 0
-) -> Iterator[Followed]:
+def follow_all(
+    selection: Sequence[Cell], postures: dict[tuple[int, float], np.ndarray], *, steps: int = STEPS, seed: int = 0
+) -> Iterator[CellLoop]:
     """Follow every cell's loop on all cores, as they end."""
     done = 0
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for one in pool.map(
-            lambda cell: follow(cell, begins[cell.links, cell.distance], steps=steps, seed=seed), wanted
+            lambda cell: follow(cell, postures[cell.links, cell.distance], steps=steps, seed=seed), selection
         ):
             done += 1
-            print(f"\r{done} of {len(wanted)} closed loops", end="", file=sys.stderr, flush=True)
+            print(f"\r{done} of {len(selection)} closed loops", end="", file=sys.stderr, flush=True)
             yield one
     print(file=sys.stderr)
 
 
 def follow(
     cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations: int = 200, warm_start: bool = False
-) -> Followed:
+) -> CellLoop:
     """Follow one cell's loop from a start, searched and exact."""
     loop = marcos_2012.loop(
         cell.links,
@@ -107,8 +107,8 @@ def follow(
         as_printed=True,
         warm_start=warm_start,
     )
-    begun = time.thread_time()
+    started = time.thread_time()
     run = loop.run(fronts=(1, 2))
-    seconds = time.thread_time() - begun
+    seconds = time.thread_time() - started
     q = exact_steps(loop.task, start, weight=cell.weight)
-    return Followed(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))
+    return CellLoop(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))

@@ -12,7 +12,7 @@ from paretoik.review.loop_plots import obstacle_patches
 from paretoik.review.palette import PAPER
 from paretoik.review.plots import stroboscopic
 from problems.marcos_2012 import DISTANCES
-from studies.marcos_2012.loops import Cell, Followed
+from studies.marcos_2012.loops import Cell, CellLoop
 from studies.reporting import drawing
 
 MOTIONS = {False: (2, 3), True: (6, 7)}  # figures of arms and joints, by whether there are obstacles
@@ -20,18 +20,18 @@ FRONTS = {(False, 0.7): 4, (False, 2.0): 5, (True, 0.7): 8, (True, 2.0): 9}
 ENDS = (0.0, 1.0)
 
 
-def draw(folder: Path, found: Sequence[Followed]) -> list[Path]:
+def draw(folder: Path, loops: Sequence[CellLoop]) -> list[Path]:
     """Draw every figure whose loops are there, of four links, into a folder; return the files."""
     folder.mkdir(parents=True, exist_ok=True)
-    known = {one.cell: one for one in found}
+    by_cell = {one.cell: one for one in loops}
     drawn: list[Path] = []
 
-    def wanted(distance: float, blocked: bool, weights: Sequence[float]) -> list[Followed]:
-        asked = [Cell(links=4, distance=distance, blocked=blocked, weight=w) for w in weights]
-        return [known[cell] for cell in asked if cell in known]
+    def select(distance: float, blocked: bool, weights: Sequence[float]) -> list[CellLoop]:
+        selection = [Cell(links=4, distance=distance, blocked=blocked, weight=w) for w in weights]
+        return [by_cell[cell] for cell in selection if cell in by_cell]
 
     for blocked, (arms, joints) in MOTIONS.items():
-        pair = wanted(DISTANCES[0], blocked, ENDS)
+        pair = select(DISTANCES[0], blocked, ENDS)
         if len(pair) == len(ENDS):
             drawn.append(folder / f"figure_{arms}.png")
             with drawing(drawn[-1], (8.0, 4.0)) as figure:
@@ -40,14 +40,14 @@ def draw(folder: Path, found: Sequence[Followed]) -> list[Path]:
             with drawing(drawn[-1], (8.0, 3.4)) as figure:
                 _joints(figure, pair)
     for (blocked, distance), number in FRONTS.items():
-        for one in wanted(distance, blocked, ENDS[:1]):
+        for one in select(distance, blocked, ENDS[:1]):
             drawn.append(folder / f"figure_{number}.png")
             with drawing(drawn[-1], (8.0, 3.4)) as figure:
                 _fronts(figure, one)
     return drawn
 
 
-def _arms(figure: Figure, pair: Sequence[Followed]) -> None:
+def _arms(figure: Figure, pair: Sequence[CellLoop]) -> None:
     for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
         obstacle_patches(axes, one.run.task.obstacles)
         stroboscopic(axes, one.run.motion)
@@ -55,7 +55,7 @@ def _arms(figure: Figure, pair: Sequence[Followed]) -> None:
     figure.axes[0].set_ylabel("y [m]")
 
 
-def _joints(figure: Figure, pair: Sequence[Followed]) -> None:
+def _joints(figure: Figure, pair: Sequence[CellLoop]) -> None:
     for axes, one in zip(figure.subplots(1, len(pair), sharey=True), pair, strict=True):
         for j, joint in enumerate(one.run.q.T):
             axes.plot(one.run.task.times, joint, color=PAPER.accent(j), label=f"joint {j + 1}")
@@ -64,7 +64,7 @@ def _joints(figure: Figure, pair: Sequence[Followed]) -> None:
     figure.axes[-1].legend(frameon=False)
 
 
-def _fronts(figure: Figure, one: Followed) -> None:
+def _fronts(figure: Figure, one: CellLoop) -> None:
     for axes, record in zip(figure.subplots(1, 2), (one.run.fronts[1], one.run.fronts[2]), strict=True):
         F = record.front.F
         axes.plot(*F.T, linestyle="none", marker=".", markersize=3, color=PAPER.ink)

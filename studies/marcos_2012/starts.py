@@ -30,21 +30,21 @@ UNITS = [measure.unit for measure in MEASURES.values()]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exact:
+class ExactMeasures:
     """The mean position error [m] and the drift [rad] of an exact loop."""
 
     error: float
     drift: float
 
 
-def exact(distance: float, start: Float[np.ndarray, " dof"], weight: float) -> Exact | None:
+def exact_measures(distance: float, start: Float[np.ndarray, " dof"], weight: float) -> ExactMeasures | None:
     """Return what the exact loop of three links from a start gives, None where it meets a singularity."""
     loop = marcos_2012.loop(3, distance, weight=weight, start=start, as_printed=True)
     moved = exact_steps(loop.task, start, weight=weight)
     if not np.abs(np.diff(moved, axis=0)).max() < LEAP:
         return None
     error, drift = (float(measure(loop.task.motion(moved))) for measure in MEASURES.values())
-    return Exact(error=error, drift=drift)
+    return ExactMeasures(error=error, drift=drift)
 
 
 def start_rows(starts: int = STARTS) -> list[Row]:
@@ -52,10 +52,10 @@ def start_rows(starts: int = STARTS) -> list[Row]:
     rows = []
     for distance in DISTANCES:
         angles = np.linspace(-np.pi, np.pi, starts, endpoint=False).tolist()
-        found = {(angle, side): _exact(distance, angle, side) for side in (1, -1) for angle in angles}
-        known = [each for each in found.values() if each is not None]
+        measures = {(angle, side): _exact_at(distance, angle, side) for side in (1, -1) for angle in angles}
+        finite = [each for each in measures.values() if each is not None]
         for k, table in enumerate(("Table 1", "Table 2")):
-            values = [each.drift if k else each.error for each in known]
+            values = [each.drift if k else each.error for each in finite]
             printed = _printed(table, distance, WEIGHT)
             inside = "lies" if min(values) <= printed <= max(values) else "does NOT lie"
             rows.append(
@@ -69,45 +69,45 @@ def start_rows(starts: int = STARTS) -> list[Row]:
                     note=f"to {max(values):.3g} over {len(values)} starts: the printed number {inside} between",
                 )
             )
-        rows += _explained(distance, found)
+        rows += _explained_rows(distance, measures)
     return rows
 
 
-def _explained(distance: float, found: dict[tuple[float, int], Exact | None]) -> list[Row]:
+def _explained_rows(distance: float, measures: dict[tuple[float, int], ExactMeasures | None]) -> list[Row]:
     """Return how much of the paper's columns a start explains that gives its error at w = 0.5.
 
     The error crosses the printed one between some of the angles that were tried; the crossing that explains most of the
     other cells is told.
     """
     printed = np.array([[_printed(table, distance, w) for w in WEIGHTS] for table in ("Table 1", "Table 2")])
-    aim = _printed("Table 1", distance, WEIGHT)
+    target = _printed("Table 1", distance, WEIGHT)
 
     def above(angle: float, side: int) -> float:
-        value = _exact(distance, angle, side)
-        return np.nan if value is None else value.error - aim
+        value = _exact_at(distance, angle, side)
+        return np.nan if value is None else value.error - target
 
     columns = []
     for side in (1, -1):
-        for low, high in pairwise(sorted(angle for angle, which in found if which == side)):
-            here, there = found[low, side], found[high, side]
-            if here is None or there is None or (here.error - aim) * (there.error - aim) > 0:
+        for low, high in pairwise(sorted(angle for angle, which in measures if which == side)):
+            here, there = measures[low, side], measures[high, side]
+            if here is None or there is None or (here.error - target) * (there.error - target) > 0:
                 continue
             angle = float(brentq(above, low, high, args=(side,), xtol=NARROW))
-            loops = [_exact(distance, angle, side, weight) for weight in WEIGHTS]
+            loops = [_exact_at(distance, angle, side, weight) for weight in WEIGHTS]
             if None not in loops:
                 columns.append(
                     (angle, side, np.array([[one.error, one.drift] for one in loops if one]).T / printed - 1)
                 )
     if not columns:
         return []
-    angle, side, apart = max(columns, key=lambda column: np.sum(np.abs(column[2][0]) <= ALIKE))
+    angle, side, deviation = max(columns, key=lambda column: np.sum(np.abs(column[2][0]) <= ALIKE))
     q = posture(distance, angle, side)
     assert q is not None
     rows = []
     for k, table in enumerate(("Table 1", "Table 2")):
-        alike = np.abs(apart[k]) <= ALIKE
+        agrees = np.abs(deviation[k]) <= ALIKE
         others = ", ".join(
-            f"w = {w} ({1 + a:.3g} times)" for w, a, good in zip(WEIGHTS, apart[k], alike, strict=True) if not good
+            f"w = {w} ({1 + a:.3g} times)" for w, a, good in zip(WEIGHTS, deviation[k], agrees, strict=True) if not good
         )
         rows.append(
             Row(
@@ -115,7 +115,7 @@ def _explained(distance: float, found: dict[tuple[float, int], Exact | None]) ->
                 row=f"{table}, r = {distance}, 3R",
                 column="cells",
                 unit="",
-                ours=int(alike.sum()),
+                ours=int(agrees.sum()),
                 paper=len(WEIGHTS),
                 note=f"q₀ = {np.array2string(q, precision=3)}, one of {len(columns)}; others: {others or 'none'}",
             )
@@ -123,9 +123,9 @@ def _explained(distance: float, found: dict[tuple[float, int], Exact | None]) ->
     return rows
 
 
-def _exact(distance: float, angle: float, side: int, weight: float = WEIGHT) -> Exact | None:
+def _exact_at(distance: float, angle: float, side: int, weight: float = WEIGHT) -> ExactMeasures | None:
     start = posture(distance, angle, side)
-    return None if start is None else exact(distance, start, weight)
+    return None if start is None else exact_measures(distance, start, weight)
 
 
 def _printed(table: str, distance: float, weight: float) -> float:
@@ -137,9 +137,9 @@ def posture(distance: float, angle: float, side: int) -> Float[np.ndarray, " dof
 
     None where there is none, or two links nearly lie on each other or in line.
     """
-    left = np.array([distance + RADIUS, 0.0]) - np.array([np.cos(angle), np.sin(angle)])
-    apart = float(np.hypot(*left))
-    if not BENT < apart < 2.0 - BENT:
+    rest = np.array([distance + RADIUS, 0.0]) - np.array([np.cos(angle), np.sin(angle)])
+    length = float(np.hypot(*rest))
+    if not BENT < length < 2.0 - BENT:
         return None
-    ahead, bend = np.arctan2(left[1], left[0]), np.arccos(apart / 2)
-    return np.array([angle, ahead - side * bend - angle, side * 2 * bend])
+    direction, half_angle = np.arctan2(rest[1], rest[0]), np.arccos(length / 2)
+    return np.array([angle, direction - side * half_angle - angle, side * 2 * half_angle])

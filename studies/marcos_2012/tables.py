@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
-from functools import cache
+from functools import partial
 
 import numpy as np
 
 from paretoik.formulations.closed_loop_result import mean_position_error
 from paretoik.task.objectives import joint_drift
-from studies.marcos_2012.loops import Cell, Followed, follow
-from studies.reporting import REPORTED, Row
+from studies.marcos_2012.loops import Cell, CellLoop, follow
+from studies.reporting import Row, paper_numbers
 
 MEASURES = {"mean position error": mean_position_error, "drift": joint_drift}  # Eqs. 23 and 25
 GOALS = 0.005, 0.03  # of the oracle's, for w ≥ 0.5 and three links
 WARM = 20  # generations, a tenth of the paper's
 SAME = 0.05  # of the paper's number
 SEEDS, SHORT = 11, 100  # of four links, and steps that each follows
+paper = partial(paper_numbers, "marcos_2012")
 
 
-@cache
-def paper() -> dict[tuple[str, str, str], float]:
-    """Return what the paper prints, by table, row and arm."""
-    with (REPORTED / "marcos_2012.csv").open(encoding="utf-8") as file:
-        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
-
-
-def measured(one: Followed) -> list[tuple[str, str, str, float, float]]:
+def cell_measures(one: CellLoop) -> list[tuple[str, str, str, float, float]]:
     """Return (table, what, unit, ours, oracle's) of a cell's position error (Eq. 23) and drift (Eq. 25)."""
     names = ("Table 3", "Table 4") if one.cell.blocked else ("Table 1", "Table 2")
     return [
@@ -36,12 +29,12 @@ def measured(one: Followed) -> list[tuple[str, str, str, float, float]]:
     ]
 
 
-def table_rows(found: Sequence[Followed]) -> list[Row]:
+def table_rows(loops: Sequence[CellLoop]) -> list[Row]:
     """Return Tables 1 to 4 (Eqs. 23 and 25), the oracle's number and how far ours is from it in the note."""
     rows = []
-    for one in found:
+    for one in loops:
         cell = one.cell
-        for name, what, unit, ours, exact in measured(one):
+        for name, what, unit, ours, exact in cell_measures(one):
             with_them = "with two obstacles" if cell.blocked else "no obstacles"
             rows.append(
                 Row(
@@ -57,7 +50,7 @@ def table_rows(found: Sequence[Followed]) -> list[Row]:
     return sorted(rows, key=lambda row: (row.table, row.row, row.column))
 
 
-def reproduced_rows(found: Sequence[Followed]) -> list[Row]:
+def reproduced_rows(loops: Sequence[CellLoop]) -> list[Row]:
     """Return how many of each table's cells are within 5 % of what is printed, and of the others why, as far as known.
 
     Where the exact loop is as far off, no search could reproduce the cell: it hangs on the start, which the paper does
@@ -65,8 +58,8 @@ def reproduced_rows(found: Sequence[Followed]) -> list[Row]:
     """
     rows = []
     groups: dict[tuple[str, str], list[tuple[str, float, float, float]]] = {}
-    for one in found:
-        for name, _, _, ours, exact in measured(one):
+    for one in loops:
+        for name, _, _, ours, exact in cell_measures(one):
             printed = paper()[name, one.cell.row, one.cell.arm]
             groups.setdefault((name, one.cell.arm), []).append((one.cell.row, ours, exact, printed))
     for (name, arm), cells in sorted(groups.items()):
@@ -78,7 +71,7 @@ def reproduced_rows(found: Sequence[Followed]) -> list[Row]:
             "the exact loop is off as well": [cell for cell in bound if cell not in known],
             "the exact loop is not": [cell for cell in off if cell not in bound],
         }
-        said = [
+        reasons_text = [
             f"{reason}: {', '.join(f'{row} ({ours / printed:.3g} times)' for row, ours, _, printed in some)}"
             for reason, some in reasons.items()
             if some
@@ -91,24 +84,24 @@ def reproduced_rows(found: Sequence[Followed]) -> list[Row]:
                 unit="",
                 ours=len(cells) - len(off),
                 paper=len(cells),
-                note="; ".join(said),
+                note="; ".join(reasons_text),
             )
         )
     return rows
 
 
-def oracle_rows(found: Sequence[Followed]) -> list[Row]:
+def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
     """Return how far three links are from the oracle at most, where the displacement weighs half or more."""
     rows = []
-    kept = [one for one in found if one.cell.links == 3 and one.cell.weight >= 0.5]
-    for blocked in dict.fromkeys(one.cell.blocked for one in kept):
+    selection = [one for one in loops if one.cell.links == 3 and one.cell.weight >= 0.5]
+    for blocked in dict.fromkeys(one.cell.blocked for one in selection):
         for (what, measure), goal in zip(MEASURES.items(), GOALS, strict=True):
-            apart = [
+            errors = [
                 (abs(float(measure(one.run.motion) / measure(one.exact)) - 1), one.cell.row)
-                for one in kept
+                for one in selection
                 if one.cell.blocked == blocked
             ]
-            worst, where = max(apart)
+            worst, where = max(errors)
             lost = "LOSS: " if worst > goal else ""
             rows.append(
                 Row(
@@ -118,7 +111,7 @@ def oracle_rows(found: Sequence[Followed]) -> list[Row]:
                     unit="relative",
                     ours=worst,
                     paper=goal,
-                    note=f"{lost}goal; worst of {len(apart)} cells: {where}",
+                    note=f"{lost}goal; worst of {len(errors)} cells: {where}",
                 )
             )
     return rows
@@ -131,9 +124,9 @@ def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEE
         cell = Cell(links=4, distance=distance, blocked=False, weight=0.5)
         if links != 4:
             continue
-        found = [follow(cell, start, steps=steps, seed=seed) for seed in range(seeds)]
+        loops = [follow(cell, start, steps=steps, seed=seed) for seed in range(seeds)]
         for what, measure in MEASURES.items():
-            values = [float(measure(one.run.motion)) for one in found]
+            values = [float(measure(one.run.motion)) for one in loops]
             low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
             rows.append(
                 Row(
@@ -142,7 +135,7 @@ def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEE
                     column=what,
                     unit=measure.unit,
                     ours=float(middle),
-                    paper=float(measure(found[0].exact)),
+                    paper=float(measure(loops[0].exact)),
                     note=f"quartiles {low:.4g} and {high:.4g}",
                 )
             )
@@ -154,17 +147,17 @@ def warm_rows(starts: dict[tuple[int, float], np.ndarray], *, seed: int, steps: 
     rows = []
     for (links, distance), start in starts.items():
         cell = Cell(links=4 if links == 4 else 3, distance=distance, blocked=False, weight=0.5)
-        found = {
+        loops = {
             (warm, generations): follow(cell, start, steps=steps, seed=seed, generations=generations, warm_start=warm)
             for warm, generations in ((False, 200), (False, WARM), (True, WARM))
         }
-        for (warm, generations), one in found.items():
-            said = f"{'warm starts' if warm else 'random restarts'}, {generations} generations"
-            for _, what, unit, ours, exact in measured(one):
+        for (warm, generations), one in loops.items():
+            setting = f"{'warm starts' if warm else 'random restarts'}, {generations} generations"
+            for _, what, unit, ours, exact in cell_measures(one):
                 rows.append(
                     Row(
                         table=f"warm starts, w = 0.5, {steps} steps, beside the oracle",
-                        row=f"{cell.arm}, r = {distance}: {said}",
+                        row=f"{cell.arm}, r = {distance}: {setting}",
                         column=what,
                         unit=unit,
                         ours=ours,
@@ -175,21 +168,21 @@ def warm_rows(starts: dict[tuple[int, float], np.ndarray], *, seed: int, steps: 
     return rows
 
 
-def time_rows(found: Sequence[Followed], seconds: float) -> list[Row]:
+def time_rows(loops: Sequence[CellLoop], seconds: float) -> list[Row]:
     """Return what the loops took: processor time a generation, and all of them."""
     rows = []
-    for links in sorted({one.cell.links for one in found}):
-        own = [one for one in found if one.cell.links == links]
-        generations = sum((len(one.run.q) - 1) * 200 for one in own)
+    for links in sorted({one.cell.links for one in loops}):
+        same_arm = [one for one in loops if one.cell.links == links]
+        generations = sum((len(one.run.q) - 1) * 200 for one in same_arm)
         rows.append(
             Row(
                 table="time",
                 row=f"{links}R",
                 column="a generation, processor time",
                 unit="µs",
-                ours=1e6 * sum(one.seconds for one in own) / generations,
-                note=f"{len(own)} loops of {len(own[0].run.q) - 1} steps",
+                ours=1e6 * sum(one.seconds for one in same_arm) / generations,
+                note=f"{len(same_arm)} loops of {len(same_arm[0].run.q) - 1} steps",
             )
         )
-    rows.append(Row(table="time", row="all", column="whole run", unit="s", ours=seconds, note=f"{len(found)} loops"))
+    rows.append(Row(table="time", row="all", column="whole run", unit="s", ours=seconds, note=f"{len(loops)} loops"))
     return rows

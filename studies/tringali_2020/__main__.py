@@ -9,36 +9,36 @@ from functools import partial
 from studies.reporting import Row, report, study_parser
 from studies.tringali_2020.candidates import Decline, declines, figure_1
 from studies.tringali_2020.pictures import draw
-from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, simulated, tables, told
-from studies.tringali_2020.trade_off import TradeOff, figure_14, traded
-from studies.tringali_2020.validation import bounded, matched, table_4
+from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, motion_rows, simulate, tables
+from studies.tringali_2020.trade_off import TradeOff, figure_14, solve_trade_off
+from studies.tringali_2020.validation import bound_row, match_optima, table_4
 
 FINE = 0.006  # rad: of the grid oracle's nodes
 
 
-def studied(
-    *, starts: int, points: int, most: int, seeds: int, finer: int | None, rehearsed: bool = True
+def run_study(
+    *, starts: int, points: int, candidates: int, seeds: int, finer: int | None, rehearsed: bool = True
 ) -> tuple[list[Row], dict[str, list[Simulation]], list[Decline], list[TradeOff]]:
     """Return all rows, and what the pictures show: simulations, declines and trade-offs of both arms.
 
-    ``starts`` a plan, ``points`` of the front, at ``most`` candidates of so many ``seeds`` for Figure 1, and a number
+    ``starts`` a plan, ``points`` of the front, so many ``candidates`` of so many ``seeds`` for Figure 1, and a number
     of samples to which Table 4 is repeated. ``rehearsed``, times are taken with everything compiled.
     """
-    plan = partial(simulated, starts=starts, rehearsed=rehearsed)
+    plan = partial(simulate, starts=starts, rehearsed=rehearsed)
     simulations = {masses: [plan(number, masses) for number in NUMBERS] for masses in MASSES}
-    names = matched(simulations["fitted"][0])
+    names = match_optima(simulations["fitted"][0])
     rows: list[Row] = []
     for first, *_ in simulations.values():
         repeated = None if finer is None else plan(1, first.masses, samples=finer)
         rows += table_4(first, names, repeated)
-        rows.append(bounded(first, resolution=None if finer is None else FINE))
+        rows.append(bound_row(first, resolution=None if finer is None else FINE))
     rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
-    rows += [row for one in simulations.values() for row in told(one)]
-    falling = declines(most=most, seeds=seeds)
-    rows += [row for decline in falling for row in figure_1(decline)]
-    trades = [traded(masses, points=points, starts=starts, rehearsed=rehearsed) for masses in MASSES]
+    rows += [row for one in simulations.values() for row in motion_rows(one)]
+    decline_curves = declines(count=candidates, seeds=seeds)
+    rows += [row for decline in decline_curves for row in figure_1(decline)]
+    trades = [solve_trade_off(masses, points=points, starts=starts, rehearsed=rehearsed) for masses in MASSES]
     rows += [row for trade_off in trades for row in figure_14(trade_off)]
-    return rows, simulations, falling, trades
+    return rows, simulations, decline_curves, trades
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -47,13 +47,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "Tringali & Cocuzza 2020.", quick="24 starts, 8 points of the front, 3 seeds of Figure 1", out="tringali_2020"
     ).parse_args(arguments)
     if options.quick:
-        found = studied(starts=24, points=8, most=3000, seeds=3, finer=None)
+        results = run_study(starts=24, points=8, candidates=3000, seeds=3, finer=None)
     else:
-        found = studied(starts=48, points=20, most=round(10**4.5), seeds=12, finer=401)
-    rows, simulations, falling, trades = found
-    names = matched(simulations["fitted"][0])
+        results = run_study(starts=48, points=20, candidates=round(10**4.5), seeds=12, finer=401)
+    rows, simulations, decline_curves, trades = results
+    names = match_optima(simulations["fitted"][0])
     report(rows, json_file=options.json)
-    pictures = draw(options.out, simulations, falling, trades, names)
+    pictures = draw(options.out, simulations, decline_curves, trades, names)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 
 

@@ -31,18 +31,18 @@ class Decline:
     @property
     def lines(self) -> Float[np.ndarray, "seeds 2"]:
         """Exponent and logarithm of the factor of each seed's power law, from ``FITTED_FROM`` candidates on."""
-        kept = self.counts >= FITTED_FROM
-        found: np.ndarray = np.polyfit(np.log(self.counts[kept]), np.log(self.above[:, kept]).T, 1).T
-        return found
+        selected = self.counts >= FITTED_FROM
+        lines: np.ndarray = np.polyfit(np.log(self.counts[selected]), np.log(self.above[:, selected]).T, 1).T
+        return lines
 
 
-def declines(*, most: int, seeds: int) -> list[Decline]:
+def declines(*, count: int, seeds: int) -> list[Decline]:
     """Return the decline with up to so many candidates for each arm; both weigh the same roll-outs."""
     problems = {masses: with_arm(as_printed("simulation_1"), masses, SAMPLES) for masses in MASSES}
     best = {masses: pk.plan(problem).best.objective for masses, problem in problems.items()}
     lowest: dict[str, list[np.ndarray]] = {masses: [] for masses in MASSES}
     for seed in range(seeds):
-        q = rollout_starts(problems["fitted"].task, most, np.random.default_rng(seed))
+        q = rollout_starts(problems["fitted"].task, count, np.random.default_rng(seed))
         for masses, problem in problems.items():
             lowest[masses].append(np.minimum.accumulate(pk.kinetic_energy(problem.task.motion(q))))
     fewest = min(len(costs) for costs in lowest["fitted"])
@@ -61,14 +61,18 @@ def declines(*, most: int, seeds: int) -> list[Decline]:
 def figure_1(decline: Decline) -> list[Row]:
     """Return the power law of one arm, mean and deviation over seeds, beside the paper's."""
     (exponent, factor), spread = decline.lines.mean(axis=0), decline.lines.std(axis=0, ddof=1)
-    seeds, most = len(decline.above), int(decline.counts[-1])
-    least, worst = decline.lines[:, 0].min(), decline.lines[:, 0].max()
-    setting = f"{seeds} seeds, to {most} candidates of {SAMPLES} samples 1/12 s apart (0.08 s does not divide 1 s)"
+    seeds, count = len(decline.above), int(decline.counts[-1])
+    smallest, largest = decline.lines[:, 0].min(), decline.lines[:, 0].max()
+    setting = f"{seeds} seeds, to {count} candidates of {SAMPLES} samples 1/12 s apart (0.08 s does not divide 1 s)"
     name, table = "least kinetic energy", "Figure 1"
-    spread_note = f"± {spread[0]:.2f}, {least:.2f} to {worst:.2f}: a seed's curve is a staircase; {setting}; {RATE}"
+    spread_note = (
+        f"± {spread[0]:.2f}, {smallest:.2f} to {largest:.2f}: a seed's curve is a staircase; {setting}; {RATE}"
+    )
     last = float(np.median(decline.above[:, -1]))
     return [
         beside(table, decline.masses, name, "exponent", "", float(exponent), spread_note),
         beside(table, decline.masses, name, "logarithm of the factor", "", float(factor), f"± {spread[1]:.2f}"),
-        beside(table, decline.masses, name, "best candidate above the optimum", "J s", last, f"median; {most} of them"),
+        beside(
+            table, decline.masses, name, "best candidate above the optimum", "J s", last, f"median; {count} of them"
+        ),
     ]

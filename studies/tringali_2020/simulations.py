@@ -75,7 +75,7 @@ def as_printed(name: str) -> pk.Tracking:
     return problem
 
 
-def simulated(
+def simulate(
     number: int, masses: str, *, starts: int, samples: int | None = None, rehearsed: bool = True
 ) -> Simulation:
     """Return one simulation, planned; ``rehearsed``, a plan that compiles comes first, untimed."""
@@ -102,8 +102,10 @@ def limit_use(simulation: Simulation) -> tuple[float, str]:
     """Return the greatest use of a limit by the best motion, 1 being all of it, and the limits used so; all are ±."""
     task = simulation.problem.task
     uses = 1 + 2 * task.violations(simulation.motion)
-    most = float(uses.max())
-    return most, ", ".join(name for name, use in zip(task.limit_names, uses, strict=True) if use > most - AT_LIMIT)
+    largest = float(uses.max())
+    return largest, ", ".join(
+        name for name, use in zip(task.limit_names, uses, strict=True) if use > largest - AT_LIMIT
+    )
 
 
 def tables(simulation: Simulation) -> list[Row]:
@@ -131,7 +133,7 @@ def tables(simulation: Simulation) -> list[Row]:
     return rows
 
 
-def told(simulations: list[Simulation]) -> list[Row]:
+def motion_rows(simulations: list[Simulation]) -> list[Row]:
     """Return what section 4.2 tells of the motions of the five simulations of one arm, in their order."""
     first, second, third, fourth, fifth = simulations
     masses, table = first.masses, "Section 4.2"

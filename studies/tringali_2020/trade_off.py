@@ -29,7 +29,7 @@ class TradeOff:
     seconds: float
 
 
-def traded(masses: str, *, points: int, starts: int, rehearsed: bool = True) -> TradeOff:
+def solve_trade_off(masses: str, *, points: int, starts: int, rehearsed: bool = True) -> TradeOff:
     """Return the front of one arm; ``rehearsed``, a short one that compiles comes first, untimed."""
     problem = with_arm(as_printed("energy_torque"), masses)
     if rehearsed:
@@ -76,12 +76,12 @@ def _row(masses: str, row: str, column: str, unit: str, ours: float, note: str, 
 def hull(front: pk.Front) -> list[int]:
     """Return which points, in order of the first objective, are on the lower convex hull: weights find only these."""
     points = front.shares
-    kept: list[int] = []
+    corners: list[int] = []
     for i in np.argsort(points[:, 0], kind="stable").tolist():
-        while len(kept) > 1 and _turn(points[kept[-2]], points[kept[-1]], points[i]) <= 0:
-            kept.pop()
-        kept.append(i)
-    return kept
+        while len(corners) > 1 and _turn(points[corners[-2]], points[corners[-1]], points[i]) <= 0:
+            corners.pop()
+        corners.append(i)
+    return corners
 
 
 def _turn(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> float:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 
 import numpy as np
 
@@ -14,13 +13,14 @@ from paretoik.robot.dynamics import inertia_matrix
 from paretoik.trajectory.grid_oracle import grid_oracle
 from problems import tringali_2021
 from problems.tringali_2021 import START
-from studies.reporting import REPORTED, Row
+from studies.reporting import Row, paper_numbers
 
 MASSES = ("fitted", "printed")
 NUMBERS = (1, 2, 3, 4)
 NEAR = 0.02  # of an energy: the paper's optimum and ours are the same
 FAST = 2.0  # rad/s: a motion this slow that has a faster joint has met a singularity
 METHODS = ("PMKE", "LSV", "global")
+paper = partial(paper_numbers, "tringali_2021")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,13 +36,6 @@ class Trajectory:
     def name(self) -> str:
         """As the rows call it."""
         return f"trajectory {self.number}"
-
-
-@cache
-def paper() -> dict[tuple[str, str, str], float]:
-    """Return what the paper prints, by table, row and column."""
-    with (REPORTED / "tringali_2021.csv").open(encoding="utf-8") as file:
-        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
 def arm_of(masses: str) -> pk.Arm:

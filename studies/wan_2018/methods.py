@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import time
-from functools import cache
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -24,20 +23,14 @@ from problems.wan_2018 import (
     REGION,
     REPULSION,
 )
-from studies.reporting import REPORTED, Row
+from studies.reporting import Row, paper_numbers
 
 AXES = {"x": "m", "y": "m", "z": "m", "α": "rad", "β": "rad", "γ": "rad"}
 FOURTH = 3  # joint 4, counted from 0
 AT_LIMIT = 0.02  # share of its range: a joint nearer to a limit than this is at it
 SETS, GOAL = 200, 0.3  # parameter sets, and seconds for all of them
 VARIANTS: dict[str, Literal["paper", "consistent"]] = {"WGPM, as printed": "paper", "WGPM, consistent": "consistent"}
-
-
-@cache
-def paper() -> dict[tuple[str, str, str], float]:
-    """Return what the paper prints, by table, row and column."""
-    with (REPORTED / "wan_2018.csv").open(encoding="utf-8") as file:
-        return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
+paper = partial(paper_numbers, "wan_2018")
 
 
 def paper_methods(table: str) -> dict[str, pk.methods.DampedLeastSquares]:

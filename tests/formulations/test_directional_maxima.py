@@ -11,6 +11,7 @@ import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
+from problems import kim_2021
 
 PLACE = [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
@@ -145,3 +146,10 @@ def test_what_cannot_be_is_refused_by_name(problem, front):
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
     with pytest.raises(InvalidInput, match="refine: a problem with objectives speed_1, speed_2, joint_power wanted"):
         pk.refine(front, other)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cold_search_starts_from_so_many_points_as_asked_for_that_motors_can_hold(seed):
+    starts = kim_2021.directions_dam().cold_search(starts=5, seed=seed).starts
+    assert len(starts) == 5
+    assert np.isfinite(starts).all()

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.pareto import epsilon
+from paretoik.pareto.scalarisation import minimise_weighted
 from tests.pareto.sketches import scaled, sketched, swept
 
 
@@ -174,3 +178,16 @@ def test_one_objective_is_no_front():
     )
     with pytest.raises(InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
         pk.epsilon_front(problem, points=3)
+
+
+def test_an_end_in_a_valley_too_flat_for_the_least_weight_is_found_with_more(monkeypatch):
+    def lose_flat(program, x, weights, *rest, **settings):
+        solutions = minimise_weighted(program, x, weights, *rest, **settings)
+        lost = weights.min(axis=1) < 1e-5
+        return replace(solutions, status=np.where(lost, solutions.status + 1, solutions.status))
+
+    program = two_places(0.3)
+    monkeypatch.setattr(epsilon, "minimise_weighted", lose_flat)
+    z, _ = swept(program, starts(program, 3), points=5)
+    values = z @ program.costs.T
+    assert values.min(axis=0) == pytest.approx([0.3**2] * 2, abs=1e-4)

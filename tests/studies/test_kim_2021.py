@@ -21,9 +21,9 @@ from studies.kim_2021.full_program import full_program
 from studies.kim_2021.looking_ahead import looking_ahead, root
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
-from studies.kim_2021.profiles import Mechanism, evenly, minimum_timing, refined
+from studies.kim_2021.profiles import Mechanism, evenly, minimum_timing, refine_profile
 from studies.kim_2021.racing import polygon_race, step_race
-from studies.kim_2021.sensitivity import Assumed, floor_rows, gains, nearest_rows, sensitivity_rows
+from studies.kim_2021.sensitivity import Assumptions, floor_rows, gains, nearest_rows, sensitivity_rows
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
 from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, trajectory
@@ -82,12 +82,12 @@ def test_where_sliders_are_slower_is_said(corners):
 
 
 def test_the_usual_assumptions_are_the_librarys(corners):
-    np.testing.assert_allclose(gains(Assumed(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
+    np.testing.assert_allclose(gains(Assumptions(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
     assert np.rad2deg(pk.capability.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
-    limited = Assumed(joint_ranges=True)
+    limited = Assumptions(joint_ranges=True)
     assert str(limited) == "JAM with DAM's joint ranges"
-    assert str(Assumed(mass=0.1, shape="strip")) == "mass 0.1, strip"
-    assert np.all(gains(limited, ("p6",)) >= gains(Assumed(), ("p6",)) - 1e-9)
+    assert str(Assumptions(mass=0.1, shape="strip")) == "mass 0.1, strip"
+    assert np.all(gains(limited, ("p6",)) >= gains(Assumptions(), ("p6",)) - 1e-9)
 
 
 def test_what_cannot_hold_the_arm_is_a_row_with_its_reason():
@@ -95,7 +95,7 @@ def test_what_cannot_hold_the_arm_is_a_row_with_its_reason():
     assert np.isnan(rows["all nine: mass 0.8"].ours)
     assert "joint2: a torque" in rows["all nine: mass 0.8"].note
     assert np.isnan(rows["p6: base angle 60"].ours)
-    assert rows["p6: as is"].ours == pytest.approx(100 * gains(Assumed(), ("p6",)).mean())
+    assert rows["p6: as is"].ours == pytest.approx(100 * gains(Assumptions(), ("p6",)).mean())
 
 
 def test_the_floor_of_rod_angles_costs_more_the_less_it_is_compared_with():
@@ -174,7 +174,7 @@ def test_no_other_postures_are_sooner():
 def test_between_its_samples_a_profile_takes_as_long():
     path = np.stack([START, TARGET])
     known = resolved(mechanism("JAM"), path, pieces=8, cell=0.5)
-    finer = refined(mechanism("JAM"), known, evenly(path, 8 * (len(known.times) - 1)))
+    finer = refine_profile(mechanism("JAM"), known, evenly(path, 8 * (len(known.times) - 1)))
     assert finer.times[-1] == pytest.approx(known.times[-1], rel=0.01)
 
 
@@ -200,8 +200,8 @@ def test_losses_are_said(ways, trajectories):
 
 
 def test_other_assumptions_change_who_is_sooner():
-    several = [Assumed(), Assumed(mass=0.0), Assumed(base_angle=60.0)]
-    rows = {row.row: row for row in straight_rows(several, pieces=4, cell=1.0)}
+    several = [Assumptions(), Assumptions(mass=0.0), Assumptions(base_angle=60.0)]
+    rows = {row.row: row for row in straight_rows(several, pieces=4, cell=2.0)}
     assert rows["as is"].ours > 10
     assert rows["mass 0"].ours < 5
     assert "DAM: no postures" in rows["base angle 60"].note
@@ -246,6 +246,6 @@ def test_races_have_both_sides(trajectories):
 def test_pictures_are_drawn_and_rows_written(corners, trajectories, ways, tmp_path, monkeypatch):
     assert len(draw(tmp_path / "pictures", corners, trajectories, ways)) == 4
     rows = polygon_rows(corners)
-    monkeypatch.setattr(study, "studied", lambda effort, folder: (rows, []))
+    monkeypatch.setattr(study, "run_study", lambda effort, folder: (rows, []))
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     assert len(json.loads((tmp_path / "rows.json").read_text())) == len(rows)

@@ -12,7 +12,7 @@ from paretoik.formulations.closed_loop_result import mean_position_error
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012 import __main__ as study
 from studies.marcos_2012 import loops, starts
-from studies.marcos_2012.collisions import meets
+from studies.marcos_2012.collisions import count_collisions
 from studies.marcos_2012.loops import Cell, cells, follow
 from studies.marcos_2012.pictures import draw
 from studies.marcos_2012.starts import posture as posture_at
@@ -67,8 +67,8 @@ def test_what_is_off_the_oracle_is_told_as_lost(followed):
 def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
     blocked = follow(replace(CELL, blocked=True), posture(3), steps=3, seed=0, generations=5).run
     through = replace(blocked, q=np.array([[0.5, 0.0, 0.0], [0.2, 0.0, 0.0], [0.5, 0.0, 0.0]]))
-    assert meets(blocked)[0] == 0
-    count, longest = meets(through)
+    assert count_collisions(blocked)[0] == 0
+    count, longest = count_collisions(through)
     assert count > 0
     assert longest == pytest.approx(0.3)
 
@@ -116,7 +116,7 @@ def test_figures_are_drawn_of_what_is_there(tmp_path):
 
 def test_quick_writes_strict_json(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "QUICK_STEPS", 4)
-    monkeypatch.setattr(study, "starts", lambda wanted, seed: {(3, 0.7): posture(3)})
+    monkeypatch.setattr(study, "find_starts", lambda selection, seed: {(3, 0.7): posture(3)})
     file = tmp_path / "rows.json"
     study.main(["--quick", "--json", str(file), "--out", str(tmp_path / "pictures")])
     rows = json.loads(file.read_text())

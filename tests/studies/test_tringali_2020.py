@@ -22,7 +22,7 @@ from studies.tringali_2020.candidates import FITTED_FROM, Decline
 from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import limit_use, with_arm
-from studies.tringali_2020.validation import bounded, matched, named
+from studies.tringali_2020.validation import bound_row, match_optima, name_optima
 
 TABLES = ("Table 4", "Table 5", "Table 6", "Section 4.2", "Figure 1", "Figure 14")
 FIGURES = (1, 3, 4, 5, 10, 11, 14)  # those of simulations 1 and 4 and of what has no number
@@ -48,14 +48,14 @@ class Found:
 def found():
     """Study in short."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(command, "bounded", lambda simulation, **_: bounded(simulation, resolution=0.06))
-        return Found(*command.studied(starts=12, points=3, most=300, seeds=2, finer=None, rehearsed=False))
+        patch.setattr(command, "bound_row", lambda simulation, **_: bound_row(simulation, resolution=0.06))
+        return Found(*command.run_study(starts=12, points=3, candidates=300, seeds=2, finer=None, rehearsed=False))
 
 
 @pytest.fixture(scope="module")
 def pictures(found, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pictures") / "made"
-    names = matched(found.simulations["fitted"][0])
+    names = match_optima(found.simulations["fitted"][0])
     some = {"fitted": [found.simulations["fitted"][k] for k in (0, 3)]}
     return draw(folder, some, found.falling[:1], found.trades[:1], names)
 
@@ -214,7 +214,7 @@ def test_the_problem_with_the_printed_arm_is_the_problem_itself():
 
 def test_optima_get_the_papers_names_by_their_bends_and_each_name_once():
     optima = [SimpleNamespace(label=label) for label in ("b", "a", "c", "a")]
-    ours = named(optima, {"a": "optimum 1", "b": "optimum 2"})
+    ours = name_optima(optima, {"a": "optimum 1", "b": "optimum 2"})
     assert list(ours) == ["optimum 1", "optimum 2", "further optimum 1", "further optimum 2"]
     assert all(one is optima[k] for one, k in zip(ours.values(), (1, 0, 2, 3), strict=True))
 
@@ -256,11 +256,11 @@ def test_a_number_says_how_far_it_is_from_the_papers():
 def test_the_command_reports_its_rows_and_draws(found, monkeypatch, tmp_path, capsys, quick, starts):
     asked = {}
 
-    def studied(**settings):
+    def run_study(**settings):
         asked.update(settings)
         return found.rows, found.simulations, found.falling, found.trades
 
-    monkeypatch.setattr(command, "studied", studied)
+    monkeypatch.setattr(command, "run_study", run_study)
     monkeypatch.setattr(command, "draw", lambda folder, *shown: [folder / "one.png"])
     command.main(["--json", str(tmp_path / "rows.json"), "--out", str(tmp_path), *(["--quick"] if quick else [])])
     assert asked["starts"] == starts

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
+from paretoik.compilation_references import keep, refer
 from paretoik.nlp.compiled.array_loops import dot, finite_indices
 from paretoik.nlp.compiled.elastic import (
     begin_slacks,
@@ -47,7 +48,6 @@ from paretoik.nlp.compiled.kernel_steps import (
 )
 from paretoik.nlp.compiled.line_search import search_line
 from paretoik.nlp.compiled.newton import newton_step, search_direction
-from paretoik.nlp.compiled.references import keep, refer
 from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
 
 
@@ -70,9 +70,7 @@ def minimise(kernel, x, weights, rows, upper, options):
     )
     for i in range(len(it.z)):
         it.z[i] *= scale
-    keep(kernel)
     keep(work)
-    keep(options)
     return x, status, iteration, it.objectives, it.z, stationarity, violation
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from numba.extending import overload
 
-from paretoik.nlp.compiled.references import Reference
+from paretoik.compilation_references import Reference
 
 JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -42,64 +42,51 @@ def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callabl
 
 def dimensions(kernel: Any, x: Any) -> Any:
     """Return (size, band, border) of the Newton matrix and how many inequalities c there are."""
-    raise NotImplementedError
 
 
 def objective_scale(kernel: Any, weights: Any) -> Any:
     """Return the size of weights · F that penalty, barrier and tolerances are relative to."""
-    raise NotImplementedError
 
 
 def allocate_workspace(kernel: Any, x: Any) -> Any:
     """Return the arrays that the other steps write into."""
-    raise NotImplementedError
 
 
 def restore(kernel: Any, work: Any, x: Any) -> Any:
     """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 where it is there."""
-    raise NotImplementedError
 
 
 def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
     """Write objectives F and the first entries of c at x."""
-    raise NotImplementedError
 
 
 def linearise(kernel: Any, work: Any, x: Any) -> Any:
     """Prepare first derivatives and the basis Z at x; return False where ∂h/∂x has not full rank."""
-    raise NotImplementedError
 
 
 def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
     """Write Zᵀ ∇(weights · F − multipliers · c); without any multipliers c is left out."""
-    raise NotImplementedError
 
 
 def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
     """Prepare the weights of the Hessian and the multipliers of h that belong to the gradient that was just reduced."""
-    raise NotImplementedError
 
 
 def residual_norm(kernel: Any, residual: Any) -> Any:
     """Return the norm of a reduced gradient that the tolerance of stationarity is for."""
-    raise NotImplementedError
 
 
 def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
     """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal, for multiples of the identity."""
-    raise NotImplementedError
 
 
 def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
     """Write dx = Z · step; return the largest entry."""
-    raise NotImplementedError
 
 
 def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -> Any:
     """Write the derivatives of F and c along dx."""
-    raise NotImplementedError
 
 
 def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
     """Write the point of h = 0 that x + length · dx leads to; return whether it got there."""
-    raise NotImplementedError

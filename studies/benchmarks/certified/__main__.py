@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from paretoik.errors import ParetoikError
-from studies.benchmarks.certified.cases import CASES, Case, Subject, certificate_rows, judged, subject_of
+from studies.benchmarks.certified.cases import CASES, Case, Subject, certificate_rows, goal_row, subject_of
 from studies.benchmarks.certified.dominating import ipopt_rows, perturbation_rows
 from studies.benchmarks.certified.exchange import exchange_rows
 from studies.benchmarks.certified.racing import race_rows
@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             try:
                 subject = subject_of(case, points=points, seed=options.seed, folder=Path(folder))
             except ParetoikError as error:
-                rows.append(judged(case.name, "front", "failed", "", 1, 0, str(error)))
+                rows.append(goal_row(case.name, "front", "failed", "", 1, 0, str(error)))
                 continue
             rows += rows_of(case, subject, quick=options.quick, seed=options.seed)
     report(losses_first(rows), json_file=options.json)

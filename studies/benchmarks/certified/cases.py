@@ -144,7 +144,7 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     )
 
 
-def judged(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
+def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
     """Return a row that is lost where ours is more than the goal, which stands beside it, or no number."""
     lost = LOSS if not ours <= goal else ""
     return Row(table=table, row=row, column=column, unit=unit, ours=ours, paper=goal, note=lost + (note or "goal"))
@@ -163,7 +163,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
     statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())
     return [
         Row(table=table, row=row, column="points", unit="", ours=points, note=weak),
-        judged(table, row, "worst violation at samples", share, float(said.violation.max()), HOLDS),
+        goal_row(table, row, "worst violation at samples", share, float(said.violation.max()), HOLDS),
         Row(
             table=table,
             row=row,
@@ -172,7 +172,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
             ours=float(said.violation_between[at]),
             note=fine.describe_violation(between),
         ),
-        judged(table, row, "worst tracking error", "m, rad", off, TRACKED),
-        judged(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),
-        judged(table, row, "not a minimum", "points", points - counts["minimum"], 0, statuses),
+        goal_row(table, row, "worst tracking error", "m, rad", off, TRACKED),
+        goal_row(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),
+        goal_row(table, row, "not a minimum", "points", points - counts["minimum"], 0, statuses),
     ]

@@ -12,7 +12,7 @@ from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.linearisation import MotionLinearisation, linearise
 from paretoik.trajectory.program import joint_distance
-from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, judged
+from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, goal_row
 from studies.reporting import Row
 
 DOMINATED = 1e-7  # of the ranges
@@ -51,7 +51,7 @@ def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
     note = f"{len(tries)} runs, {ended} ended well, {counts} of them within ceilings and limits"
     gain = max(0.0, *(one.gain for one in tries))
     return [
-        judged(
+        goal_row(
             subject.name,
             "IPOPT from every point",
             "largest gain, no loss",
@@ -91,7 +91,7 @@ def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
     tries = [one for point in range(len(subject.q)) for one in perturbations(subject, point, steps, rng)]
     note = f"{len(tries)} steps, {sum(one.counts for one in tries)} within limits"
     return [
-        judged(
+        goal_row(
             subject.name,
             "random steps from every point",
             "largest gain of all",

@@ -12,7 +12,7 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.epsilon import OPTIONS as EPSILON
 from paretoik.trajectory.program import joint_distance
-from studies.benchmarks.certified.cases import Subject, judged
+from studies.benchmarks.certified.cases import Subject, goal_row
 from studies.reporting import Row
 
 STEPS = (1e-4, 1e-5, 1e-6)  # of the range: of the ceiling that is moved, the first whose solves stay near
@@ -24,7 +24,7 @@ TABLE_ROW = "exchange rates, differences"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compared:
+class RateComparison:
     """A rate ∂f_j/∂f_i, its interval, and the quotients of the solves below (backward), above and both (central)."""
 
     point: int
@@ -55,7 +55,7 @@ class Compared:
 def exchange_rows(subject: Subject) -> list[Row]:
     """Return how far rates are from differences, median and worst, and the same of intervals."""
     wanted = list(pairs(subject))
-    found = [one for one in (compared(subject, *pair) for pair in wanted) if one is not None]
+    found = [one for one in (compare_rate(subject, *pair) for pair in wanted) if one is not None]
     rows = []
     for kind, several in (
         ("rates", [one for one in found if one.unique]),
@@ -71,7 +71,7 @@ def exchange_rows(subject: Subject) -> list[Row]:
         )
         column = "median relative difference" if kind == "rates" else "worst way outside the interval"
         value = float(np.median(off) if kind == "rates" else off.max())
-        rows.append(judged(subject.name, TABLE_ROW, column, "", value, AGREED, note))
+        rows.append(goal_row(subject.name, TABLE_ROW, column, "", value, AGREED, note))
     lost = len(wanted) - len(found)
     if lost or not wanted:
         rows.append(
@@ -95,7 +95,7 @@ def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
                 yield point, i, j
 
 
-def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
+def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison | None:
     """Return ∂f_j/∂f_i beside what it costs f_j to move the ceiling on f_i; None where no step's solves stay near.
 
     Further objectives stay below the point's own values. One of no great weight would be held from one side only: it is
@@ -106,7 +106,7 @@ def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
     factors, caps = np.zeros((1, total)), np.full((3, total), np.inf)
     factors[0, :count] = np.where(added, weights / weights[j], 0.0)
     caps[:, :count] = np.where(added, np.inf, subject.values[point] / subject.ranges)
-    got = _nearby(subject, point, i, factors, caps)
+    got = _neighbouring_solves(subject, point, i, factors, caps)
     if got is None:
         return None
     signs = np.array([one.sign for one in subject.task.objectives])
@@ -116,7 +116,7 @@ def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
     def quotient(one: np.ndarray, other: np.ndarray) -> float:
         return float((other[1] - one[1]) / (other[0] - one[0]))
 
-    return Compared(
+    return RateComparison(
         point=point,
         i=i,
         j=j,
@@ -128,7 +128,9 @@ def compared(subject: Subject, point: int, i: int, j: int) -> Compared | None:
     )
 
 
-def _nearby(subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray) -> Solutions | None:
+def _neighbouring_solves(
+    subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray
+) -> Solutions | None:
     """Return the solves below, at and above the ceiling on f_i in the point's own valley."""
     own = subject.q[point]
     for step in STEPS:

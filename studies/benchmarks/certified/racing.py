@@ -41,22 +41,22 @@ def race_rows(subject: Subject) -> list[Row]:
 
 
 def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram, own: list[Solved]) -> list[Row]:
-    tries = [solved_by(peer, subject, point) for point in range(len(subject.q))]
+    tries = [solve_by(peer, subject, point) for point in range(len(subject.q))]
     ours, theirs = subject.seconds / len(subject.q), sum(one.seconds for one in tries)
     note = (
         f"{len(subject.q)} points in {subject.seconds:.1f} s (processor {subject.cpu:.1f} s); {name} {theirs:.1f} s, "
-        f"reaches {_reached(tries)} of them"
+        f"reaches {_points_reached(tries)} of them"
     )
-    solves = f"ours reach {_reached(own)} of {len(own)}"
+    solves = f"ours reach {_points_reached(own)} of {len(own)}"
     compared = (
         ("seconds a point", f"beside {name}'s median", ours, _median(tries), GOAL, note),
-        ("seconds a point", f"beside {name}'s all over points reached", ours, _shared(tries), GOAL, note),
+        ("seconds a point", f"beside {name}'s all over points reached", ours, _seconds_a_point(tries), GOAL, note),
         ("one solve from a neighbour", f"beside {name}, medians", _median(own), _median(tries), None, solves),
         (
             "one solve from a neighbour",
             f"beside {name}, all over points reached",
-            _shared(own),
-            _shared(tries),
+            _seconds_a_point(own),
+            _seconds_a_point(tries),
             None,
             "",
         ),
@@ -81,29 +81,29 @@ def _median(tries: list[Solved]) -> float:
     return float(np.median([one.seconds for one in tries]))
 
 
-def _reached(tries: list[Solved]) -> int:
+def _points_reached(tries: list[Solved]) -> int:
     return sum(one.reached for one in tries)
 
 
-def _shared(tries: list[Solved]) -> float:
+def _seconds_a_point(tries: list[Solved]) -> float:
     """Return the seconds of all over the points reached."""
-    return sum(one.seconds for one in tries) / _reached(tries) if _reached(tries) else np.inf
+    return sum(one.seconds for one in tries) / _points_reached(tries) if _points_reached(tries) else np.inf
 
 
-def solved_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -> Solved:
+def solve_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -> Solved:
     """Return what a peer makes of a point's ε-problem, from the nearest other point and, should it fail, once more."""
-    main, start, ceilings = _asked(subject, point)
+    main, start, ceilings = _epsilon_problem(subject, point)
     begun = time.perf_counter()
     for warm in (True, False):
         made, _ = peer.solve(start, main, ceilings, subject.ranges, warm=warm)
         if made is not None:
             break
-    return _solved(subject, point, made, time.perf_counter() - begun)
+    return _record(subject, point, made, time.perf_counter() - begun)
 
 
 def solved_by_us(subject: Subject, point: int) -> Solved:
     """Return what our own solver makes of a point's ε-problem, by the same rules as peers."""
-    main, start, ceilings = _asked(subject, point)
+    main, start, ceilings = _epsilon_problem(subject, point)
     program, count = subject.program, len(subject.ranges)
     factors, caps = np.zeros((2, 1, len(program.totals)))
     factors[0, main] = 1.0
@@ -115,10 +115,10 @@ def solved_by_us(subject: Subject, point: int) -> Solved:
         if got.converged[0]:
             made = got.x[0]
             break
-    return _solved(subject, point, made, time.perf_counter() - begun)
+    return _record(subject, point, made, time.perf_counter() - begun)
 
 
-def _asked(subject: Subject, point: int) -> tuple[int, np.ndarray, np.ndarray]:
+def _epsilon_problem(subject: Subject, point: int) -> tuple[int, np.ndarray, np.ndarray]:
     """Return (objective to minimise, motion to start from, ceilings) of a point's ε-problem."""
     shares = subject.values / subject.ranges
     apart = np.linalg.norm(shares - shares[point], axis=1)
@@ -128,7 +128,7 @@ def _asked(subject: Subject, point: int) -> tuple[int, np.ndarray, np.ndarray]:
     return main, subject.q[int(apart.argmin())], ceilings
 
 
-def _solved(subject: Subject, point: int, made: np.ndarray | None, seconds: float) -> Solved:
+def _record(subject: Subject, point: int, made: np.ndarray | None, seconds: float) -> Solved:
     found = None if made is None else led_back(subject.task, made)
     if found is None or violation(subject.task, found) > HOLDS:
         return Solved(seconds=seconds, reached=False, gain=0.0)

@@ -27,7 +27,7 @@ from studies.benchmarks.fronts.programs import (
     pose_function,
     slacks,
 )
-from studies.benchmarks.planner.peers import narrowed
+from studies.benchmarks.planner.peers import narrow
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +83,16 @@ class StagedProgram:
         count = len(ranges)
         upper = self.sides["ubx"].copy()
         upper[-count:] = ceilings / ranges
-        lbx, ubx = narrowed(self.sides["lbx"], upper)
-        lbg, ubg = narrowed(self.sides["lbg"], self.sides["ubg"])
+        lbx, ubx = narrow(self.sides["lbx"], upper)
+        lbg, ubg = narrow(self.sides["lbg"], self.sides["ubg"])
         p = np.concatenate([np.where(np.arange(count) == main, 1.0, 0.0), ranges])
         solver = self.solvers[warm]
-        found = solver(x0=self.packed(q, ranges), p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        found = solver(x0=self.pack(q, ranges), p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
         stats, x = solver.stats(), np.asarray(found["x"]).ravel()
         made = np.stack([x[self.layout.posture(k)] for k in range(len(q))])
         return (made if stats["success"] else None), int(stats["iter_count"])
 
-    def packed(self, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    def pack(self, q: np.ndarray, ranges: np.ndarray) -> np.ndarray:
         """Return x of a motion."""
         rates, x = np.diff(q, axis=0) / _dt(self.task), np.empty(self.layout.size)
         controls = np.concatenate([rates, above_power(self.task, q)[1:]], axis=1)

@@ -100,7 +100,7 @@ def pygmo_nsga2(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRO
     pygmo: Any = import_module("pygmo")  # here, so: optional
     problem = CompiledStepProblem(loop, step)
 
-    class Batched:
+    class BatchProblem:
         def get_bounds(self) -> tuple[list[float], list[float]]:
             return problem.xl.tolist(), problem.xu.tolist()
 
@@ -117,7 +117,7 @@ def pygmo_nsga2(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRO
     def run(seed: int, generations: int) -> FRONT:
         method = pygmo.nsga2(gen=generations, seed=seed + 1)
         method.set_bfe(pygmo.bfe())
-        population = pygmo.population(pygmo.problem(Batched()), size=loop.population, b=pygmo.bfe(), seed=seed + 1)
+        population = pygmo.population(pygmo.problem(BatchProblem()), size=loop.population, b=pygmo.bfe(), seed=seed + 1)
         return np.asarray(pygmo.algorithm(method).evolve(population).get_f())
 
     return run

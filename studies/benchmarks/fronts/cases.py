@@ -34,7 +34,7 @@ class Case:
     evaluations: int = 4000
 
 
-def traded(name: str) -> Callable[[], pk.Tracking]:
+def trade_off_maker(name: str) -> Callable[[], pk.Tracking]:
     """Return the maker of a simulation of Tringali & Cocuzza as kinetic energy against torque norm."""
 
     def make() -> pk.Tracking:
@@ -52,9 +52,9 @@ CASES = {
     case.name: case
     for case in (
         Case(name="energy_torque", make=tringali_2020.energy_torque, tringali="energy_torque"),
-        Case(name="simulation 1", make=traded("simulation_1"), tringali="simulation_1"),
-        Case(name="simulation 4", make=traded("simulation_4"), tringali="simulation_4"),
-        Case(name="simulation 5 (cyclic)", make=traded("simulation_5")),
+        Case(name="simulation 1", make=trade_off_maker("simulation_1"), tringali="simulation_1"),
+        Case(name="simulation 4", make=trade_off_maker("simulation_4"), tringali="simulation_4"),
+        Case(name="simulation 5 (cyclic)", make=trade_off_maker("simulation_5")),
         Case(name="Panda", make=panda.across_the_table, evaluations=1500),
     )
 }
@@ -142,7 +142,7 @@ def spread(F: Objectives) -> np.ndarray:
     return survivors(F, np.zeros(len(F)), POPULATION).index
 
 
-def verified(problem: pk.Tracking, q: np.ndarray, account: Account) -> Run:
+def verify(problem: pk.Tracking, q: np.ndarray, account: Account) -> Run:
     """Return the run whose motions (points, time, dof) these are, judged anew: neither F nor G is taken on trust."""
     F, failed = np.empty((0, problem.n_obj)), 0
     if len(q):

@@ -56,7 +56,7 @@ def union(fronts: Sequence[Objectives]) -> Objectives:
     return kept
 
 
-def scored(F: Objectives, reference: Objectives) -> dict[str, float]:
+def score_or_corner(F: Objectives, reference: Objectives) -> dict[str, float]:
     """Judge a front against the union; one that is empty as if it were the corner of the hypervolume alone."""
     if len(F):
         return scores(F, reference)
@@ -66,7 +66,7 @@ def scored(F: Objectives, reference: Objectives) -> dict[str, float]:
 
 def all_scores(runs: Mapping[str, Sequence[Run]], reference: Objectives) -> dict[str, list[dict[str, float]]]:
     """Return the indicators of every run by method."""
-    return {name: [scored(run.F, reference) for run in each] for name, each in runs.items()}
+    return {name: [score_or_corner(run.F, reference) for run in each] for name, each in runs.items()}
 
 
 def comparisons(case: str, kind: str, found: Scores) -> list[Comparison]:

@@ -35,7 +35,7 @@ from paretoik.search.mating import BranchwiseMating
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
 from paretoik.trajectory.transcription import motion_program
-from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verified
+from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verify
 
 OURS, PLAIN = "paretoik", "paretoik, refine=False"
 HELD_BACK = 0.3  # of the budget of a refined run, at most, for the polish at its end
@@ -103,7 +103,7 @@ def ours(problem: pk.Tracking, seed: int, budget: Budget, generations: int, *, r
     account = Account(budget=budget)
     anchors = generations // (2 * problem.n_obj)
     search = Search(problem, population=POPULATION, seed=seed, initial=first_genes(problem, seed), anchors=anchors)
-    return _searched(search, account, refine=refine)
+    return _search(search, account, refine=refine)
 
 
 def cell_run(cell: Cell, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
@@ -111,7 +111,7 @@ def cell_run(cell: Cell, problem: pk.Tracking, seed: int, budget: Budget) -> Run
     account = Account(budget=budget)
     first = first_genes(problem, seed, seeded=cell.seeded)
     search = Search(problem, seed=seed, algorithm=cell_algorithm(cell, problem, first))
-    return _searched(search, account, refine=cell.refined)
+    return _search(search, account, refine=cell.refined)
 
 
 def pymoo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
@@ -120,7 +120,7 @@ def pymoo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run
     search = Search(problem, seed=seed, algorithm=pymoo_algorithm(name, problem, first_genes(problem, seed)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the peers' own, about divisions
-        return _searched(search, account, refine=False)
+        return _search(search, account, refine=False)
 
 
 class Refining:
@@ -148,7 +148,7 @@ class Refining:
         return min(iterations, HELD_BACK * budget.amount) if points else 0.0
 
 
-def _searched(search: Search, account: Account, *, refine: bool) -> Run:
+def _search(search: Search, account: Account, *, refine: bool) -> Run:
     refining = Refining(search, account) if refine else None
     if refining is None:
         evolve(search, [Spent(account=account, iterations=lambda: 0, held_back=lambda _: 0.0)])
@@ -157,15 +157,15 @@ def _searched(search: Search, account: Account, *, refine: bool) -> Run:
         evolve(search, [spent], improve=refining)
     members = search.archive.members
     if members is None or not len(members):
-        return verified(search.problem, np.empty((0, 0, 0)), account)
+        return verify(search.problem, np.empty((0, 0, 0)), account)
     members = members[spread(members.F)]
     q = search.problem.decode(members.X).q
     if refine:
-        q = polished(search.problem, q, members.F, account)
-    return verified(search.problem, q, account)
+        q = refine_within(search.problem, q, members.F, account)
+    return verify(search.problem, q, account)
 
 
-def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Account) -> np.ndarray:
+def refine_within(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Account) -> np.ndarray:
     """Return motions with those polished that the budget pays for, as ``pk.refine`` does; the first ones first.
 
     What overdraws the budget is thrown away: of counted iterations the points past it, of seconds the whole batch.
@@ -192,7 +192,7 @@ def polished(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Accoun
     return made
 
 
-class Recorded:
+class RecordingProblem:
     """A problem as pygmo wants it: constraints as a penalty, and an archive of all that was evaluated."""
 
     def __init__(self, problem: pk.Tracking, account: Account) -> None:
@@ -200,7 +200,7 @@ class Recorded:
         self.archive = Archive()
         self.scale = np.ones(problem.n_obj)
 
-    def __deepcopy__(self, memo: object) -> Recorded:
+    def __deepcopy__(self, memo: object) -> RecordingProblem:
         """Return itself: pygmo copies its problems, the archive must stay one."""
         return self
 
@@ -236,7 +236,7 @@ def pygmo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run
     pygmo: Any = importlib.import_module("pygmo")  # here, so: optional
 
     account = Account(budget=budget)
-    recorded = Recorded(problem, account)
+    recorded = RecordingProblem(problem, account)
     asked = pygmo.problem(recorded)
     first = first_genes(problem, seed)
     population = pygmo.population(asked, size=0, seed=seed)
@@ -256,8 +256,8 @@ def pygmo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run
         step = account.spent - before
     members = recorded.archive.members
     if members is None or not len(members):
-        return verified(problem, np.empty((0, 0, 0)), account)
-    return verified(problem, problem.decode(members.X[spread(members.F)]).q, account)
+        return verify(problem, np.empty((0, 0, 0)), account)
+    return verify(problem, problem.decode(members.X[spread(members.F)]).q, account)
 
 
 PYMOO = ("NSGA-II", "NSGA-III", "SMS-EMOA")

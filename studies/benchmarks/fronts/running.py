@@ -39,12 +39,12 @@ def methods_of(case: str) -> list[str]:
 def run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form: Form | None = None) -> Run:
     """Run one method once, after what it is made of was warmed; by names so that it can happen in another process."""
     gradients = name == OURS or (name in CELLS and CELLS[name].refined)
-    _warmed(case, name if name in (EPSILON, *SOLVERS) else OURS if gradients else PYMOO[0], form)
+    _warm_up(case, name if name in (EPSILON, *SOLVERS) else OURS if gradients else PYMOO[0], form)
     return _run(case, name, seed, budget, evaluations, form)
 
 
 @lru_cache(maxsize=256)
-def _warmed(case: str, name: str, form: Form | None) -> None:
+def _warm_up(case: str, name: str, form: Form | None) -> None:
     """Compile and load what a method and those like it need, in this process, before they are timed."""
     _run(case, name, 0, Budget(kind="evaluations", amount=3 * POPULATION), 3 * POPULATION, form)
 

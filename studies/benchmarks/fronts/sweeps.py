@@ -19,7 +19,7 @@ import paretoik as pk
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.epsilon import OPTIONS as EPSILON
 from paretoik.trajectory.transcription import motion_program
-from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verified
+from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verify
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
 from studies.benchmarks.planner.compiling import COMPILER, compiled
 from studies.benchmarks.planner.peers import Question, peer
@@ -96,8 +96,8 @@ def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, form: Form | No
     values = np.stack([o(task.motion(starts[order[:20]])) * o.sign for o in task.objectives], axis=1)
     solve = make(np.maximum(np.abs(np.median(values, axis=0)), 1e-9))
     sweep = Sweep(solve, account, problem, [], np.empty((0, problem.n_obj)))
-    _swept(sweep, itertools.cycle(starts[order]))
-    return verified(problem, np.array(sweep.found).reshape(-1, *starts.shape[1:]), account)
+    _sweep(sweep, itertools.cycle(starts[order]))
+    return verify(problem, np.array(sweep.found).reshape(-1, *starts.shape[1:]), account)
 
 
 def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
@@ -154,7 +154,7 @@ def _program(problem: pk.Tracking, form: Form) -> JointProgram:
     return joint_program(problem.task, form.library)
 
 
-def _swept(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
+def _sweep(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
     count = sweep.problem.n_obj
     for _ in range(ALONE):
         for main in range(count):

@@ -21,24 +21,24 @@ from pathlib import Path
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
-from studies.benchmarks.planner.simulations import NAMES, Compared, Effort, compared, forms, summed
+from studies.benchmarks.planner.simulations import NAMES, Effort, SimulationResult, compare_simulation, forms, sum_rows
 from studies.benchmarks.planner.sweep import sweeps
 from studies.benchmarks.planner.verdicts import HALF, losses_first, tell
 from studies.reporting import Row, report, study_parser
 
 
-def simulated(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
+def simulation_rows(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
     """Return the rows of all simulations on all arms."""
     rows: list[Row] = []
-    each: dict[str, list[Compared]] = {arm: [] for arm in arms}
+    each: dict[str, list[SimulationResult]] = {arm: [] for arm in arms}
     for name in NAMES:
         tell(f"{name}: peers")
         peers = forms(cores, name, effort, folder)
         for arm in arms:
             tell(f"{name}, {arm}: side by side")
-            each[arm].append(compared(cores, name, arm, peers, effort))
+            each[arm].append(compare_simulation(cores, name, arm, peers, effort))
             rows += each[arm][-1].rows
-    return [row for arm in arms for row in summed(arm, each[arm], HALF)] + rows
+    return [row for arm in arms for row in sum_rows(arm, each[arm], HALF)] + rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     effort = Effort(starts=12, repeats=1, seed=options.seed) if options.quick else Effort(seed=options.seed)
     arms = ("printed",) if options.quick else ("printed", "fitted")
     with tempfile.TemporaryDirectory() as folder, Cores() as cores:
-        rows = simulated(cores, arms, effort, Path(folder))
+        rows = simulation_rows(cores, arms, effort, Path(folder))
         rows += sweeps(cores, Path(folder), effort, quick=options.quick)
     rows += growth(NAMES[:1] if options.quick else (NAMES[0], NAMES[2]), seed=options.seed, repeats=effort.repeats + 2)
     report(losses_first(rows), json_file=options.json)

@@ -22,7 +22,7 @@ from studies.benchmarks.planner.programs import INERTIA, Program, Run
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 
 
-def looped(program: Program) -> dict[str, Any]:
+def loop_stages(program: Program) -> dict[str, Any]:
     """Return the program with the stages of a run as one call over a matrix."""
     x, p = casadi.MX.sym("x", len(program.lower)), casadi.MX.sym("p", INERTIA)
     totals: Any = casadi.MX.zeros(program.totals)
@@ -63,7 +63,7 @@ def blockwise(program: Program, like: Any) -> Any:
     whole = casadi.MX(pattern, casadi.DM(adding, 1.0) @ casadi.vertcat(*elements))
     values = {"hess_gamma_x_x": whole, "triu_hess_gamma_x_x": casadi.triu(whole)}
     if "grad_gamma_x" in like.name_out():
-        f, g = casadi.Function("both", *signature(looped(program)))(x, p)
+        f, g = casadi.Function("both", *signature(loop_stages(program)))(x, p)
         values["grad_gamma_x"] = casadi.gradient(factor * f + casadi.dot(multipliers, g), x)
     outputs = [values[name] for name in like.name_out()]
     return casadi.Function("nlp_hess_l", [x, p, factor, multipliers], outputs, like.name_in(), like.name_out())
@@ -73,7 +73,7 @@ def compiled(question: Question, folder: Path) -> tuple[Question, float]:
     """Return the question with its functions compiled into a library there, and the seconds that took."""
     assert COMPILER is not None
     started, program = time.perf_counter(), program_of(question)
-    problem: dict[str, Any] = looped(program)
+    problem: dict[str, Any] = loop_stages(program)
     name = "_".join(part for part in (question.solver, question.problem, question.main, str(question.samples)) if part)
     name += f"_below_{question.capped}" if question.capped else ""
     options: dict[str, Any] = {"print_time": False, question.solver: {"print_level": 0}}

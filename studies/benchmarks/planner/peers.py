@@ -86,12 +86,12 @@ class Peer:
         self.solver = casadi.nlpsol("peer", question.solver, what, options)
         self.sums = casadi.Function("sums", *signature(written_out(self.program))) if len(self.program.sum_at) else None
         program = self.program
-        self.x_sides = self._narrowed(program.lower, program.upper)
-        self.row_sides = self._narrowed(program.rows("lower"), program.rows("upper"))
+        self.x_sides = self._narrow(program.lower, program.upper)
+        self.row_sides = self._narrow(program.rows("lower"), program.rows("upper"))
         self.lower = {"lbx": casadi.DM(self.x_sides[0]), "lbg": casadi.DM(self.row_sides[0])}
 
-    def _narrowed(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return narrowed(lower, upper) if self.question.solver == "fatrop" else (lower, upper)
+    def _narrow(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return narrow(lower, upper) if self.question.solver == "fatrop" else (lower, upper)
 
     def start(self, q: np.ndarray, masses: str) -> np.ndarray:
         """Return x of joint angles."""
@@ -131,7 +131,7 @@ class Peer:
         )
 
 
-def narrowed(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def narrow(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return bounds that FATROP makes wider again, which CasADi cannot have it leave."""
     free = lower < upper
     moved = []

@@ -110,7 +110,7 @@ def torques(q: Any, v: Any, a: Any, p: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Posed:
+class PosedTask:
     """A task, what is minimised over it, and what is capped, if anything."""
 
     task: MotionTask
@@ -155,7 +155,7 @@ class Posed:
 
 def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
     """Return the program as FATROP wants it: every stage's gap to the next, its task, its limits."""
-    posed = Posed(task=task, main=main, capped=capped)
+    posed = PosedTask(task=task, main=main, capped=capped)
     samples, rated = posed.samples, posed.rated
     state = {"q": 3, "before": 3 * rated, "first": 3 * task.cyclic, "sum": int(bool(capped))}
     state = {name: size for name, size in state.items() if size}
@@ -175,7 +175,7 @@ def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
     where = {name: np.array(v, dtype=int).reshape(-1, 1 if name == "sum" else 3) for name, v in joined.items()}
     stages = (range(1), range(1, samples - 1), range(samples - 1, samples))
     return Program(
-        runs=tuple(_controlled(posed, state, at, of) for of in stages),
+        runs=tuple(_control_stages(posed, state, at, of) for of in stages),
         lower=lower,
         upper=upper,
         joints_at=where["q"],
@@ -187,7 +187,7 @@ def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
     )
 
 
-def _controlled(posed: Posed, state: Mapping[str, int], at: list[dict[str, np.ndarray]], of: range) -> Run:
+def _control_stages(posed: PosedTask, state: Mapping[str, int], at: list[dict[str, np.ndarray]], of: range) -> Run:
     """Return stages of optimal control, the last one without a next."""
     task, last = posed.task, of[-1] == posed.samples - 1
     z = {name: SX.sym(name, len(where)) for name, where in at[of[0]].items()}
@@ -215,7 +215,7 @@ def _controlled(posed: Posed, state: Mapping[str, int], at: list[dict[str, np.nd
 
 def over_joints(task: MotionTask, main: str, capped: str = "") -> Program:
     """Return the program as IPOPT wants it: joint angles alone, on a cycle without the last ones."""
-    posed = Posed(task=task, main=main, capped=capped)
+    posed = PosedTask(task=task, main=main, capped=capped)
     rated, unknown = posed.rated, posed.samples - task.cyclic
     # how many samples before one count: none for the first, one after a rest, two where accelerations do
     reaches = [(range(1), 0), (range(1, 1 + rated), 1), (range(1 + rated, unknown), 1 + rated)]
@@ -235,7 +235,7 @@ def over_joints(task: MotionTask, main: str, capped: str = "") -> Program:
     )
 
 
-def _looking_back(posed: Posed, of: range, reach: int, unknown: int) -> Run:
+def _looking_back(posed: PosedTask, of: range, reach: int, unknown: int) -> Run:
     """Return samples that depend on as many before them as they reach back to."""
     q, p = [SX.sym(f"q{i}", 3) for i in range(reach + 1)], SX.sym("p", INERTIA)
     adds: dict[str, Any] = {ENERGY: SX(0), TORQUE: SX(0)}

@@ -53,7 +53,7 @@ class Effort:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Peered:
+class PeerForm:
     """A form of a peer: its name, its questions at all samples and at coarse ones, what a cold start begins with."""
 
     name: str
@@ -65,7 +65,7 @@ class Peered:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Compared:
+class SimulationResult:
     """What became of one simulation: rows, our time to the best optimum and that of every form."""
 
     rows: list[Row]
@@ -73,7 +73,7 @@ class Compared:
     theirs: dict[str, float]
 
 
-def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[Peered]:
+def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[PeerForm]:
     """Return FATROP and IPOPT, evaluated and compiled, each with the first barrier that serves it best."""
     task = tracking(name).task
     starts = _fine_starts(task, initial_motions(task, starts=effort.starts, seed=effort.seed))
@@ -89,7 +89,7 @@ def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[Peered]
         settings = serving(tries)
         for form, ((question, seconds), (coarse, _)) in kinds.items():
             found.append(
-                Peered(name=form, label=label, fine=question, coarse=coarse, settings=settings, compilation=seconds)
+                PeerForm(name=form, label=label, fine=question, coarse=coarse, settings=settings, compilation=seconds)
             )
     return found
 
@@ -109,7 +109,9 @@ def serving(tries: Mapping[Settings, Sequence[Solved]]) -> Settings:
     return min(costs, key=lambda settings: costs[settings])
 
 
-def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effort: Effort) -> Compared:
+def compare_simulation(
+    cores: Cores, name: str, masses: str, peers: Sequence[PeerForm], effort: Effort
+) -> SimulationResult:
     """Return the rows of one simulation on one arm."""
     problem = tracking(name, masses)
     task, row = problem.task, f"{name}, {masses}"
@@ -147,15 +149,15 @@ def compared(cores: Cores, name: str, masses: str, peers: Sequence[Peered], effo
     rows.append(oracle(row, task, plan))
     rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
     rows += _warm(row, task, plan, peers, masses)
-    return Compared(rows=rows, ours=ours, theirs=theirs)
+    return SimulationResult(rows=rows, ours=ours, theirs=theirs)
 
 
-def quickest(peers: Sequence[Peered]) -> list[Peered]:
+def quickest(peers: Sequence[PeerForm]) -> list[PeerForm]:
     """Return the last form of every peer: compiled, where there is a compiler."""
     return list({one.label: one for one in peers}.values())
 
 
-def summed(arm: str, each: Sequence[Compared], goal: float) -> list[Row]:
+def sum_rows(arm: str, each: Sequence[SimulationResult], goal: float) -> list[Row]:
     """Return the rows of all simulations together."""
     ours = float(sum(one.ours for one in each))
     return [
@@ -190,7 +192,7 @@ def expected_time(found: Sequence[Solved], best: float) -> float:
 
 
 def _coarse(
-    cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[Peered], masses: str, repeats: int
+    cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[PeerForm], masses: str, repeats: int
 ) -> list[Row]:
     """Return what all starts take at coarse samples."""
     program, factors = motion_program(task.subsample(COARSE), objective_scales(task, q)), np.ones((1, 1))
@@ -211,7 +213,7 @@ def _coarse(
     return rows
 
 
-def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[Peered], masses: str) -> list[Row]:
+def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[PeerForm], masses: str) -> list[Row]:
     """Return what one solve takes from the best motion of half the samples."""
     best = plan.best
     rough = np.asarray(task.subsample((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))

@@ -115,7 +115,7 @@ def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[R
     needed = dict[str, Swept]()
     for form, ask in asked.items():
         tell(f"front: {form}")
-        needed[form] = _needed(_grown(cores, ask, problem.task, starts, points, wanted), wanted)
+        needed[form] = _quickest_sweep(_grow_sweeps(cores, ask, problem.task, starts, points, wanted), wanted)
     ours, theirs = list[Ours](), {form: list[Swept]() for form in asked}
     for i in range(effort.repeats):
         tell(f"front: side by side, {i + 1} of {effort.repeats}")
@@ -133,7 +133,7 @@ def _ours(problem: pk.Tracking, points: int, effort: Effort) -> Ours:
     return Ours(F=front.objectives, volume=_volume(front.objectives), seconds=seconds, cpu=cpu)
 
 
-def _needed(tries: Sequence[Swept], volume: float) -> Swept:
+def _quickest_sweep(tries: Sequence[Swept], volume: float) -> Swept:
     """Return the quickest sweep that dominates enough, or the one that dominates most."""
     enough = [one for one in tries if one.volume >= volume * ENOUGH]
     return min(enough, key=lambda one: one.seconds) if enough else max(tries, key=lambda one: one.volume)
@@ -174,7 +174,7 @@ def _rows(form: str, ours: Sequence[Ours], theirs: Sequence[Swept]) -> list[Row]
     ]
 
 
-def _grown(
+def _grow_sweeps(
     cores: Cores, asked: Questions, task: MotionTask, starts: np.ndarray, points: int, volume: float
 ) -> list[Swept]:
     """Return sweeps of every tenacity, of ever more levels until they dominate as much as ours."""

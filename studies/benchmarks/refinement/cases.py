@@ -56,7 +56,7 @@ class Case:
     starts: int
 
 
-def judged(moves: dict[str, Move], judge: Judge) -> dict[str, Solve]:
+def judge_all(moves: dict[str, Move], judge: Judge) -> dict[str, Solve]:
     """Return solvers whose ends are judged."""
 
     def by(move: Move) -> Solve:
@@ -79,12 +79,12 @@ def our_solvers(program: Program, weights: np.ndarray) -> dict[str, Move]:
 
         return solve
 
-    def stated(x: np.ndarray) -> np.ndarray | None:
+    def state_solver(x: np.ndarray) -> np.ndarray | None:
         with patch.object(sqp, "solve_subproblem", solve_with_cvxpy):
             return by("sqp")(x)
 
     smooth: dict[str, Move] = {} if program.kernel is None else {"interior point": by("interior-point")}
-    return {**smooth, "SQP by Clarabel": by("sqp"), STATED: stated}
+    return {**smooth, "SQP by Clarabel": by("sqp"), STATED: state_solver}
 
 
 def scipy_solvers(nlp: Nlp, to: Callable[[np.ndarray], np.ndarray], back: Move, seconds: float) -> dict[str, Move]:
@@ -126,7 +126,7 @@ def motions(
     }
     return Contest(
         starts=starts,
-        contestants=judged(moves, lambda q: judge_motion(task, q)),
+        contestants=judge_all(moves, lambda q: judge_motion(task, q)),
         default=next(iter(ours)),
     )
 
@@ -154,7 +154,7 @@ def sliders(count: int, seed: int, seconds: float, folder: Path) -> Contest:
     ours = our_solvers(program, weights)
     del ours[STATED]  # minutes a start
     peers = scipy_solvers(nlp, lambda z: z, lambda z: z, seconds) | {"IPOPT": ipopt_solver(nlp, points[0])}
-    return Contest(starts=points, contestants=judged({**ours, **peers}, judge), default=next(iter(ours)))
+    return Contest(starts=points, contestants=judge_all({**ours, **peers}, judge), default=next(iter(ours)))
 
 
 CASES = (

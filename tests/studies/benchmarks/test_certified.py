@@ -14,7 +14,7 @@ from paretoik.trajectory.linearisation import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
 from studies.benchmarks.certified import cases
-from studies.benchmarks.certified.cases import Case, certificate_rows, judged, subject_of
+from studies.benchmarks.certified.cases import Case, certificate_rows, goal_row, subject_of
 from studies.benchmarks.certified.dominating import (
     DOMINATED,
     SIZES,
@@ -27,8 +27,8 @@ from studies.benchmarks.certified.dominating import (
     violation,
     within,
 )
-from studies.benchmarks.certified.exchange import STEPS, compared, exchange_rows, pairs
-from studies.benchmarks.certified.racing import race_rows, solved_by, solved_by_us
+from studies.benchmarks.certified.exchange import STEPS, compare_rate, exchange_rows, pairs
+from studies.benchmarks.certified.racing import race_rows, solve_by, solved_by_us
 from studies.benchmarks.planner.verdicts import LOSS
 from tests.pareto.motions import certify_motions
 
@@ -186,7 +186,7 @@ def test_exchange_rates_agree_with_differences_and_wrong_ones_are_lost(subject):
 
 def test_quotients_at_a_kink_are_held_against_the_interval(subject):
     point, i, j = next(pairs(subject))
-    found = compared(subject, point, i, j)
+    found = compare_rate(subject, point, i, j)
     assert found is not None
     wide = replace(found, interval=found.rate * np.array([1.1, 0.9]))
     aside = replace(found, interval=found.rate * np.array([1.3, 1.2]))
@@ -206,7 +206,7 @@ def test_what_certificates_say_is_held_against_the_goals(honest, spoiled):
 
 
 def test_a_goal_missed_is_a_loss_and_so_is_no_number():
-    notes = [judged("t", "r", "c", "", ours, 1.0, "said").note for ours in (1.0, 1.1, np.nan)]
+    notes = [goal_row("t", "r", "c", "", ours, 1.0, "said").note for ours in (1.0, 1.1, np.nan)]
     assert notes == ["said", f"{LOSS}said", f"{LOSS}said"]
 
 
@@ -216,7 +216,7 @@ def test_seconds_a_point_count_those_that_a_peer_reached(subject):
         ("IPOPT", subject.peer, rows[:5]),
         ("FATROP", subject.staged, rows[5:]),
     ):
-        tries = [solved_by(peer, subject, point) for point in range(len(subject.q))]
+        tries = [solve_by(peer, subject, point) for point in range(len(subject.q))]
         reached = sum(one.reached for one in tries)
         assert reached >= len(tries) / 2
         assert better.row == f"{name} from neighbours"
@@ -229,7 +229,7 @@ def test_seconds_a_point_count_those_that_a_peer_reached(subject):
 
 def test_a_motion_packed_for_fatrop_keeps_all_rows_and_gives_its_totals(subject):
     staged, q = subject.staged, subject.q[1]
-    x, layout = staged.packed(q, subject.ranges), staged.layout
+    x, layout = staged.pack(q, subject.ranges), staged.layout
     assert x[-layout.sums :] == pytest.approx(subject.values[1] / subject.ranges, rel=1e-9)
     np.testing.assert_array_equal(np.stack([x[layout.posture(k)] for k in range(len(q))]), q)
     assert np.all((x >= staged.sides["lbx"] - 1e-9) & (x <= staged.sides["ubx"] + 1e-9))

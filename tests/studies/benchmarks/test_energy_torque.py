@@ -48,8 +48,8 @@ def test_the_reference_is_what_its_staircase_covers():
 
 def test_the_reference_itself_has_the_whole_hypervolume_and_half_of_it_less(capsys):
     F = study.reference_front()
-    whole, points, _ = study.measured("all", lambda seed: Found(F), range(2))
-    less, fewer, _ = study.measured("half", lambda seed: Found(F[::2]), range(2))
+    whole, points, _ = study.measure_variant("all", lambda seed: Found(F), range(2))
+    less, fewer, _ = study.measure_variant("half", lambda seed: Found(F[::2]), range(2))
     assert whole.ours == 1.0
     assert 0.9 < less.ours < 1.0
     assert (points.ours, fewer.ours) == (len(F), len(F[::2]))

@@ -39,7 +39,7 @@ def _small():
         for module in (cases, methods, running):
             patch.setattr(module, "POPULATION", 20)
         patch.setitem(cases.CASES, CASE, cases.Case(name=CASE, make=make, tringali=CASE))
-        patch.setattr(running, "_warmed", lambda *_: None)
+        patch.setattr(running, "_warm_up", lambda *_: None)
         cases.problem_of.cache_clear()
         yield
     cases.problem_of.cache_clear()
@@ -158,20 +158,20 @@ def test_points_that_the_verifier_refuses_are_absent():
     assert len(good) > 0
     off = good.copy()
     off[:, 5] += 1e-3
-    judged = cases.verified(problem, np.concatenate([good, off]), account)
+    judged = cases.verify(problem, np.concatenate([good, off]), account)
     assert judged.failed == len(off)
-    np.testing.assert_array_equal(judged.F, cases.verified(problem, good, account).F)
+    np.testing.assert_array_equal(judged.F, cases.verify(problem, good, account).F)
 
 
 def test_indicators_of_a_known_front():
     line = np.column_stack([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)])
-    whole = judging.scored(line, line)
+    whole = judging.score_or_corner(line, line)
     assert (whole["IGD+"], whole["epsilon"]) == (0.0, 0.0)
     assert whole["hypervolume"] == pytest.approx(1.1**2 - 0.5 - 0.5 * 0.01)  # stairs of 0.01
-    worse = judging.scored(line + 0.05, line)
+    worse = judging.score_or_corner(line + 0.05, line)
     assert worse["epsilon"] == pytest.approx(0.05)
     assert worse["hypervolume"] < whole["hypervolume"]
-    nothing = judging.scored(NOTHING, line)
+    nothing = judging.score_or_corner(NOTHING, line)
     assert nothing["hypervolume"] == 0.0
     assert nothing["epsilon"] == pytest.approx(1.1)
     assert np.isfinite(nothing["IGD+"])
@@ -205,7 +205,7 @@ def test_losses_come_first_and_are_counted():
 
 def test_methods_that_find_nothing_at_all_are_undecided_or_equal_not_nan():
     names = [running.OURS, running.PLAIN, running.EPSILON, "peer"]
-    found = {name: [judging.scored(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
+    found = {name: [judging.score_or_corner(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
     rows = judging.comparison_rows(judging.comparisons("case", "CPU time", found))
     assert {row.note.split(";")[0] for row in rows if row.table == judging.COMPARED} <= {"undecided", "equal"}
 

@@ -39,7 +39,7 @@ def test_each_function_counts_with_its_shortest_time_and_they_take_turns(monkeyp
 @pytest.mark.parametrize(("goal", "note"), [(np.inf, "goal met"), (0.0, "goal missed")])
 def test_a_time_says_whether_it_met_its_goal(monkeypatch, goal, note):
     monkeypatch.setattr(kinematics, "MOTIONS", 2)
-    row = kinematics.motions_evaluated("planar 3R", tringali_3r(), goal, 1)
+    row = kinematics.motion_row("planar 3R", tringali_3r(), goal, 1)
     assert (row.unit, row.paper, row.note) == ("ms", goal, note)
     assert row.ours > 0
 
@@ -49,6 +49,6 @@ def test_both_problems_have_the_motions_that_their_table_speaks_of(monkeypatch):
     assert len(problem.task.times) == kinematics.SAMPLES
     evaluated = []
     monkeypatch.setattr(problem, "evaluate", evaluated.append)
-    row = kinematics.genes_evaluated("energy_torque", problem, 2)
+    row = kinematics.gene_row("energy_torque", problem, 2)
     assert [genes.shape for genes in evaluated] == [(kinematics.MOTIONS, problem.n_var)] * 2
     assert row.note == "kinetic_energy, torque_norm"

@@ -181,7 +181,7 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
     with Cores() as cores:
         assert [one.value for one in cores.solve(question, (), "printed", starts)] == alone  # in order
         peers = simulations.forms(cores, "simulation_1", effort, tmp_path)
-        found = simulations.compared(cores, "simulation_1", "fitted", peers, effort)
+        found = simulations.compare_simulation(cores, "simulation_1", "fitted", peers, effort)
     assert set(found.theirs) == {one.name for one in peers} == {"FATROP", "IPOPT"}
     agreed = [row.ours for row in found.rows if row.table == "optima of one basin"]
     assert len(agreed) == 2

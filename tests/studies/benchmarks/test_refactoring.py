@@ -1,6 +1,8 @@
-"""Two checkouts side by side: ratios, values, reasons, and what fails."""
+"""Two checkouts side by side: ratios, values by name, reasons, and what fails."""
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
@@ -17,40 +19,44 @@ def results(seconds, now, before):
 
 
 @pytest.mark.parametrize(
-    ("seconds", "now", "maximised", "lost", "words"),
+    ("seconds", "name", "value", "loss", "words"),
     [
-        (1.0, [2.0], False, False, "the same bits"),
-        (1.1, [2.0], False, True, "the same bits"),
-        (1.0, [1.9], False, False, "values better by 5.0e-02"),
-        (1.0, [2.1], False, True, "values worse by 5.0e-02"),
-        (1.0, [2.1], True, False, "values better by 5.0e-02"),
-        (1.0, [2.0 + 1e-10], False, False, "values equal to 1e-9"),
+        (1.0, "energy", 2.0, False, "energy the same bits"),
+        (1.1, "energy", 2.0, True, "energy the same bits"),
+        (1.0, "energy", 1.9, False, "energy 1.9 beside 2, 5.0e-02 better"),
+        (1.0, "energy", 2.1, True, "energy 2.1 beside 2, 5.0e-02 worse"),
+        (1.0, "hypervolume", 2.1, False, "hypervolume 2.1 beside 2, 5.0e-02 better"),
+        (1.0, "hypervolume", 1.9, True, "hypervolume 1.9 beside 2, 5.0e-02 worse"),
+        (1.0, "energy", 2.0 + 1e-10, False, "energy equal to 1e-9"),
     ],
 )
-def test_more_seconds_or_worse_values_are_a_loss(seconds, now, maximised, lost, words):
-    row = tabulate("case", Case(code="", maximised=maximised), results(seconds, now, [2.0]))
+def test_more_seconds_or_a_worse_value_are_a_loss(seconds, name, value, loss, words):
+    row = tabulate("case", Case(code=""), results(seconds, {name: value}, {name: 2.0}))
     assert row.ours == pytest.approx(seconds)
-    assert row.note.startswith("LOSS") == lost
+    assert row.note.startswith("LOSS") == loss
     assert words in row.note
 
 
-def test_worse_values_with_a_reason_say_it():
-    row = tabulate("case", Case(code="", reason="another model"), results(1.0, [2.1], [2.0]))
-    assert not row.note.startswith("LOSS")
-    assert "values worse by 5.0e-02; another model" in row.note
+def test_a_reason_explains_a_loss_and_does_not_hide_it():
+    case = Case(code="", reason="another model")
+    row = tabulate("case", case, results(1.0, {"time": 1.0, "energy": 2.1}, {"time": 1.5, "energy": 2.0}))
+    assert row.note.startswith("LOSS")
+    assert row.note.endswith("5.0e-02 worse; another model")
+    same = tabulate("case", case, results(1.0, {"energy": 2.0}, {"energy": 2.0}))
+    assert "another model" not in same.note
 
 
-def test_a_checkout_beside_itself_has_the_same_bits_and_what_fails_is_a_row(tmp_path, monkeypatch, capsys):
+def test_a_checkout_beside_itself_has_the_same_bits_and_what_fails_is_a_row(tmp_path, monkeypatch):
     cases = {
-        "sum": Case(code="def run():\n    return [sum(range(100_000))]\n", repeats=2),
+        "sum": Case(code="def run():\n    return {'total': sum(range(100_000))}\n", repeats=2),
         "broken": Case(code="raise ValueError('no such thing')"),
     }
     monkeypatch.setattr(refactoring, "CASES", cases)
     monkeypatch.setattr(refactoring, "SHARED", "import json, time\n")
     refactoring.main(["--before", str(ROOT), "--rounds", "1", "--json", str(tmp_path / "rows.json")])
-    told = capsys.readouterr().out
-    assert "the same bits" in told
-    assert "no such thing" in told
+    notes = {row["row"]: row["note"] for row in json.loads((tmp_path / "rows.json").read_text())}
+    assert "total the same bits" in notes["sum"]
+    assert "no such thing" in notes["broken"]
 
 
 def test_a_program_that_fails_says_its_last_line(tmp_path):

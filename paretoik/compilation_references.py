@@ -1,7 +1,8 @@
 """Tuples of many arrays passed to compiled functions by reference: by value each is hundreds of arguments.
 
 LLVM code for that is slow to write and to optimise, again in every function that takes the tuple. A reference has the
-tuple's attributes, to be read. It counts no references: whoever makes one keeps the tuple (``keep``) while it is used.
+tuple's attributes, to be read; tuples within tuples are references again. It counts no references to the arrays: those
+of arguments exist until a function returns, for others whoever makes a reference keeps the tuple (``keep``).
 """
 
 from __future__ import annotations
@@ -34,14 +35,19 @@ class _ReferenceAttributes(AttributeTemplate):
 
     def generic_resolve(self, reference: Any, name: str) -> Any:
         target = reference.target
-        return target[target.fields.index(name)] if name in target.fields else None
+        if name not in target.fields:
+            return None
+        field = target[target.fields.index(name)]
+        return Reference(field) if isinstance(field, types.BaseNamedTuple) else field
 
 
 @lower_getattr_generic(Reference)
 def _load(context: Any, builder: Any, reference: Any, pointer: Any, name: str) -> Any:
     position = reference.target.fields.index(name)
-    value = builder.load(cgutils.gep_inbounds(builder, pointer, 0, position))
-    return impl_ret_borrowed(context, builder, reference.target[position], value)
+    field, address = reference.target[position], cgutils.gep_inbounds(builder, pointer, 0, position)
+    if isinstance(field, types.BaseNamedTuple):
+        return address
+    return impl_ret_borrowed(context, builder, field, builder.load(address))
 
 
 @intrinsic

@@ -1,0 +1,88 @@
+"""How fast and how strongly joints turn with their sliders at the best places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik.capability.joint_capability import joint_speeds, overload_error, torque_capacity
+from paretoik.capability.kim_actuations import kim_joint_motors, kim_sliders
+from paretoik.capability.motor_curves import SHAPES
+from paretoik.robot.arms import kim_3r
+from tests.capability.drives import sliders
+
+seeds = st.integers(0, 10**6)
+
+
+shapes = st.sampled_from(SHAPES)
+
+
+@given(seed=seeds, shape=shapes)
+@settings(max_examples=25)
+def test_no_slider_turns_a_joint_faster_than_the_best(seed, shape):
+    rng = np.random.default_rng(seed)
+    actuation = sliders(shape, bend=rng.choice([-1.0, 1.0], 2), least_angle=0.05)
+    q = actuation.zero + actuation.bend * rng.uniform(0.0, 2.2, (6, 2))
+    torque = rng.normal(size=(6, 2)) * rng.choice([0.05, 0.5, 2.0])
+    found, able = joint_speeds(actuation, q, torque), torque_capacity(actuation, q)[0]
+    front = np.linspace(*actuation.front_bounds[0], 4001)[:, None, None] + np.zeros_like(q)
+    q = np.broadcast_to(q, front.shape)
+    with np.errstate(invalid="ignore"):
+        back, a, b = actuation.gears(q, front)
+        fits = (back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1])
+        fits &= actuation.angles(q) >= actuation.least_angle
+        limits = [np.sort([a * s for s in actuation.front.speeds(a * torque)], axis=0)]
+        limits += [np.sort([b * s for s in actuation.back.speeds(b * torque)], axis=0)]
+        low, high = sum(each[0] for each in limits), sum(each[1] for each in limits)
+        hold = np.minimum(actuation.front.stall / abs(a), actuation.back.stall / abs(b))
+    held = fits & ~np.isnan(high)
+    assert (held <= ~np.isnan(found.high)).all()
+    high, low, hold = (np.where(held, high, 0.0), np.where(held, low, 0.0), np.where(fits, hold, 0.0))
+    assert (high <= np.nan_to_num(found.high) * (1 + 1e-9)).all()
+    assert (low >= np.nan_to_num(found.low) * (1 + 1e-9)).all()
+    assert (hold <= np.nan_to_num(able) * (1 + 1e-9)).all()
+
+
+@given(seed=seeds, shape=shapes)
+@settings(max_examples=25)
+def test_the_best_slider_gives_the_speed_that_is_said_of_it(seed, shape):
+    rng = np.random.default_rng(seed)
+    actuation = sliders(shape, bend=-1.0)
+    q = actuation.zero - rng.uniform(0.2, 2.0, (8, 2))
+    torque = rng.normal(size=(8, 2))
+    found = joint_speeds(actuation, q, torque)
+    can = ~np.isnan(found.high)
+    back, a, b = actuation.gears(q, np.where(can, found.front_high, 0.05))
+    speeds = [np.where(g > 0, *reversed(c.speeds(g * torque))) for g, c in ((a, actuation.front), (b, actuation.back))]
+    assert np.allclose((a * speeds[0] + b * speeds[1])[can], found.high[can], rtol=1e-12)
+    assert (back[can] >= actuation.back_bounds[0, 0] - 1e-12).all()
+    assert (back[can] <= actuation.back_bounds[0, 1] + 1e-12).all()
+
+
+def test_sliders_hold_exactly_what_they_can_bear():
+    actuation = kim_sliders()
+    q = actuation.zero + np.array([0.9, 1.2, 1.9])
+    able, _ = torque_capacity(actuation, q)
+    assert np.isfinite(joint_speeds(actuation, q, 0.999999 * able).high).all()
+    assert np.isnan(joint_speeds(actuation, q, 1.000001 * able).high).all()
+
+
+def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
+    actuation = kim_sliders()
+    for angle in (0.0, 0.1, np.deg2rad(117.5), -0.5):
+        q = actuation.zero + np.full(3, angle)
+        assert np.isnan(joint_speeds(actuation, q, np.zeros(3)).high).all()
+        assert np.isnan(torque_capacity(actuation, q)[0]).all()
+    turned = actuation.zero + 1.0
+    again = joint_speeds(actuation, turned + 2 * np.pi, np.zeros(3)).high
+    assert np.allclose(again, joint_speeds(actuation, turned, np.zeros(3)).high)
+
+
+def test_an_overload_names_joint_torque_and_limit():
+    arm = kim_3r()
+    said = overload_error(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
+    assert "joint2: a torque of at most 3.5 N m wanted" in str(said)
+    assert said.violation == pytest.approx(4.0 / 3.5 - 1)
+    assert "joint1: a rod's angle" in str(overload_error(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))

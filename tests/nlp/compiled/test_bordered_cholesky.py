@@ -1,0 +1,62 @@
+"""Banded matrices with a border beside NumPy's dense solution and LAPACK's inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik.nlp.compiled.bordered_cholesky import factorise, solve
+
+dimensions = st.tuples(st.integers(1, 12), st.integers(1, 4), st.integers(0, 3), st.integers(0, 10_000))
+
+
+def system(dimensions, *, border):
+    """A as a band and dense, B and C of a random system; ``border`` is about how definite C is, and of which sign."""
+    size, band, borders, seed = dimensions
+    rng = np.random.default_rng(seed)
+    lower = np.tril(rng.normal(size=(size, size)))
+    lower[np.subtract.outer(np.arange(size), np.arange(size)) >= band] = 0.0
+    np.fill_diagonal(lower, rng.uniform(0.5, 2.0, size))
+    A = lower @ lower.T
+    packed = np.array([[A[i, i - d] if i >= d else 0.0 for d in range(band)] for i in range(size)])
+    B = rng.normal(size=(borders, size))
+    C = B @ np.linalg.solve(A, B.T) + border * np.diag(rng.uniform(0.5, 2.0, borders))
+    return packed, A, B, C
+
+
+def factorised(packed, B, C, negative):
+    parts = np.empty_like(packed), np.empty_like(B), np.empty_like(C)
+    return factorise(packed, B, C, *parts, negative), *parts
+
+
+@settings(max_examples=25)
+@given(dimensions)
+def test_the_solution_is_that_of_the_dense_matrix(dimensions):
+    packed, A, B, C = system(dimensions, border=-1.0)
+    right_inertia, L, X, S = factorised(packed, B, C, len(C))
+    assert right_inertia
+    whole = np.block([[A, B.T], [B, C]])
+    right = np.random.default_rng(1).normal(size=len(whole))
+    x = right.copy()
+    solve(L, B, X, S, x)
+    assert np.abs(whole @ x - right).max() <= 1e-11 * (1 + np.abs(whole).max() * np.abs(x).max())
+
+
+@settings(max_examples=25)
+@given(dimensions)
+def test_the_inertia_is_counted(dimensions):
+    for border in (-1.0, 1.0):
+        packed, A, B, C = system(dimensions, border=border)
+        negative = int((np.linalg.eigvalsh(np.block([[A, B.T], [B, C]])) < 0).sum())
+        assert negative == (len(C) if border < 0 else 0)
+        assert factorised(packed, B, C, negative)[0]
+        assert not factorised(packed, B, C, negative + 1)[0]
+
+
+@settings(max_examples=25)
+@given(dimensions)
+def test_a_band_that_is_not_positive_definite_is_refused(dimensions):
+    packed, A, B, C = system(dimensions, border=-1.0)
+    packed[:, 0] -= 1.001 * np.linalg.eigvalsh(A)[0] + 1e-9
+    assert not factorised(packed, B, C, len(C))[0]

@@ -1,0 +1,45 @@
+"""What cold starts lead to, best first, and the second barrier for those that the first one loses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from paretoik.errors import SolverFailed
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.pareto import cold_search
+from paretoik.pareto.cold_search import StartSearch
+from tests.pareto.sketches import scaled, sketched
+
+
+def two_valleys():
+    """Of x, whose valleys at -1 and 1 are 0 and 0.5 deep, and of y."""
+    return sketched(
+        2,
+        lambda x: [(x[0] ** 2 - 1) ** 2 + 0.25 * (x[0] + 1) + 0.01 * x[1] ** 2, (x[1] - 1) ** 2],
+        lambda x: ([], [3 - x[0], 3 + x[0], 3 - x[1], 3 + x[1]]),
+    )
+
+
+def search():
+    starts = np.random.default_rng(0).uniform(-2, 2, (12, 4))
+    return StartSearch(program_of=partial(scaled, two_valleys()), starts=starts, n_obj=2)
+
+
+def test_the_optima_of_one_objective_come_best_first():
+    x = search().optima(0)
+    assert np.all(np.diff((x[:, 0] ** 2 - 1) ** 2 + 0.25 * (x[:, 0] + 1)) >= -1e-6)
+    assert x[0, 0] < 0 < x[-1, 0]
+
+
+def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypatch):
+    known = search().optima(0)
+    lost = replace(cold_search.OPTIONS, barrier=InteriorPointOptions(barrier=1e-2, iterations=1))
+    monkeypatch.setattr(cold_search, "OPTIONS", lost)
+    assert search().optima(0)[0] == pytest.approx(known[0], abs=1e-5)
+    monkeypatch.setattr(cold_search, "OPTIONS", replace(lost, second_barrier=lost.barrier))
+    with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
+        search().optima(0)
