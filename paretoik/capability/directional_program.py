@@ -9,7 +9,7 @@ Jang 2021, Eq. 1, there for one direction at a time.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -19,7 +19,7 @@ from jaxtyping import Float
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.compiled.actuators import gears
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
-from paretoik.nlp.traced import TracedRows, trace_rows
+from paretoik.nlp.traced import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 
@@ -97,9 +97,9 @@ class DirectionalProgram:
 
     def program(
         self, position: Float[np.ndarray, " task"], directions: Float[np.ndarray, "directions task"], size: float
-    ) -> TracedRows:
+    ) -> AssembledRows:
         """Return the program at a position along directions; traced once for all of them."""
-        return replace(_transcribe(self), parameters=np.concatenate([position, directions.ravel(), [size]]))
+        return _transcribe(self).at(np.concatenate([position, directions.ravel(), [size]]))
 
 
 def consecutive_slices(sizes: Mapping[str, int]) -> dict[str, slice]:

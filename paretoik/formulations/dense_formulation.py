@@ -17,7 +17,6 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.cold_search import StartSearch
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
-DRAWS = 10  # of as many starts as are to be had: in some no motor can hold the arm
 
 
 class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -65,10 +64,13 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     def cold_search(
         self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
     ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts that motors can hold, each by itself."""
+        """Return how optima are found from nothing: from so many starts that motors can hold, each by itself.
+
+        Starts are drawn up to ten times, since in some postures no motor can hold the arm.
+        """
         rng = np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
-        for _ in range(DRAWS):
+        for _ in range(10):
             if np.isfinite(x).all(axis=1).sum() >= starts:
                 break
             x = np.concatenate([x, self.points(self.sample_starts(starts, rng))])

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.conic import dense_rows
-from paretoik.nlp.traced import Rows
+from paretoik.nlp.traced import AssembledRows
 
 if TYPE_CHECKING:
     from paretoik.nlp.compiled.dense_kernel import DenseKernel
@@ -28,7 +28,7 @@ EQUALITY_TOLERANCE = 1e-13  # of an equality that holds
 class DenseProgram:
     """Equalities and inequalities of unknowns z, and objectives F = costs · z."""
 
-    rows: Rows
+    rows: AssembledRows
     costs: Float[np.ndarray, "objectives unknowns"]
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()

@@ -11,24 +11,20 @@ from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.compiled.dense_kernel import DenseKernel
-from paretoik.nlp.traced import AssembledRows, Part, Rows, TracedRows
+from paretoik.nlp.traced import AssembledRows, Part
 
 
-def dense_kernel(program: Rows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
+def dense_kernel(program: AssembledRows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
     """Return rows and linear objectives as compiled code takes them; raise EvaluationFailed for too few unknowns."""
-    assert isinstance(program, AssembledRows | TracedRows)
-    kernel = _kernel(program, costs.shape[1])
+    kernel = _kernel(program)
     if kernel.equalities > kernel.unknowns:
         raise EvaluationFailed(f"program: at least {kernel.equalities} unknowns wanted, got {kernel.unknowns}")
     return kernel._replace(objectives=np.ascontiguousarray(costs, dtype=float))
 
 
 @lru_cache(maxsize=64)
-def _kernel(program: AssembledRows | TracedRows, unknowns: int) -> DenseKernel:
-    if isinstance(program, AssembledRows):
-        parts: Sequence[Part] = program.parts
-    else:
-        parts = [Part(program=program, where=np.arange(unknowns)[None], parameters=program.parameters[None])]
+def _kernel(whole: AssembledRows) -> DenseKernel:
+    unknowns, parts = whole.unknowns, whole.parts
     equalities = sum(part.program.equalities * len(part.where) for part in parts)
     inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
     first_h, first_c = 0, equalities

@@ -5,9 +5,9 @@ Those of small programs are traced once; those of large ones are assembled from 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,56 +17,28 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 
 
-@runtime_checkable
-class Rows(Protocol):
-    """Equalities h(z) = 0 and inequalities c(z) ≥ 0, with derivatives, of unknowns of the order of 1."""
-
-    def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return h and c."""
-
-    def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
-        """Return the Jacobian of h, then c."""
-
-    def hessian(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
-        """Return the Hessian (unknowns, unknowns) of weights · (h, c)."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TracedRows:
-    """Equalities and inequalities of unknowns and parameters; made with ``trace_rows``.
+    """Equalities and inequalities of a few unknowns and parameters; made with ``trace_rows``.
 
     ``values`` computes h, then c; ``jacobian_entries`` the Jacobian's entries at ``jacobian_pattern`` (rows, columns);
     ``hessian_entries``, of weights too, those of the weighted sum's Hessian at ``hessian_pattern``, its lower triangle.
     """
 
+    unknowns: int
     equalities: int
     inequalities: int
-    parameters: Float[np.ndarray, " parameters"]
     values: Evaluator
     jacobian_entries: Evaluator
     hessian_entries: Evaluator
     jacobian_pattern: tuple[np.ndarray, np.ndarray]
     hessian_pattern: tuple[np.ndarray, np.ndarray]
 
-    def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return h and c."""
-        rows = self.values(self._inputs(z, np.zeros(self.equalities + self.inequalities)))[:, 0]
-        return rows[: self.equalities], rows[self.equalities :]
-
-    def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
-        """Return the Jacobian of h, then c."""
-        jacobian = np.zeros((self.equalities + self.inequalities, len(z)))
-        jacobian[self.jacobian_pattern] = self.jacobian_entries(self._inputs(z, np.zeros(len(jacobian))))[:, 0]
-        return jacobian
-
-    def hessian(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
-        """Return the Hessian (unknowns, unknowns) of weights · (h, c)."""
-        lower = np.zeros((len(z), len(z)))
-        lower[self.hessian_pattern] = self.hessian_entries(self._inputs(z, weights))[:, 0]
-        return lower + np.tril(lower, -1).T
-
-    def _inputs(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        return np.concatenate([z, self.parameters, weights])[:, None]
+    def at(self, parameters: Sequence[float] | np.ndarray = ()) -> AssembledRows:
+        """Return the rows alone, for values of their parameters."""
+        values = np.array([parameters], dtype=float)
+        part = Part(program=self, where=np.arange(self.unknowns)[None], parameters=values)
+        return AssembledRows(unknowns=self.unknowns, parts=(part,))
 
 
 Statement = Callable[[list[Any], list[Any]], tuple[list[Any], list[Any]]]
@@ -74,7 +46,7 @@ Statement = Callable[[list[Any], list[Any]], tuple[list[Any], list[Any]]]
 
 
 def trace_rows(unknowns: int, parameters: int, statement: Statement) -> TracedRows:
-    """Trace a statement once, for all values of its parameters, which are 0 at first."""
+    """Trace a statement once, for all values of its parameters."""
     tape = Tape()
     z, p = [tape.input() for _ in range(unknowns)], [tape.input() for _ in range(parameters)]
     equalities, inequalities = statement(z, p)
@@ -91,9 +63,9 @@ def trace_rows(unknowns: int, parameters: int, statement: Statement) -> TracedRo
         weighted_sum = weighted_sum + tape.input() * Expression(tape, row)
     second = hessian(tape, as_entry(tape, weighted_sum), variables)
     return TracedRows(
+        unknowns=unknowns,
         equalities=len(equalities),
         inequalities=len(inequalities),
-        parameters=np.zeros(parameters),
         values=compile_evaluator(tape, rows),
         jacobian_entries=compile_evaluator(tape, list(jacobian.values())),
         hessian_entries=compile_evaluator(tape, list(second.values())),
@@ -124,7 +96,10 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssembledRows:
-    """The rows of parts: the equalities of all in order, then the inequalities of all, lane by lane."""
+    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 of unknowns of the order of 1, with derivatives.
+
+    They are those of parts: the equalities of all in order, then the inequalities of all, lane by lane.
+    """
 
     unknowns: int
     parts: tuple[Part, ...]

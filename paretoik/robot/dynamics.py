@@ -156,28 +156,16 @@ def _newton_euler(
         forces.append(add(scale(acceleration, link.mass), apply(gradient, link.first_moment)))
         moments.append(_moment(link, gradient, acceleration))
         origins.append(origin)
-    return _project_wrenches(constants.links, cosines_and_sines, origins, forces, moments)
-
-
-def _project_wrenches(
-    links: Sequence[LinkConstants],
-    cosines_and_sines: Sequence[tuple[Component, Component]],
-    origins: Sequence[Vector],
-    forces: Sequence[Vector],
-    moments: Sequence[Vector],
-) -> list[Component]:
-    """Return joint torques: the links' forces and moments summed from the tip to the base, along each joint's axis."""
-    torque: list[Component] = [0.0] * len(links)
+    torque: list[Component] = [0.0] * len(constants.links)
     force, moment = ZERO, ZERO
-    for i in reversed(range(len(links))):
+    for i, link in reversed(list(enumerate(constants.links))):
         force, moment = add(force, forces[i]), add(moment, moments[i])
-        torque[i] = force[2] if links[i].prismatic else moment[2]
-        if i == 0:
-            break
-        cosine, sine = cosines_and_sines[i]
-        force = apply(links[i].rotation, rotate_about_z(force, cosine, sine))
-        moment = apply(links[i].rotation, rotate_about_z(moment, cosine, sine))
-        moment = add(moment, cross(origins[i], force))
+        torque[i] = force[2] if link.prismatic else moment[2]
+        if i > 0:
+            force, moment = (
+                apply(link.rotation, rotate_about_z(vector, *cosines_and_sines[i])) for vector in (force, moment)
+            )
+            moment = add(moment, cross(origins[i], force))
     return torque
 
 

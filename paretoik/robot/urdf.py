@@ -44,22 +44,18 @@ def check_robot(file: str | Path, base: str | None = None, tip: str | None = Non
         robot = read_robot(file)
     except InvalidRobot as error:
         return RobotReport(file=file, faults=error.faults, warnings=(), summary=())
+    faults, warnings = robot.faults, robot.warnings
     summary = [f"robot {robot.name}: {len(robot.links)} links, {len(robot.joints)} joints"]
-    if robot.faults:
-        return RobotReport(file=file, faults=robot.faults, warnings=robot.warnings, summary=tuple(summary))
-    summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
-    if tip is None and len(robot.leaves) > 1:
-        summary.append("several leaves: name one as tip to see its chain")
-        return RobotReport(file=file, faults=(), warnings=robot.warnings, summary=tuple(summary))
-    chain = select_chain(str(file), robot, base, tip, {})
-    summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
-    summary += [_summarise(joint) for joint in chain.moving]
-    return RobotReport(
-        file=file,
-        faults=chain.faults,
-        warnings=(*robot.warnings, *chain.notices, *find_zero_limits(chain)),
-        summary=tuple(summary),
-    )
+    if not faults:
+        summary.append(f"root {robot.roots[0]}, leaves {', '.join(robot.leaves)}")
+        if tip is None and len(robot.leaves) > 1:
+            summary.append("several leaves: name one as tip to see its chain")
+        else:
+            chain = select_chain(str(file), robot, base, tip, {})
+            summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
+            summary += [_summarise(joint) for joint in chain.moving]
+            faults, warnings = chain.faults, (*warnings, *chain.notices, *find_zero_limits(chain))
+    return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
 
 
 def from_urdf(

@@ -25,8 +25,7 @@ def sphere(z, known):
 
 
 def test_the_lowest_point_of_a_sphere_above_a_plane():
-    program = trace_rows(3, 1, sphere)
-    program = type(program)(**{**vars(program), "parameters": np.array([1.0])})
+    program = trace_rows(3, 1, sphere).at([1.0])
     found = minimise_by_sqp(program, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8]))
     assert found.status == [CONVERGED]
     assert found.x[0] == pytest.approx([-np.sqrt(0.99), 0.0, 0.1], abs=1e-7)
@@ -36,7 +35,7 @@ def test_derivatives_are_those_of_the_rows():
     def rows(z, known):
         return [np.sin(z[0]) * z[1] - known[0]], [np.exp(z[1]) / z[0], z[0] ** 3 - z[1]]
 
-    program, z, weights = trace_rows(2, 1, rows), np.array([0.7, -0.4]), np.array([1.3, -0.2, 0.8])
+    program, z, weights = trace_rows(2, 1, rows).at([0.0]), np.array([0.7, -0.4]), np.array([1.3, -0.2, 0.8])
     step = 1e-6 * np.eye(2)
     slopes = (
         np.array([np.concatenate(program.rows(z + d)) - np.concatenate(program.rows(z - d)) for d in step]).T / 2e-6
@@ -56,7 +55,7 @@ def test_no_worse_than_slsqp_from_the_same_start(seed):
         bent = [sum(a[i, j] * z[j] for j in range(4)) + 0.3 * np.sin(z[i]) + 1.0 for i in range(4)]
         return [circle], bent
 
-    program, cost = trace_rows(4, 0, rows), b[0]
+    program, cost = trace_rows(4, 0, rows).at(), b[0]
     start = rng.normal(size=4)
     start *= np.sqrt(2) / np.linalg.norm(start)
     ours = minimise_by_sqp(program, cost, start)
@@ -78,7 +77,7 @@ def test_no_worse_than_slsqp_from_the_same_start(seed):
 
 
 def test_what_cannot_be_met_is_said():
-    program = trace_rows(1, 0, lambda z, known: ([], [z[0] - 1.0, -1.0 - z[0]]))
+    program = trace_rows(1, 0, lambda z, known: ([], [z[0] - 1.0, -1.0 - z[0]])).at()
     found = minimise_by_sqp(program, np.array([1.0]), np.array([0.3]))
     assert found.status != [CONVERGED]
     assert found.violation[0] == pytest.approx(1.0, abs=1e-6)

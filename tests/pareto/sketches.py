@@ -22,7 +22,7 @@ def sketched(unknowns, values, within=lambda x: ([], [])):
         return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *slack]
 
     count = len(values(np.zeros(unknowns)))
-    program = trace_rows(unknowns + count, 0, rows)
+    program = trace_rows(unknowns + count, 0, rows).at()
     names = tuple(f"f{k + 1}" for k in range(count))
     return DenseProgram(rows=program, costs=np.eye(unknowns + count)[unknowns:], objective_names=names)
 

@@ -119,7 +119,7 @@ def check_conditions(program, cost, found, bounds=None, within=1e-7):
 @pytest.mark.parametrize("seed", range(6))
 def test_from_anywhere_it_finds_the_one_minimum_of_a_convex_program_that_ipopt_finds(seed):
     rows, rng = bowl(seed), np.random.default_rng(seed + 100)
-    program, theirs = trace_rows(5, 0, rows), ipopt(rows, LAST, np.zeros(5))
+    program, theirs = trace_rows(5, 0, rows).at(), ipopt(rows, LAST, np.zeros(5))
     for size in (0.1, 1.0, 5.0, 20.0):
         found = minimise_dense(program, LAST, size * rng.normal(size=5))
         assert found.converged
@@ -130,7 +130,7 @@ def test_from_anywhere_it_finds_the_one_minimum_of_a_convex_program_that_ipopt_f
 @pytest.mark.parametrize("seed", range(4))
 def test_bounds_are_rows_like_all_others(seed):
     rows, rng = bowl(seed), np.random.default_rng(seed)
-    program, free = trace_rows(5, 0, rows), ipopt(rows, LAST, np.zeros(5))
+    program, free = trace_rows(5, 0, rows).at(), ipopt(rows, LAST, np.zeros(5))
     way = np.append(rng.normal(size=4), 0.0)
     bounds = Bounds(rows=np.array([way, -LAST]), upper=np.array([way @ free - 0.05, 100.0]))
     theirs = ipopt(rows, LAST, free, bounds)
@@ -150,7 +150,7 @@ def test_bounds_are_rows_like_all_others(seed):
 
 @pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
 def test_multipliers_and_place_follow_the_cost_however_large_it_is(size):
-    program = trace_rows(5, 0, bowl(1))
+    program = trace_rows(5, 0, bowl(1)).at()
     one, other = (minimise_dense(program, each * LAST, np.full(5, 0.5)) for each in (1.0, size))
     assert other.x == pytest.approx(one.x, abs=1e-12)
     assert other.multipliers == pytest.approx(size * one.multipliers, rel=1e-9)
@@ -158,7 +158,7 @@ def test_multipliers_and_place_follow_the_cost_however_large_it_is(size):
 
 def test_the_best_known_minimum_of_a_textbook_program_from_many_starts():
     """Program 71 of Hock & Schittkowski 1981: 17.0140173 at (1, 4.743, 3.8211, 1.3794)."""
-    program, rng = trace_rows(5, 0, hock_schittkowski_71), np.random.default_rng(0)
+    program, rng = trace_rows(5, 0, hock_schittkowski_71).at(), np.random.default_rng(0)
     starts = [np.array([1.0, 5.0, 5.0, 1.0, 16.0]), *rng.uniform(1.0, 5.0, (8, 5)), np.full(5, 8.0)]
     for start in starts:
         found = minimise_dense(program, LAST, start)
@@ -175,7 +175,7 @@ def test_along_a_bent_valley_to_its_end_on_a_circle():
         value = 100.0 * (z[1] - z[0] * z[0]) ** 2 + (1.0 - z[0]) ** 2
         return [], [z[2] - value, 1.0 - z[0] ** 2 - z[1] ** 2]
 
-    program, cost = trace_rows(3, 0, rows), np.array([0.0, 0.0, 1.0])
+    program, cost = trace_rows(3, 0, rows).at(), np.array([0.0, 0.0, 1.0])
     for start in ([0.0, 0.0, 0.0], [-1.2, 1.0, 0.0], [3.0, -3.0, 5.0], [-0.9, -0.9, 0.0]):
         found = minimise_dense(program, cost, np.array(start))
         assert found.converged
@@ -184,7 +184,7 @@ def test_along_a_bent_valley_to_its_end_on_a_circle():
 
 
 def test_from_beside_the_top_of_a_sphere_it_goes_to_the_bottom():
-    program = trace_rows(3, 0, lambda z, known: ([z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - 1.0], []))
+    program = trace_rows(3, 0, lambda z, known: ([z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - 1.0], [])).at()
     cost = np.array([0.0, 0.0, 1.0])
     for start in ([0.05, 0.02, 0.998], [1e-3, 0.0, 1.0], [0.3, 0.3, 2.0]):
         found = minimise_dense(program, cost, np.array(start))
@@ -198,7 +198,7 @@ def test_it_leaves_a_saddle_on_either_side(start):
     def rows(z, known):
         return [], [z[2] - (z[0] ** 2 - z[1] ** 2 + z[1] ** 4), 4.0 - z[2]]
 
-    program, cost = trace_rows(3, 0, rows), np.array([0.0, 0.0, 1.0])
+    program, cost = trace_rows(3, 0, rows).at(), np.array([0.0, 0.0, 1.0])
     found = minimise_dense(program, cost, np.array([*start, 1.0]))
     assert found.converged
     assert found.x[2] == pytest.approx(-0.25, abs=1e-9)
@@ -222,7 +222,7 @@ def test_linear_programs_without_a_clear_corner_come_to_their_least_value(given)
         below = [most[i] - sum(table[i, j] * z[j] for j in range(len(c))) for i in range(len(most))]
         return [], [*below, *z]
 
-    program, known = trace_rows(len(c), 0, rows), linprog(c, table, most)
+    program, known = trace_rows(len(c), 0, rows).at(), linprog(c, table, most)
     for start in (np.zeros(len(c)), np.full(len(c), 3.0), np.linspace(-2.0, 1.0, len(c))):
         found = minimise_dense(program, c, start)
         assert found.converged
@@ -240,7 +240,7 @@ def test_linear_programs_without_a_clear_corner_come_to_their_least_value(given)
     ids=["two sides", "no root", "a line and a half plane"],
 )
 def test_what_cannot_be_met_is_said(rows, violation):
-    program = trace_rows(2, 0, rows)
+    program = trace_rows(2, 0, rows).at()
     found = minimise_dense(program, np.array([1.0, 0.0]), np.array([0.7, 0.2]))
     assert not found.converged
     assert found.violation >= violation - 1e-6
@@ -248,7 +248,7 @@ def test_what_cannot_be_met_is_said(rows, violation):
 
 
 def test_too_few_iterations_are_said():
-    program = trace_rows(5, 0, bowl(0))
+    program = trace_rows(5, 0, bowl(0)).at()
     few, enough = (
         minimise_dense(program, LAST, np.full(5, 3.0), options=OPTIONS._replace(iterations=most)) for most in (3, 300)
     )
@@ -262,7 +262,7 @@ def test_too_few_iterations_are_said():
 @pytest.mark.parametrize("row", [lambda z: np.sqrt(z), lambda z: np.log(z), lambda z: 1.0 / (z + 1.0)])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_start_where_rows_are_not_finite_is_said(row):
-    program = trace_rows(1, 0, lambda z, known: ([], [row(z[0]), 4.0 - z[0]]))
+    program = trace_rows(1, 0, lambda z, known: ([], [row(z[0]), 4.0 - z[0]])).at()
     assert minimise_dense(program, np.array([1.0]), np.array([-1.0])).status == NOT_FINITE
 
 
@@ -270,7 +270,7 @@ def test_a_start_where_rows_are_not_finite_is_said(row):
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_steps_to_where_rows_are_not_finite_are_shortened(start):
     """Above z − log z lies no less than 1; Newton's step from z > 2 goes past 0."""
-    program = trace_rows(2, 0, lambda z, known: ([], [z[1] - (z[0] - np.log(z[0]))]))
+    program = trace_rows(2, 0, lambda z, known: ([], [z[1] - (z[0] - np.log(z[0]))])).at()
     found = minimise_dense(program, np.array([0.0, 1.0]), np.array([start, 0.0]))
     assert found.converged
     assert found.x == pytest.approx([1.0, 1.0], abs=1e-5)
