@@ -17,20 +17,6 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def show_status(text: str, quiet: bool) -> Iterator[None]:
-    """Show a text on a terminal while the body runs, or what is compiled then."""
-    console = Console(stderr=True)
-    if quiet:
-        with observe_compilation(lambda notice: None):
-            yield
-    elif console.is_terminal:
-        with console.status(text) as status, observe_compilation(lambda notice: status.update(str(notice))):
-            yield
-    else:
-        yield
-
-
-@contextmanager
 def show_progress(time_limit: float | None, quiet: bool) -> Iterator[Observer | None]:
     """Yield an observer that draws a bar on stderr, or, where that is no terminal, prints a line now and then."""
     console = Console(stderr=True)
@@ -41,7 +27,7 @@ def show_progress(time_limit: float | None, quiet: bool) -> Iterator[Observer | 
         from rich import progress as rich
 
         bar = rich.Progress(rich.BarColumn(), rich.TextColumn("{task.description}"), console=console, transient=True)
-        job = bar.add_task("preparing", total=None)
+        job = bar.add_task("loading", total=None)
         with bar, observe_compilation(lambda notice: bar.update(job, description=str(notice))):
             yield lambda progress: bar.update(
                 job,

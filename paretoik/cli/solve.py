@@ -11,7 +11,7 @@ import typer
 
 from paretoik.api.summary import entries, result_text
 from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json
-from paretoik.cli.progress_display import show_progress, show_status
+from paretoik.cli.progress_display import show_progress
 
 
 def solve(
@@ -38,26 +38,24 @@ def solve(
 
     Ctrl-C ends it early and keeps the result.
     """
-    with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
-        with show_status("loading the problem", quiet):
-            from paretoik.api.solve import solve as solve_problem
-            from paretoik.loading import load_problem
+    # A user's functions may print, and stdout is for the result.
+    with redirect_stdout(sys.stderr), show_progress(time_limit, quiet) as observe:
+        from paretoik.api.solve import solve as solve_problem
+        from paretoik.loading import load_problem
 
-            loaded = load_problem(problem)
-        with show_progress(time_limit, quiet) as observe:
-            front = solve_problem(
-                loaded,
-                population=population,
-                generations=generations,
-                seed=seed,
-                out=out,
-                time_limit=time_limit,
-                refine=refine,
-                solver=solver,
-                overwrite=overwrite,
-                reference=problem,
-                observe=observe,
-            )
+        front = solve_problem(
+            load_problem(problem),
+            population=population,
+            generations=generations,
+            seed=seed,
+            out=out,
+            time_limit=time_limit,
+            refine=refine,
+            solver=solver,
+            overwrite=overwrite,
+            reference=problem,
+            observe=observe,
+        )
     if as_json:
         print_json({**front.provenance, "out": out, "front": entries(front)})
     else:

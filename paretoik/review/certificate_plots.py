@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from paretoik.errors import InvalidInput
+from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.review.palette import PAPER
 from paretoik.review.plots import label, picture
@@ -53,18 +54,17 @@ def certificates_picture(front: Front, file: Path | str) -> None:
         raise InvalidInput(
             "certificates_picture: a front with certificates wanted, got one without: pk.refine it first"
         )
+    certificates = front.certificates
     pairs = list(combinations(range(len(front.names)), 2))[: STYLE.pairs]
     with picture(file, (3.3 * (len(pairs) + 2), 3.2)) as figure:
         panels = np.atleast_1d(figure.subplots(1, len(pairs) + 2))
         for axes, pair in zip(panels, pairs, strict=False):
-            _draw_trade(axes, front, pair)
-        _draw_residuals(panels[-2], front)
-        _draw_weights(panels[-1], front)
+            _draw_trade(axes, front, certificates, pair)
+        _draw_residuals(panels[-2], certificates)
+        _draw_weights(panels[-1], front.names, certificates)
 
 
-def _draw_trade(axes: Axes, front: Front, pair: tuple[int, int]) -> None:
-    certificates = front.certificates
-    assert certificates is not None
+def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tuple[int, int]) -> None:
     i, j = pair
     x, y = front.objectives[:, i], front.objectives[:, j]
     width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
@@ -86,9 +86,8 @@ def _draw_trade(axes: Axes, front: Front, pair: tuple[int, int]) -> None:
     axes.legend(frameon=False, handletextpad=0.2)
 
 
-def _draw_residuals(axes: Axes, front: Front) -> None:
-    certificates, places = front.certificates, np.arange(len(front))
-    assert certificates is not None
+def _draw_residuals(axes: Axes, certificates: Certificates) -> None:
+    places = np.arange(len(certificates))
     for values, name, colour in (
         (certificates.kkt_residual, "criticality", PAPER.accents[1]),
         (certificates.violation, "violation", PAPER.accents[0]),
@@ -100,19 +99,17 @@ def _draw_residuals(axes: Axes, front: Front) -> None:
     for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
         axes.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
     axes.set(
-        yscale="log", xlabel="point", ylabel="share of a range", ylim=(STYLE.floor, 1.0), xlim=(-0.5, len(front) - 0.5)
+        yscale="log", xlabel="point", ylabel="share of a range", ylim=(STYLE.floor, 1.0), xlim=(-0.5, len(places) - 0.5)
     )
     axes.legend(frameon=False, handletextpad=0.3)
 
 
-def _draw_weights(axes: Axes, front: Front) -> None:
-    certificates, places = front.certificates, np.arange(len(front))
-    assert certificates is not None
-    bottom = np.zeros(len(front))
-    for k, name in enumerate(front.names):
+def _draw_weights(axes: Axes, names: Sequence[str], certificates: Certificates) -> None:
+    places, bottom = np.arange(len(certificates)), np.zeros(len(certificates))
+    for k, name in enumerate(names):
         weights = certificates.weights[:, k]
         axes.bar(places, weights, bottom=bottom, width=0.9, color=PAPER.accent(k), label=name)
         bottom = bottom + weights
-    axes.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(front) - 0.5))
+    axes.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(places) - 0.5))
     axes.grid(visible=False)
     axes.legend(frameon=True, framealpha=0.9, edgecolor="none", loc="upper center")

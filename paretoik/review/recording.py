@@ -79,10 +79,11 @@ class Recording:
 
     def _write_all(self, front: Front | None, choice: Choice | None) -> None:
         stream, scene = self._stream, self._scene
-        shown = np.concatenate([each.front for each in self._generations]) if front is None else front.objectives
-        canvases = (
-            scene.canvases(shown if front is None else replay_window(self._generations, shown)) if len(shown) else []
-        )
+        if front is None:
+            shown = np.concatenate([each.front for each in self._generations])
+        else:
+            shown = replay_window(self._generations, front.objectives) if len(front) else front.objectives
+        canvases = scene.canvases(shown)
         charts = scene.charts(self._generations)
         motion = None
         if choice is not None and choice.motion is not None:

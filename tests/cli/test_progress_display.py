@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from paretoik.api.progress import RunProgress, show_compilation
-from paretoik.cli.progress_display import progress_text, show_progress, show_status
+from paretoik.cli.progress_display import progress_text, show_progress
 from paretoik.compilation_notices import CompilationNotice, announce
 
 NOTICE = CompilationNotice(what="the planner", seconds=40.0)
@@ -39,13 +39,11 @@ def test_quiet_means_no_observer_and_no_notices_of_compilation(capsys):
     with show_progress(None, True) as observe:
         assert observe is None
         announce(NOTICE)
-    with show_status("loading the problem", True):
-        announce(NOTICE)
     assert capsys.readouterr().err == ""
 
 
 def test_what_is_compiled_is_a_line_at_once(capsys):
-    with show_status("loading the problem", False):
+    with show_progress(None, False):
         announce(NOTICE)
     with show_progress(None, False) as observe, show_compilation(observe):
         observe(progress(1))
