@@ -188,12 +188,10 @@ class DirectionalMaxima(DenseFormulation):
         self_motion = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
         genes, front = [((which + 0.5) / len(self.bases))[:, None], self_motion], np.zeros_like(q)
         motors = np.array([part["motors"] for part in parts])
-        dq = motors[:, :, 0]
         if isinstance(self.actuation, DistributedActuation):
             front = np.array([part["front"] for part in parts])
             genes.append(np.clip(slider_shares(self.actuation, front), 0.0, 1.0))
-            ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
-            dq = (ratios[:, None] * motors).sum(axis=2)
+        dq = (self.actuation.ratios(q, front)[:, None] * motors).sum(axis=2)
         fastest, ranges, free = self.configurations.fastest(q, front)
         pace = np.clip(speeds / np.where(fastest.speeds > 0, fastest.speeds, 1.0), 0.0, 1.0)
         along = (dq - pace[..., None] * fastest.dq) / ranges[:, None, None]
