@@ -43,3 +43,41 @@ def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypat
     monkeypatch.setattr(cold_search, "OPTIONS", replace(lost, second_barrier=lost.barrier))
     with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
         search().optima(0)
+
+
+def bounded_valleys(upper=2.0):
+    """Depths of two valleys, at −1 and, a little less, at 1, and the distance from 0, within bounds."""
+    return sketched(
+        1, lambda x: [(x[0] ** 2 - 1) ** 2 + 0.1 * x[0], x[0] ** 2], lambda x: ([], [upper - x[0], x[0] + 2.0])
+    )
+
+
+def search_from(program, starts, **settings):
+    x = np.concatenate([starts[:, None], np.zeros((len(starts), 2))], axis=1)
+    return StartSearch(program_of=lambda scales: scaled(program, scales), starts=x, n_obj=2, **settings)
+
+
+def test_below_a_bound_on_the_other_objective_optima_lie_on_it():
+    program = bounded_valleys()
+    cold = search_from(program, np.linspace(-1.9, 1.9, 5))
+    solutions = cold.optima_below(program, 0, np.array([np.inf, 0.25]), 1e-6)
+    assert len(solutions)
+    assert np.abs(solutions.x[:, 0]) == pytest.approx(0.5, abs=1e-3)
+    assert solutions.x[0, 0] < 0
+
+
+def test_batches_of_starts_are_shown():
+    seen = []
+    cold = search_from(
+        bounded_valleys(),
+        np.array([-0.5, 0.5, 1.5, -1.5, 0.2]),
+        observe=lambda *counts: seen.append(counts),
+    )
+    assert len(cold.optima(0)) == 5
+    assert seen[-1] == (5, 5)
+    assert [done for done, _ in seen] == [4, 5]
+
+
+def test_where_no_start_leads_within_the_limits_that_is_said():
+    with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted"):
+        search_from(bounded_valleys(upper=-3.0), np.linspace(-1.0, 1.0, 3)).optima(0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.trajectory.initial_motions import initial_motions
+from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
 from studies.benchmarks.planner.verdicts import tell, timed, versus

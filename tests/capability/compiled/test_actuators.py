@@ -118,25 +118,3 @@ def test_a_motor_that_bears_any_load_leaves_the_other_to_its_own():
         ours = joint_speeds(actuation, q, torque).high[:, 0]
         assert (np.isnan(brute).all(axis=0) >= np.isnan(ours)).all()
         assert (np.nan_to_num(brute).max(axis=0) <= np.nan_to_num(ours) * (1 + 1e-9)).all()
-
-
-def test_a_rods_angles_are_those_of_all_pairs_of_sliders():
-    rng, reached = np.random.default_rng(1), 0
-    for _ in range(300):
-        given = rods(rng)
-        front, back = (np.linspace(*given[name], 301) for name in ("front_bounds", "back_bounds"))
-        cosine = (given["rod"] ** 2 - front[:, None] ** 2 - back**2) / (2 * front[:, None] * back)
-        angles = np.arccos(cosine[np.abs(cosine) <= 1.0])
-        least, most = given["least_angle"], np.pi - given["least_angle"]
-        inside = angles[(angles >= least) & (angles <= most)]
-        if not len(inside):
-            with pytest.raises(InvalidInput, match="sliders that reach a rod's angle"):
-                DistributedActuation(**given)
-            continue
-        reached += 1
-        low, high = DistributedActuation(**given).angle_bounds[0]
-        assert low <= inside.min() + 1e-9
-        assert high >= inside.max() - 1e-9
-        assert low == pytest.approx(max(angles.min(), least), abs=0.02)
-        assert high == pytest.approx(min(angles.max(), most), abs=0.02)
-    assert 100 < reached < 300

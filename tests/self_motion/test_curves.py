@@ -1,0 +1,95 @@
+"""Self-motion curves: on the path everywhere, tangent to the null space, evenly cut, in all turns that limits hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik.self_motion.curves import (
+    postures_along_path,
+    resample_curve,
+    self_motion_frames,
+    trace_curves,
+    unwrap_nodes,
+    unwrapped_ranges,
+)
+from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.task.retraction import task_errors
+from tests.task.tasks import ARM, task
+
+TASK = task()
+
+
+@pytest.fixture(scope="module")
+def curves():
+    seeds, pace = postures_along_path(TASK, np.random.default_rng(0))
+    assert pace > 0
+    return seeds, trace_curves(TASK, seeds)
+
+
+def test_curves_stay_on_the_path_along_the_null_space(curves):
+    for sample, of_sample in enumerate(curves[1]):
+        for q, directions in of_sample:
+            error, jacobian = task_errors(ARM, TASK.tasks, q, TASK.targets[sample])
+            assert np.abs(error).max() < 1e-9
+            closes = np.linalg.norm(wrap_difference(q[-1] - q[0], ARM.periodic)) < 1e-9
+            inner = len(q) - closes  # the closing node has the direction of the step that nearly came to it
+            assert np.abs(jacobian @ directions[..., None])[:inner].max() < 1e-9
+            np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
+            assert (np.sum(directions[1:] * directions[:-1], axis=1) > 0).all()
+
+
+def test_every_seed_lies_near_a_curve_of_its_sample(curves):
+    for q, of_sample in zip(*curves, strict=True):
+        nodes = np.concatenate([curve for curve, _ in of_sample])
+        distance = np.linalg.norm(wrap_difference(q[:, None] - nodes, ARM.periodic), axis=2).min(axis=1)
+        assert distance.max() < 0.2
+
+
+def test_frames_are_orthonormal_and_split_the_joints_in_self_motion_and_the_rest(curves):
+    q = np.concatenate(curves[0])
+    samples = np.repeat(np.arange(len(curves[0])), [len(each) for each in curves[0]])
+    along, targets, across = self_motion_frames(TASK, samples, q)
+    frame = np.concatenate([across, along[..., None]], axis=-1)
+    np.testing.assert_allclose(np.swapaxes(frame, 1, 2) @ frame, np.tile(np.eye(3), (len(q), 1, 1)), atol=1e-12)
+    np.testing.assert_array_equal(targets, TASK.targets[samples])
+
+
+@settings(max_examples=25)
+@given(count=st.integers(20, 80), spacing=st.floats(0.05, 1.0), share=st.floats(0.3, 1.0))
+def test_an_arc_is_cut_evenly_and_a_circle_closes(count, spacing, share):
+    angle = 2 * np.pi * share * np.linspace(0, 1, count)
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    tangents = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], axis=1)
+    nodes, following = resample_curve((circle, tangents), spacing, np.zeros(3, dtype=bool))
+    np.testing.assert_allclose(np.linalg.norm(nodes[:, :2], axis=1), 1.0, atol=1e-3)
+    steps = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    assert steps.max() <= spacing * (1 + 1e-9)
+    np.testing.assert_allclose(steps, steps[:1].repeat(len(steps)), rtol=1e-2)
+    closed = np.linalg.norm(circle[-1] - circle[0]) < 1e-9
+    assert following[-1] == (0 if closed and len(nodes) > 2 else -1)
+    np.testing.assert_array_equal(following[:-1], np.arange(1, len(nodes)))
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10_000), low=st.floats(-7.0, 0.0), width=st.floats(0.5, 14.0))
+def test_nodes_come_in_all_turns_within_the_ranges_and_in_no_other(seed, low, width):
+    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (5, 2))
+    ranges, periodic = np.array([[low, low + width], [np.nan, np.nan]]), np.array([True, False])
+    nodes, which = unwrap_nodes(q, ranges, periodic)
+    expected = [
+        (k, turn) for k in range(5) for turn in range(-4, 5) if low <= q[k, 0] + 2 * np.pi * turn <= low + width
+    ]
+    assert sorted(which) == sorted(k for k, _ in expected)
+    np.testing.assert_allclose(wrap_difference(nodes - q[which], periodic), 0.0, atol=1e-9)
+    assert ((nodes[:, 0] >= low - 1e-9) & (nodes[:, 0] <= low + width + 1e-9)).all()
+
+
+def test_ranges_are_the_limits_and_two_turns_where_turns_are_told_apart():
+    ranges = unwrapped_ranges(TASK, np.array([True, False, False]))
+    np.testing.assert_array_equal(ranges[0], [-2 * np.pi, 2 * np.pi])
+    finite = np.isfinite(ARM.position_limits).all(axis=1)
+    np.testing.assert_array_equal(ranges[1:][finite[1:]], ARM.position_limits[1:][finite[1:]])
+    assert np.isnan(ranges[1:][~finite[1:]]).all()
