@@ -26,6 +26,7 @@ import numba
 from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, UserWideCacheLocator
 from numba.core.ccallback import CFunc
+from numba.core.compiler import Flags
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
@@ -72,7 +73,27 @@ def c_function(signature: Any, *, what: str = "", seconds: float | None = None) 
     return decorate
 
 
-class _Inner(CPUDispatcher):
+class _Flags(Flags):
+    """The flags of a compilation, listed once: numba lists and compares all at every look-up of an operator."""
+
+    def __init__(self, copy_from: Any = None) -> None:
+        super().__init__(copy_from)
+        self._listed: dict[str, Any] = {}
+
+    def values(self) -> dict[str, Any]:
+        """Return the flags by name."""
+        if not self._listed:
+            self._listed = super().values()
+        return self._listed
+
+
+class _Dispatcher(CPUDispatcher):
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self._compiler._customize_flags = _Flags
+
+
+class _Inner(_Dispatcher):
     """The variant of a function that compiled functions call."""
 
     def compile(self, sig: Any) -> Any:
@@ -86,7 +107,7 @@ class _Inner(CPUDispatcher):
         return super().get_call_template(tuple(types.unliteral(arg) for arg in args), variables)
 
 
-class _Entry(CPUDispatcher):
+class _Entry(_Dispatcher):
     """The variant of a function that Python calls."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:

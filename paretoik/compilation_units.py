@@ -16,7 +16,12 @@ from numba.core.codegen import JITCodeLibrary
 OPTIMISATION_LEVEL = 1  # of 3: code as fast, in two thirds of the time
 
 
-class InnerLibrary(JITCodeLibrary):
+class _Library(JITCodeLibrary):
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout  # optimised with what is linked
+
+
+class InnerLibrary(_Library):
     """LLVM code of a function that other compiled functions call."""
 
     _shared_module: Any
@@ -39,9 +44,6 @@ class InnerLibrary(JITCodeLibrary):
             self._reload_init.update(library._reload_init)
         self._finalize_dynamic_globals()
         self._finalized = True
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout  # optimised with what is linked
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0: there is no machine code."""
@@ -68,7 +70,7 @@ class InnerLibrary(JITCodeLibrary):
         return self.own_module
 
 
-class EntryLibrary(JITCodeLibrary):
+class EntryLibrary(_Library):
     """Machine code of a function and of all that it calls."""
 
     _linking_libraries: list[Any]

@@ -84,7 +84,7 @@ class SolverFailed(ParetoikError):  # noqa: N818
     exit_code = 4
 
 
-def check_size(name: str, size: object, least: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer of at least ``least``."""
-    if isinstance(size, bool) or not isinstance(size, Integral) or size < least:
-        raise InvalidInput(f"{name}: an integer of at least {least} wanted, got {size!r}")
+def check_size(name: str, size: object, minimum: int) -> None:
+    """Raise InvalidInput unless ``size`` is an integer of at least ``minimum``."""
+    if isinstance(size, bool) or not isinstance(size, Integral) or size < minimum:
+        raise InvalidInput(f"{name}: an integer of at least {minimum} wanted, got {size!r}")

@@ -1,13 +1,13 @@
 from .actuation import DistributedActuation as DistributedActuation
 from .actuation import JointActuation as JointActuation
+from .actuation import kim_joint_motors as kim_joint_motors
+from .actuation import kim_sliders as kim_sliders
 from .directional import PerformancePolygon as PerformancePolygon
 from .ellipsoid_fits import fit_axes as fit_axes
 from .ellipsoid_fits import fit_ellipsoids as fit_ellipsoids
 from .geodesic import FastestPath as FastestPath
 from .geodesic import fastest_path as fastest_path
 from .geodesic import path_time as path_time
-from .kim_actuations import kim_joint_motors as kim_joint_motors
-from .kim_actuations import kim_sliders as kim_sliders
 from .motor_curves import MotorCurve as MotorCurve
 from .speed_models import AxesEllipses as AxesEllipses
 from .speed_models import PolynomialEllipsoids as PolynomialEllipsoids

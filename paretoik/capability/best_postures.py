@@ -9,10 +9,14 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation
 from paretoik.capability.compiled import actuators, planar_maxima
-from paretoik.capability.infeasible_postures import planar_reach_error, postures_error
 from paretoik.capability.joint_capability import Quantity
 from paretoik.capability.posture_ascent import maximise_from
-from paretoik.capability.posture_samples import sample_holdable_postures, sample_postures_at
+from paretoik.capability.posture_samples import (
+    planar_reach_error,
+    postures_error,
+    sample_holdable_postures,
+    sample_postures_at,
+)
 from paretoik.robot.arm import Arm
 
 TILT_TOLERANCE = 1e-12  # of 1 − cos: a base tilted less leaves an arm planar

@@ -132,7 +132,12 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
         for k, direction in enumerate(directions):
             value = at["values"][k]
             if settings.quantity == "force":
-                slacks += _force_slacks(settings, ratios, load, columns, value, direction)
+                for j, column in enumerate(columns):
+                    with_force = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
+                    for ratio, curve in zip(ratios[j], settings.actuation.curves, strict=True):
+                        for torque in (load[j], with_force) if np.isfinite(curve.stall[j]) else ():
+                            share = ratio * torque / curve.stall[j]
+                            slacks += [1.0 - share, 1.0 + share]
                 continue
             motors = at["motors"][k]
             speeds = [sum(r * u for r, u in zip(ratios[j], motors[:, j], strict=True)) for j in range(arm.dof)]
@@ -178,23 +183,3 @@ def gear_ratios(actuation: DistributedActuation, q: list[Any], front: list[Any])
         gears.py_func(np.sin(angle), np.cos(angle), s, rod)
         for angle, s, rod in zip(angles, front, actuation.rod, strict=True)
     ]
-
-
-def _force_slacks(
-    settings: DirectionalProgram,
-    ratios: list[tuple[Any, ...]],
-    load: list[Any],
-    columns: list[Any],
-    value: Any,
-    direction: Any,
-) -> list[Any]:
-    """Return the slacks of the motors' efforts while the tool exerts a force."""
-    slacks = list[Any]()
-    for j, (column, ratio) in enumerate(zip(columns, ratios, strict=True)):
-        with_force = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
-        for r, curve in zip(ratio, settings.actuation.curves, strict=True):
-            if np.isfinite(curve.stall[j]):
-                for torque in (load[j], with_force):  # without the force, too
-                    share = r * torque / curve.stall[j]
-                    slacks += [1.0 - share, 1.0 + share]
-    return slacks

@@ -89,7 +89,7 @@ def facet_joint_speeds(
     wrong = ((dq < low - tolerance) | (dq > high + tolerance)).any(axis=1)
     for row in np.flatnonzero(wrong | (missed > PARALLEL_TOLERANCE * np.linalg.norm(vertices, axis=1))):
         length = float(np.linalg.norm(vertices[row])) or 1.0
-        dq[row] = furthest(columns[row], low[row], high[row], vertices[row] / length).multiples
+        _, dq[row] = furthest(columns[row], low[row], high[row], vertices[row] / length)
     return np.clip(dq, low, high)
 
 

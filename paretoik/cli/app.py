@@ -42,13 +42,13 @@ def main() -> None:
             sys.exit(error.exit_code)
 
 
-def _print_version(wanted: bool) -> bool:
-    if wanted:
+def _print_version(requested: bool) -> bool:
+    if requested:
         from paretoik import __version__
 
         print(f"paretoik {__version__}")
         raise typer.Exit
-    return wanted
+    return requested
 
 
 @app.callback()

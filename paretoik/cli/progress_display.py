@@ -61,9 +61,9 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     """
     if progress.total == 0:
         return progress.summary or progress.stage
-    left = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
+    remaining = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
     if time_limit is not None:
-        left = min(left, max(time_limit - progress.seconds, 0.0))
-    minutes, seconds = divmod(round(left), 60)
+        remaining = min(remaining, max(time_limit - progress.seconds, 0.0))
+    minutes, seconds = divmod(round(remaining), 60)
     parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary]
     return ", ".join([*filter(None, parts), f"at most {minutes}:{seconds:02} left"])

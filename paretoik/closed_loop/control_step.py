@@ -50,8 +50,7 @@ class ControlStep:
 
     def linearise(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows dof"]]:
         """Return (Δx, J): the error of the tool before the step, and the Jacobian there (Eqs. 8 and 9)."""
-        error, jacobian = task_errors(self.task.arm, self.task.tasks, self.previous[None], self.target[None])
-        return error[:, 0], jacobian[:, :, 0]
+        return task_errors(self.task.arm, self.task.tasks, self.previous, self.target)
 
 
 def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:

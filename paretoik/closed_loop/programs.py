@@ -16,9 +16,9 @@ from paretoik.closed_loop.control_step import HISTORY, reach_by_joint, rotation_
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.path import Path
+from paretoik.task.task import path_errors
 from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 
 ORDERS = 4  # positions, velocities, accelerations, jerks
@@ -85,12 +85,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
 def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> np.ndarray:
     """Return the task errors (rows,) of a traced sample as expressions; ``target`` is as in ``MotionTask.targets``."""
-    links, first = link_frames(task.arm, list(motion.q.entries)), 0
-    errors = []
-    for each in task.tasks:
-        errors += each.errors(task.arm, links, target[first : first + each.target_size])[0]
-        first += each.target_size
-    return np.array(errors, dtype=object)
+    return np.array(path_errors(task.arm, task.tasks, list(motion.q.entries), target), dtype=object)
 
 
 def trace_nodes(task: MotionTask) -> Evaluator:

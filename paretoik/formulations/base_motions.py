@@ -7,19 +7,18 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Objectives
+from paretoik.arrays import JointPaths, Objectives
 from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.program import joint_distance
 
 
-def sample_rollouts(
-    task: MotionTask, rng: np.random.Generator, *, count: int = 256
-) -> Float[np.ndarray, "motions time dof"]:
-    """Return roll-outs, at most so many: those that violate limits less first, then by non-domination."""
-    q = rollout_starts(task, count, rng)
+def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
+    """Return at most 256 roll-outs: those that violate limits less first, then by non-domination."""
+    q = rollout_starts(task, 256, rng)
     F, limits, _ = evaluate_motions(task, task.motion(q))
     violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
     finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
@@ -27,34 +26,22 @@ def sample_rollouts(
     return q[np.lexsort((rank, violation))]
 
 
-def choose_bases(
-    task: MotionTask, rollouts: Float[np.ndarray, "motions time dof"], count: int
-) -> Float[np.ndarray, "bases time dof"]:
+def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
     """Return the best roll-out of every branch, then the farthest of the better halves, at most ``count``."""
     branch = np.array(branch_labels(task.motion(rollouts)))
     members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
     chosen = [int(rows[0]) for rows in members][:count]
     pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
     while len(chosen) < min(count, len(pool)):
-        chosen.append(int(pool[np.argmax(_distance(task, rollouts[pool], rollouts[chosen]))]))
+        distances = joint_distance(task, rollouts[pool, None], rollouts[chosen]).min(axis=1)
+        chosen.append(int(pool[np.argmax(distances)]))
     return rollouts[chosen]
 
 
-def _distance(task: MotionTask, q: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return the distance (RMS over samples) of motions to the nearest of ``chosen``, angles modulo 2π."""
-    difference = q[:, None] - chosen[None]
-    wrapped = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
-    distance: np.ndarray = np.sqrt(np.mean(np.sum(wrapped**2, axis=-1), axis=-1)).min(axis=1)
-    return distance
-
-
-def positions_on_path(
-    task: MotionTask, motions: Motion, *, tolerance: float = 1e-6
-) -> Float[np.ndarray, "motions time dof"]:
+def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """Return the joint positions of a user's motions.
 
-    Raises InvalidInput where they are not of the task's arm and samples, or off the path by more than ``tolerance``
-    [m, rad].
+    Raises InvalidInput where they are not of the task's arm and samples, or more than 1e-6 m or rad off the path.
     """
     if not isinstance(motions, Motion):
         raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
@@ -65,12 +52,12 @@ def positions_on_path(
             f"{q.shape[1]}"
         )
     deviation = float(task.motion(q).tracking_error.max())
-    if deviation > tolerance:
+    if deviation > 1e-6:
         raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
     return q
 
 
-def require_values(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> None:
+def require_values(task: MotionTask, q: JointPaths) -> None:
     """Raise EvaluationFailed, with the first cause, where objectives and limits of no motion have values."""
     causes = evaluate_motions(task, task.motion(q))[2]
     if all(causes):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import cached_property
@@ -18,7 +19,7 @@ from paretoik.closed_loop.step_search import StepSearch
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.closed_loop_arguments import check_limits, check_start, normalise_weights
-from paretoik.formulations.closed_loop_result import ClosedLoopRun, collect_run, explain_choice, mean_position_error
+from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
@@ -31,6 +32,8 @@ from paretoik.task.objectives import Objective, joint_drift
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
+
+DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
 
 
 class ClosedLoop:
@@ -94,7 +97,10 @@ class ClosedLoop:
         self.objectives = tuple(as_step_objective(each) for each in objectives)
         if not self.objectives:
             raise InvalidInput("objectives: wants at least one, got none")
-        if len(set(self.names)) != len(self.names):
+        self.names = tuple(each.name for each in self.objectives)
+        self.signs = np.array([each.sign for each in self.objectives])
+        self.n_obj = len(self.objectives)
+        if len(set(self.names)) != self.n_obj:
             raise InvalidInput(f"objectives: names must differ, got {', '.join(self.names)}")
         check_limits(limits)
         self.task = motion_task(
@@ -164,24 +170,9 @@ class ClosedLoop:
         return search_start(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the objectives."""
-        return tuple(each.name for each in self.objectives)
-
-    @property
     def named_weights(self) -> dict[str, float]:
         """The weights by objective."""
         return dict(zip(self.names, self.weights.tolist(), strict=True))
-
-    @property
-    def signs(self) -> Float[np.ndarray, " n_obj"]:
-        """−1 for each objective that is maximised, 1 for the others."""
-        return np.array([each.sign for each in self.objectives])
-
-    @property
-    def n_obj(self) -> int:
-        """Number of objectives."""
-        return len(self.objectives)
 
     @property
     def n_var(self) -> int:
@@ -258,7 +249,24 @@ class ClosedLoop:
         After a step (the second at the earliest) at which ``should_stop`` says so the loop ends. Raises as
         ``take_steps`` does.
         """
-        return collect_run(self, fronts=fronts, observe=observe, should_stop=should_stop)
+        q, F, ranges, records, digests = [self.start], [], [], dict[int, StepRecord](), list[str]()
+        state = hashlib.sha256()
+        for record in self.steps():
+            front = record.front.F
+            q.append(record.q)
+            F.append(front[record.index])
+            ranges.append(np.stack([front.min(axis=0), front.max(axis=0)], axis=1))
+            state.update(front.tobytes() + record.q.tobytes())
+            if record.sample % DIGEST_INTERVAL == 0:
+                digests.append(state.hexdigest())
+            if record.sample in fronts:
+                records[record.sample] = record
+            if observe is not None:
+                observe(record)
+            if record.sample > 1 and should_stop():
+                break
+        columns = {"q": np.array(q), "F": np.array(F), "ranges": np.array(ranges)}
+        return ClosedLoopRun(loop=self, **columns, fronts=records, digests=tuple(digests))
 
     def select(self, front: Front, preference: Preference) -> Choice:
         """Return the motion that follows from these weights at every step, with the settings recorded in ``front``.

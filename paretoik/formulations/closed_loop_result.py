@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -88,36 +87,6 @@ class ClosedLoopRun:
                 "drift": self.drift,
             },
         )
-
-
-def collect_run(
-    loop: ClosedLoop,
-    *,
-    fronts: Sequence[int],
-    observe: Callable[[StepRecord], object] | None,
-    should_stop: Callable[[], bool],
-    digest_interval: int = 100,
-) -> ClosedLoopRun:
-    """Follow a loop's path and return what it did, as ``ClosedLoop.run`` says; a digest every so many steps."""
-    q, F, ranges, records, digests = [loop.start], [], [], dict[int, StepRecord](), list[str]()
-    state = hashlib.sha256()
-    for record in loop.steps():
-        front = record.front.F
-        q.append(record.q)
-        F.append(front[record.index])
-        ranges.append(np.stack([front.min(axis=0), front.max(axis=0)], axis=1))
-        state.update(front.tobytes() + record.q.tobytes())
-        if record.sample % digest_interval == 0:
-            digests.append(state.hexdigest())
-        if record.sample in fronts:
-            records[record.sample] = record
-        if observe is not None:
-            observe(record)
-        if record.sample > 1 and should_stop():
-            break
-    return ClosedLoopRun(
-        loop=loop, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records, digests=tuple(digests)
-    )
 
 
 def explain_choice(front: Front) -> Choice:

@@ -39,29 +39,28 @@ class Configuration:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configurations:
-    """Configurations of an arm with its tool at rest, the task ``still``, and ``directions`` (directions, task)."""
+    """Configurations of an arm with its tool at rest, the task ``stationary``, and ``directions`` (count, task)."""
 
     arm: Arm
     actuation: Actuation
-    still: MotionTask
+    stationary: MotionTask
     directions: Float[np.ndarray, "directions task"]
 
-    def bases(self, q: Float[np.ndarray, "postures dof"], *, distance: float = 0.1) -> Float[np.ndarray, "bases dof"]:
-        """Return postures no nearer to each other than a distance [rad or m], each beside its neighbours."""
+    def bases(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "bases dof"]:
+        """Return postures no nearer to each other than 0.1 rad or m, each beside its neighbours."""
         bases = list[np.ndarray]()
         for posture in q:
             distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
-            if distances.max(axis=1).min(initial=np.inf) > distance:
+            if distances.max(axis=1).min(initial=np.inf) > 0.1:
                 bases.append(posture)
         return order_by_neighbour(np.array(bases), self.arm.periodic)
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""
-        targets = np.repeat(self.still.targets[:1], len(q), axis=0)
-        slopes = np.moveaxis(task_errors(self.arm, self.still.tasks, q, targets)[1], -1, 0)
-        turned = np.linalg.qr(np.swapaxes(slopes, -1, -2), mode="complete")[0]
-        rows = slopes.shape[1]
-        return turned[..., :rows], turned[..., rows:]
+        jacobian = task_errors(self.arm, self.stationary.tasks, q, self.stationary.targets[0])[1]
+        basis = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")[0]
+        rows = self.stationary.rows
+        return basis[..., :rows], basis[..., rows:]
 
     def fastest(self, q: np.ndarray, front: np.ndarray) -> tuple[Configuration, np.ndarray, np.ndarray]:
         """Return the fastest motions, the mean range of joint speeds (points,), and the self-motion's directions."""
@@ -81,9 +80,9 @@ class Configurations:
         columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
         speeds = highest_speeds(columns, low, high, self.directions)
         count = len(self.directions)
-        every = [np.repeat(each, count, axis=0) for each in (columns, low, high)]
+        repeated = [np.repeat(each, count, axis=0) for each in (columns, low, high)]
         vertices = (speeds[..., None] * self.directions).reshape(-1, self.directions.shape[1])
-        dq = facet_joint_speeds(every[0], every[1], every[2], vertices).reshape(len(q), count, -1)
+        dq = facet_joint_speeds(repeated[0], repeated[1], repeated[2], vertices).reshape(len(q), count, -1)
         power = np.abs(torque[:, None] * dq).sum(axis=-1)
         excess = np.where(holds, 0.0, 1.0)[:, None]
         span = np.maximum((high - low).mean(axis=1), 1e-12)
@@ -100,11 +99,11 @@ class Configurations:
         torque, low, high, holds = self._ranges(q, front)
         best, span, free = self._fastest(q, front, torque, low, high, holds)
         dq = pace[..., None] * best.dq + span[:, None, None] * np.einsum("pjr,pkr->pkj", free, self_motion)
-        beyond = np.maximum(dq - high[:, None], low[:, None] - dq) / span[:, None, None]
+        speed_excess = np.maximum(dq - high[:, None], low[:, None] - dq) / span[:, None, None]
         lower, upper = self.arm.position_limits.T
-        past = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
-        excess = [off_path.astype(float), past, best.excess[:, 0], self._slider_excess(q, front)]
-        excess.append(np.where(best.excess[:, 0] > 0, 0.0, beyond.max(axis=(1, 2)) - LIMIT_TOLERANCE))
+        limit_excess = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
+        excess = [off_path.astype(float), limit_excess, best.excess[:, 0], self._slider_excess(q, front)]
+        excess.append(np.where(best.excess[:, 0] > 0, 0.0, speed_excess.max(axis=(1, 2)) - LIMIT_TOLERANCE))
         return Configuration(
             q=q,
             front=front,
@@ -121,9 +120,9 @@ class Configurations:
             return np.zeros(len(q))
         back, angle = sliders.gears(q, front)[0], sliders.angles(q)
         low, high = sliders.back_bounds.T
-        past = np.maximum(back - high, low - back) / sliders.rod
-        turned = np.sin(sliders.least_angle) - np.sin(angle)
-        values: np.ndarray = np.maximum(past, turned).max(axis=1) - LIMIT_TOLERANCE
+        back_excess = np.maximum(back - high, low - back) / sliders.rod
+        angle_excess = np.sin(sliders.least_angle) - np.sin(angle)
+        values: np.ndarray = np.maximum(back_excess, angle_excess).max(axis=1) - LIMIT_TOLERANCE
         return values
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:

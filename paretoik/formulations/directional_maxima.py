@@ -9,13 +9,11 @@ posture serves several, and that power is weighed against speed, is new.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
@@ -25,14 +23,9 @@ from paretoik.capability.joint_capability import values_at
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.configurations import Configuration, Configurations
-from paretoik.formulations.dense_points import dense_cold_search, dense_front_points, dense_individuals
-from paretoik.formulations.protocol import Individuals
-from paretoik.formulations.violations import explain_worst
-from paretoik.front.front import Front
+from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.program import Solver
-from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.inverse_kinematics import wrap_difference
@@ -43,16 +36,14 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 class GeneRanges:
     """How far genes reach."""
 
-    self_motion: float = 1.0
-    """How far from its base a posture may be along each direction of self-motion [rad, m]."""
-    speed: float = 1.0
-    """How fast joints may move along the self-motion meanwhile, as a share of the mean range of joint speeds."""
+    self_motion: float = 1.0  # rad or m: of a posture from its base, along each direction of self-motion
+    speed: float = 1.0  # share of the mean range of joint speeds: along the self-motion meanwhile
 
 
 RANGES = GeneRanges()
 
 
-class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
+class DirectionalMaxima(DenseFormulation):
     """Find postures (and sliders) that are fast along several directions at once: a vectorised pymoo problem.
 
     Objectives: ``speed_1``, ``speed_2``, ..., how fast the tool can go along each direction from one posture with its
@@ -104,18 +95,21 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.position = finite_array("position", position, (task,))
         self.directions = unit_directions(directions, task)
         count = len(self.directions)
-        self.names: Sequence[str] = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
-        self.units: Sequence[str] = (*("m/s",) * count, *(("W",) if power else ()))
-        self.maximised: Sequence[bool] = (*(True,) * count, *((False,) if power else ()))
-        self.still = stationary_task(arm, self.position)
-        self.configurations = Configurations(arm=arm, actuation=actuation, still=self.still, directions=self.directions)
+        self.names = (*(f"speed_{k + 1}" for k in range(count)), *(("joint_power",) if power else ()))
+        self.units = (*("m/s",) * count, *(("W",) if power else ()))
+        self.maximised = (*(True,) * count, *((False,) if power else ()))
+        self.stationary = stationary_task(arm, self.position)
+        self.configurations = Configurations(
+            arm=arm, actuation=actuation, stationary=self.stationary, directions=self.directions
+        )
         postures = sample_holdable_postures(arm, actuation, self.position, starts, np.random.default_rng(seed))
         self.bases = self.configurations.bases(postures)
-        free = self.still.redundancy
+        self.base_count = len(self.bases)
+        free = self.stationary.redundancy
         slides = arm.dof * isinstance(actuation, DistributedActuation)
-        beside, mixed = np.full(free, RANGES.self_motion), np.full(count * free, RANGES.speed)
-        low = np.concatenate([[0.0], -beside, np.zeros(slides + count), -mixed])
-        high = np.concatenate([[1.0], beside, np.ones(slides + count), mixed])
+        self_motion, joint_shares = np.full(free, RANGES.self_motion), np.full(count * free, RANGES.speed)
+        low = np.concatenate([[0.0], -self_motion, np.zeros(slides + count), -joint_shares])
+        high = np.concatenate([[1.0], self_motion, np.ones(slides + count), joint_shares])
         super().__init__(
             n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
         )
@@ -137,18 +131,14 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
     def configuration(self, genes: Genes) -> Configuration:
         """Return the postures, sliders and speeds of genes (points, n_var)."""
         part = self._parts(genes)
-        which = np.minimum((part["place"][:, 0] * len(self.bases)).astype(int), len(self.bases) - 1)
+        which = self.base_indices(genes)
         across, along = (each[which] for each in self.frames)
-        base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["beside"])
-        targets = np.repeat(self.still.targets[:1], len(genes), axis=0)
-        retracted = retract(self.arm, self.still.tasks, base, targets, across)
-        front = np.zeros_like(retracted.q)
-        if isinstance(self.actuation, DistributedActuation):
-            low, high = self.actuation.front_bounds.T
-            front = low + part["front"] * (high - low)
-        mixed = part["mixed"].reshape(len(genes), len(self.directions), -1)
+        base = self.bases[which] + np.einsum("pjr,pr->pj", along, part["self_motion"])
+        retracted = retract(self.arm, self.stationary.tasks, base, self.stationary.targets[0], across)
+        front = front_sliders(self.actuation, part["front"])
+        joint_shares = part["joint_shares"].reshape(len(genes), len(self.directions), -1)
         off_path = retracted.error > ON_PATH_TOLERANCE
-        return self.configurations.with_speeds(retracted.q, front, part["pace"], mixed, off_path)
+        return self.configurations.with_speeds(retracted.q, front, part["pace"], joint_shares, off_path)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
@@ -164,24 +154,6 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
             costs=costs / divisors[:, None],
             objective_names=tuple(self.names),
         )
-
-    def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
-        """Return the points of a front's genes."""
-        return dense_front_points(self, front)
-
-    def individuals(self, x: Float[np.ndarray, "points unknowns"], genes: Genes | None = None) -> Individuals:
-        """Return points as individuals, with genes that stand for them."""
-        return dense_individuals(self, x, genes)
-
-    def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
-        """Return the number of the base that each point is nearest to."""
-        return [str(int(place * len(self.bases))) for place in self.genes(x)[:, 0]]
-
-    def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
-    ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts, each by itself."""
-        return dense_cold_search(self, starts=starts, seed=seed, solver=solver, observe=observe)
 
     @cached_property
     def size(self) -> float:
@@ -213,16 +185,13 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
         differences = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(differences, axis=2).argmin(axis=1)
-        beside = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
-        genes, front = [((which + 0.5) / len(self.bases))[:, None], beside], np.zeros_like(q)
+        self_motion = np.einsum("pjr,pj->pr", self.frames[1][which], differences[np.arange(len(q)), which])
+        genes, front = [((which + 0.5) / len(self.bases))[:, None], self_motion], np.zeros_like(q)
         motors = np.array([part["motors"] for part in parts])
-        dq = motors[:, :, 0]
         if isinstance(self.actuation, DistributedActuation):
             front = np.array([part["front"] for part in parts])
-            low, high = self.actuation.front_bounds.T
-            genes.append(np.clip((front - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0))
-            ratios = np.stack(self.actuation.gears(q, front)[1:], axis=1)
-            dq = (ratios[:, None] * motors).sum(axis=2)
+            genes.append(np.clip(slider_shares(self.actuation, front), 0.0, 1.0))
+        dq = (self.actuation.ratios(q, front)[:, None] * motors).sum(axis=2)
         fastest, ranges, free = self.configurations.fastest(q, front)
         pace = np.clip(speeds / np.where(fastest.speeds > 0, fastest.speeds, 1.0), 0.0, 1.0)
         along = (dq - pace[..., None] * fastest.dq) / ranges[:, None, None]
@@ -230,20 +199,10 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
         clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return clipped
 
-    def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return 0 (points,): a posture has nothing between samples."""
-        return np.zeros(len(genes))
-
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
-        arm = self.arm
-        bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
-        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names, arm.position_limits]
-        return [*parts, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
-
-    def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual which limit is violated most, in words; "" where none is."""
-        return explain_worst(self.constraint_names, self.constraint_units, self.configuration(genes).excess)
+        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names]
+        return [*parts, *self.arm_fingerprint()]
 
     @cached_property
     def _unscaled(self) -> DirectionalProgram:
@@ -257,15 +216,15 @@ class DirectionalMaxima(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def _parts(self, genes: Genes) -> dict[str, np.ndarray]:
         """Return the genes by name."""
-        free, count = self.still.redundancy, len(self.directions)
+        free, count = self.stationary.redundancy, len(self.directions)
         slides = self.arm.dof * isinstance(self.actuation, DistributedActuation)
-        sizes = {"place": 1, "beside": free, "front": slides, "pace": count, "mixed": count * free}
+        sizes = {"place": 1, "self_motion": free, "front": slides, "pace": count, "joint_shares": count * free}
         ends = np.cumsum([0, *sizes.values()])
         return {name: genes[:, a:b] for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         at = self.configuration(X)
-        bad = ~np.isfinite(at.power).all(axis=1)
+        invalid = ~np.isfinite(at.power).all(axis=1)
         values = [-at.speeds, at.power.max(axis=1, keepdims=True)] if self.power else [-at.speeds]
-        out["F"] = np.where(bad[:, None], 0.0, np.concatenate(values, axis=1))
+        out["F"] = np.where(invalid[:, None], 0.0, np.concatenate(values, axis=1))
         out["G"] = np.where(np.isnan(at.excess), 1.0, at.excess)

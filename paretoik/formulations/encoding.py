@@ -8,17 +8,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, JointPaths
 from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask
 
 
 @dataclass(frozen=True, kw_only=True)
 class EncodingOptions:
-    """``degree`` of the splines; ``radii`` [rad or m] of charts, tried from the base outwards."""
+    """Settings of the splines and of their charts."""
 
     degree: int = 3
-    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)
+    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad or m, tried outwards
 
 
 OPTIONS = EncodingOptions()
@@ -56,9 +56,7 @@ class Encoding:
         """Return the number of each individual's base motion."""
         return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
 
-    def decode(
-        self, task: MotionTask, genes: Genes
-    ) -> tuple[Float[np.ndarray, "points time dof"], Bool[np.ndarray, "points time"]]:
+    def decode(self, task: MotionTask, genes: Genes) -> tuple[JointPaths, Bool[np.ndarray, "points time"]]:
         """Return motions and which of their samples are on the path."""
         which = self.species(genes)
         q, on_path = self.charts.at(task, which, self._coordinates(which, genes))
@@ -66,15 +64,13 @@ class Encoding:
             q[:, -1] = q[:, 0]
         return q, on_path
 
-    def encode(
-        self, which: Int[np.ndarray, " motions"], q: Float[np.ndarray, "motions time dof"]
-    ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
+    def encode(self, which: Int[np.ndarray, " motions"], q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
         """Return genes of motions around bases ``which``, and by how much [rad, m] the spline misses them."""
         y = self.charts.coordinates(which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
-        missed = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
+        deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
         genes = np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)
-        return genes, missed.max(axis=(1, 2))
+        return genes, deviation.max(axis=(1, 2))
 
     def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:
         weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
@@ -83,8 +79,8 @@ class Encoding:
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
     """Return genes around base motions, after measuring how far each chart reaches."""
-    around = build_charts(task, base)
-    return Encoding(charts=around, radius=_reach(task, around), spline=_spline(task, coefficients))
+    charts = build_charts(task, base)
+    return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
 
 
 def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
@@ -113,27 +109,27 @@ def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:
 def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
     """Take one member out of a basis so that what is left is zero at the first sample, and as local as before."""
     pivot = int(np.argmax(basis[0]))
-    left = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
-    left[0] = 0.0
-    return np.delete(left, pivot, axis=1)
+    remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
+    remainder[0] = 0.0
+    return np.delete(remainder, pivot, axis=1)
 
 
-def _reach(task: MotionTask, around: Charts) -> np.ndarray:
+def _reach(task: MotionTask, charts: Charts) -> np.ndarray:
     """Return how far each chart reaches: the largest radius that stays on the path all round, smoothed in time."""
-    bases, times, _, redundancy = around.null_space.shape
+    bases, times, _, redundancy = charts.null_space.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
     if redundancy > 1:  # the corners of the box of genes lie farther out than its axes
         corners = np.random.default_rng(0).choice([-1.0, 1.0], size=(2 * redundancy, redundancy))
         rays = np.concatenate([rays, corners])
-    fine = np.ones((bases, times), dtype=bool)
+    reached = np.ones((bases, times), dtype=bool)
     reach = np.full((bases, times), OPTIONS.radii[0])
     which = np.repeat(np.arange(bases), len(rays))
     for radius in OPTIONS.radii:
         y = np.tile((radius * rays)[:, None, :], (bases, times, 1))
-        on_path = around.at(task, which, y)[1].reshape(bases, len(rays), times)
-        fine &= on_path.all(axis=1)
-        reach[fine] = radius
-        if not fine.any():
+        on_path = charts.at(task, which, y)[1].reshape(bases, len(rays), times)
+        reached &= on_path.all(axis=1)
+        reach[reached] = radius
+        if not reached.any():
             break
     return np.exp(_smoothed(np.log(reach), times, periodic=task.cyclic))
 

@@ -13,6 +13,7 @@ from paretoik.capability.joint_capability import joint_speeds, overload_error
 from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures
 from paretoik.capability.timing import minimum_timing
 from paretoik.errors import Infeasible, OutOfReach
+from paretoik.formulations.dense_formulation import front_sliders, slider_shares
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.motion_starts import rollout_starts, travelling_starts
@@ -27,18 +28,12 @@ from paretoik.task.retraction import task_errors
 class InitialPathOptions:
     """Settings of the search for initial paths."""
 
-    rollouts: int = 256
-    """Postures sampled at either end, and motions along a line, of each kind."""
-    degree: int = 3
-    """Degree of the splines."""
-    bows: tuple[float, ...] = (0.5, 1.0, 2.0)
-    """Sideways bow of lines where the straight one cannot be followed, as shares of its length."""
-    fixed_sliders: int = 5
-    """Places at which sliders that do not move are tried."""
-    work_unit: float = 1e-6
-    """Smallest unit of work [J]; without gravity there is none."""
-    distance: float = 0.2
-    """Distance of the coefficients of two paths, at least [rad, m]."""
+    rollouts: int = 256  # postures sampled at either end, and motions along a line, of each kind
+    degree: int = 3  # of the splines
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, shares of a straight line that cannot be followed
+    fixed_sliders: int = 5  # places at which sliders that do not move are tried
+    work_unit: float = 1e-6  # J: the smallest; without gravity there is no work
+    distance: float = 0.2  # rad or m: of the coefficients of two paths, at least
 
 
 OPTIONS = InitialPathOptions()
@@ -71,7 +66,7 @@ class InitialPaths:
         """Return the spline at samples so many times finer."""
         return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
 
-    def past(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def range_excess(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return by how much joints, and sliders, are past their bounds at samples (points, time, dof) at most.
 
         In rad (m), and as shares of the rod.
@@ -119,10 +114,7 @@ def find_initial_paths(
     splines = _fit_spline(basis, q_samples)
     shares = _initial_sliders(actuation, arm, basis, splines)
     splines = np.repeat(splines, len(shares) // len(splines), axis=0)
-    q, front = basis @ splines, np.zeros((len(splines), samples, arm.dof))
-    if isinstance(actuation, DistributedActuation):
-        low, high = actuation.front_bounds.T
-        front = low + (basis @ shares) * (high - low)
+    q, front = basis @ splines, front_sliders(actuation, basis @ shares)
     empty = InitialPaths(
         arm=arm,
         actuation=actuation,
@@ -134,12 +126,12 @@ def find_initial_paths(
         work_unit=1.0,
     )
     with np.errstate(invalid="ignore"):
-        timing, past = minimum_timing(arm, actuation, q, front), empty.past(q, front)
-    worst = np.nan_to_num(np.maximum(np.maximum(past[0], timing.overload), past[1]), nan=1e3)
-    good = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
-    if not len(good):  # a search may still find sliders: the least violating
-        good = _least_violating(arm, actuation, q, worst)[:bases]
-    order = good[np.argsort(np.nan_to_num(timing.duration[good], nan=np.inf), kind="stable")]
+        timing, excess = minimum_timing(arm, actuation, q, front), empty.range_excess(q, front)
+    worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
+    feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
+    if not len(feasible):  # a search may still find sliders: the least violating
+        feasible = _least_violating(arm, actuation, q, worst)[:bases]
+    order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
     rows = _distinct(splines, order, bases)
     pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
     work_unit = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
@@ -183,7 +175,6 @@ def _follow_lines(
 
 
 def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
-    """Return an error again in other words."""
     if isinstance(fault, OutOfReach):
         return OutOfReach(text, sample=fault.sample)
     return Infeasible(text, limit=fault.limit, violation=fault.violation)
@@ -199,8 +190,7 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
         return np.zeros_like(coefficients)
     q = basis @ coefficients
     speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
-    low, high = actuation.front_bounds.T
-    fastest = np.where(np.isnan(speeds.high), np.nan, (speeds.front_high - low) / np.where(high > low, high - low, 1.0))
+    fastest = np.where(np.isnan(speeds.high), np.nan, slider_shares(actuation, speeds.front_high))
     best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
     fixed = np.linspace(0.0, 1.0, OPTIONS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
@@ -212,10 +202,9 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
 def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
     """Return the middle of the front sliders' ranges in which back sliders are within their bounds, as shares."""
     shares = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1)
-    low, high = actuation.front_bounds.T
     fits = list[np.ndarray]()
     for share in shares:
-        back = actuation.gears(q, np.broadcast_to(low + share * (high - low), q.shape))[0]
+        back = actuation.gears(q, front_sliders(actuation, np.full(q.shape, share)))[0]
         fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
     count = np.maximum(np.sum(fits, axis=0), 1)
     middle: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count
@@ -229,10 +218,10 @@ def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.nd
     """
     holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
     if not holdable.any():
-        least = int(np.argmin(worst))
-        load = gravity_torques(arm, q[least])
-        sample = int(np.isnan(joint_speeds(actuation, q[least], load).high).any(axis=1).argmax())
-        raise overload_error(actuation, arm, q[least, sample], load[sample])
+        index = int(np.argmin(worst))
+        load = gravity_torques(arm, q[index])
+        sample = int(np.isnan(joint_speeds(actuation, q[index], load).high).any(axis=1).argmax())
+        raise overload_error(actuation, arm, q[index, sample], load[sample])
     return np.flatnonzero(holdable)[np.argsort(worst[holdable])]
 
 
@@ -246,12 +235,8 @@ def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 def _row_space_bases(task: MotionTask, q: np.ndarray) -> np.ndarray:
     """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
-    bases = list[np.ndarray]()
-    for end in (0, -1):
-        targets = np.repeat(task.targets[[end]], len(q), axis=0)
-        slopes = np.moveaxis(task_errors(task.arm, task.tasks, np.ascontiguousarray(q[:, end]), targets)[1], -1, 0)
-        bases.append(np.linalg.qr(np.swapaxes(slopes, -1, -2))[0])
-    return np.stack(bases, axis=1)
+    jacobian = task_errors(task.arm, task.tasks, q[:, [0, -1]], task.targets[[0, -1]])[1]
+    return np.linalg.qr(jacobian.swapaxes(-1, -2))[0]
 
 
 def _distinct(q: np.ndarray, order: np.ndarray, count: int) -> list[int]:

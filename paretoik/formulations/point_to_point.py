@@ -10,14 +10,12 @@ weighed against energy is new.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
@@ -25,15 +23,10 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.dense_points import dense_cold_search, dense_front_points, dense_individuals
+from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
-from paretoik.formulations.protocol import Individuals
-from paretoik.formulations.violations import explain_worst
-from paretoik.front.front import Front
 from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
-from paretoik.nlp.program import Solver
-from paretoik.pareto.cold_search import StartSearch
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
@@ -45,20 +38,16 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 class PointToPointOptions:
     """Settings of genes and of what is checked between samples."""
 
-    coefficient_range: float = 1.5
-    """How far from its base a coefficient may be [rad, m]."""
-    slider_overshoot: float = 0.5
-    """How far a coefficient may be past a slider's range, as a share of it, where samples are within."""
-    shortest_interval: float = 1e-6
-    """An interval in which nothing moves [s]."""
-    refinement: int = 8
-    """Times that the check between samples is finer than these."""
+    coefficient_range: float = 1.5  # rad or m: of a coefficient from its base
+    slider_overshoot: float = 0.5  # share of a slider's range that a coefficient may be past it, samples being within
+    shortest_interval: float = 1e-6  # s: in which nothing moves
+    refinement: int = 8  # times that the check between samples is finer than these
 
 
 OPTIONS = PointToPointOptions()
 
 
-class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
+class PointToPoint(DenseFormulation):
     """Bring the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 
     Objectives: ``duration`` [s], the least time in which motors can follow, each within its curve under the load of
@@ -88,9 +77,9 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         Where motors can hold the arm along no path, naming joint, torque and limit.
     """
 
-    names: Sequence[str] = ("duration", "energy")
-    units: Sequence[str] = ("s", "J")
-    maximised: Sequence[bool] = (False, False)
+    names = ("duration", "energy")
+    units = ("s", "J")
+    maximised = (False, False)
     constraint_names = ("ends", "joint limits", "motors", "sliders")
     constraint_units = ("times what is accepted", "rad or m", "of what they can bear", "of the rod")
 
@@ -125,50 +114,46 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.initial_paths: InitialPaths = find_initial_paths(
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
-        size, beyond = self.initial_paths.size, OPTIONS.slider_overshoot
+        self.base_count = len(self.initial_paths.q)
+        size, overshoot = self.initial_paths.size, OPTIONS.slider_overshoot
         slides = size * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -beyond)])
-        high = np.concatenate([[1.0], np.full(size, OPTIONS.coefficient_range), np.full(slides, 1.0 + beyond)])
+        low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -overshoot)])
+        high = np.concatenate([[1.0], np.full(size, OPTIONS.coefficient_range), np.full(slides, 1.0 + overshoot)])
         super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
         """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off [m]."""
         paths, count = self.initial_paths, len(genes)
-        which = np.minimum((genes[:, 0] * len(paths.q)).astype(int), len(paths.q) - 1)
+        which = self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
         error = np.zeros(count)
-        for end, still in zip((0, -1), self._ends, strict=True):
-            across = paths.across[which, end]
-            targets = np.repeat(still.targets[:1], count, axis=0)
-            retracted = retract(self.arm, still.tasks, np.ascontiguousarray(q[:, end]), targets, across)
+        for end, stationary in zip((0, -1), self._ends, strict=True):
+            retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], paths.across[which, end])
             q[:, end] = retracted.q
             error = np.maximum(error, retracted.error)
-        front = np.zeros_like(q)
-        if isinstance(self.actuation, DistributedActuation):
-            low, high = self.actuation.front_bounds.T
-            front = low + genes[:, 1 + paths.size :].reshape(q.shape) * (high - low)
-        return q, front, error
+        if not isinstance(self.actuation, DistributedActuation):
+            return q, np.zeros_like(q), error
+        return q, front_sliders(self.actuation, genes[:, 1 + paths.size :].reshape(q.shape)), error
 
     def timing(self, genes: Genes) -> Timing:
         """Return the least times and the work of genes (points, n_var)."""
-        paths = self.initial_paths
-        q, front, _ = self.profiles(genes)
-        return minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
+        return minimum_timing(self.arm, self.actuation, *self._samples(genes)[:2])
+
+    def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
+        """Return positions and front sliders (points, time, dof) at the samples, and how far ends are off [m]."""
+        q, front, error = self.profiles(genes)
+        return self.initial_paths.spline @ q, self.initial_paths.spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
         """Return front and back sliders at the samples [m]; None without any."""
-        paths = self.initial_paths
         if not isinstance(self.actuation, DistributedActuation):
             return None
-        q, front, _ = self.profiles(genes)
-        places = paths.spline @ front
-        return np.stack([places, self.actuation.gears(paths.spline @ q, places)[0]], axis=2)
+        q, front, _ = self._samples(genes)
+        return np.stack([front, self.actuation.gears(q, front)[0]], axis=2)
 
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, time, dof) of genes, each with its own times."""
-        paths = self.initial_paths
-        q, front, _ = self.profiles(genes)
-        q, front = paths.spline @ q, paths.spline @ front
+        q, front, _ = self._samples(genes)
         steps = np.nan_to_num(minimum_timing(self.arm, self.actuation, q, front).intervals, nan=1.0)
         ends = np.cumsum(np.maximum(steps, OPTIONS.shortest_interval), axis=1)
         return Motion(arm=self.arm, time=np.concatenate([np.zeros((len(q), 1)), ends], axis=1), q=q)
@@ -178,24 +163,6 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         divisors = np.ones(self.n_obj) if scales is None else scales
         costs = self._unscaled.costs / divisors[:, None]
         return DenseProgram(rows=self._unscaled.program, costs=costs, objective_names=tuple(self.names))
-
-    def front_points(self, front: Front) -> Float[np.ndarray, "points unknowns"]:
-        """Return the points of a front's genes."""
-        return dense_front_points(self, front)
-
-    def individuals(self, x: Float[np.ndarray, "points unknowns"], genes: Genes | None = None) -> Individuals:
-        """Return points as individuals, with genes that stand for them."""
-        return dense_individuals(self, x, genes)
-
-    def branches(self, x: Float[np.ndarray, "points unknowns"]) -> list[str]:
-        """Return the number of the base that each point is nearest to."""
-        return [str(int(place * len(self.initial_paths.q))) for place in self.genes(x)[:, 0]]
-
-    def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
-    ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts, each by itself."""
-        return dense_cold_search(self, starts=starts, seed=seed, solver=solver, observe=observe)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
@@ -212,9 +179,7 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         which = np.abs(difference).max(axis=(2, 3)).argmin(axis=1)
         genes = [((which + 0.5) / len(paths.q))[:, None], difference[np.arange(len(q)), which].reshape(len(q), -1)]
         if isinstance(self.actuation, DistributedActuation):
-            low, high = self.actuation.front_bounds.T
-            share = (front - low) / np.where(high > low, high - low, 1.0)
-            genes.append(share.reshape(len(q), -1))
+            genes.append(slider_shares(self.actuation, front).reshape(len(q), -1))
         clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return clipped
 
@@ -224,9 +189,9 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
         """
         q, front, _ = self.profiles(genes)
-        fine = self.initial_paths.finer(OPTIONS.refinement)
+        spline = self.initial_paths.finer(OPTIONS.refinement)
         intervals = self.timing(genes).intervals
-        retimed = minimum_timing(self.arm, self.actuation, fine @ q, fine @ front)
+        retimed = minimum_timing(self.arm, self.actuation, spline @ q, spline @ front)
         shortest = retimed.intervals.reshape(*intervals.shape, OPTIONS.refinement).sum(axis=2)
         late = np.nan_to_num(shortest - intervals, nan=0.0).max(axis=1) / intervals.mean(axis=1)
         violation: np.ndarray = np.maximum(np.maximum(late, retimed.overload), 0.0)
@@ -247,15 +212,8 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, ends and bases."""
-        paths = self.initial_paths
-        arm = self.arm
-        bodies = [np.concatenate([[body.mass], body.center]) for body in arm.bodies]
-        parts = [self.actuation.table, self.start, self.target, paths.q, paths.spline, arm.position_limits]
-        return [*parts, arm.joint_names, arm.gravity, arm.tool.position, *bodies]
-
-    def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual which limit is violated most, in words; "" where none is."""
-        return explain_worst(self.constraint_names, self.constraint_units, self.evaluate(genes, return_values_of=["G"]))
+        parts = [self.actuation.table, self.start, self.target, self.initial_paths.q, self.initial_paths.spline]
+        return [*parts, *self.arm_fingerprint()]
 
     @cached_property
     def _ends(self) -> tuple[MotionTask, MotionTask]:
@@ -275,17 +233,15 @@ class PointToPoint(Problem):  # type: ignore[misc]  # pymoo is not typed
         )
 
     def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:
-        q, front, error = self.profiles(X)
-        paths = self.initial_paths
-        q, front = paths.spline @ q, paths.spline @ front
+        q, front, error = self._samples(X)
         with np.errstate(invalid="ignore"):
             timing = minimum_timing(self.arm, self.actuation, q, front)
-            past = paths.past(q, front)
+            excess = self.initial_paths.range_excess(q, front)
         F = np.stack([timing.duration, timing.energy], axis=1)
         G = np.stack(
-            [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([past[0], timing.overload, past[1]]) - LIMIT_TOLERANCE)],
+            [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([excess[0], timing.overload, excess[1]]) - LIMIT_TOLERANCE)],
             axis=1,
         )
-        bad = ~np.isfinite(F).all(axis=1)
-        out["F"] = np.where(bad[:, None], 1e6, F)
-        out["G"] = np.where(np.isnan(G), 1.0, np.where(bad[:, None], np.maximum(G, 1e-3), G))
+        invalid = ~np.isfinite(F).all(axis=1)
+        out["F"] = np.where(invalid[:, None], 1e6, F)
+        out["G"] = np.where(np.isnan(G), 1.0, np.where(invalid[:, None], np.maximum(G, 1e-3), G))

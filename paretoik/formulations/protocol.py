@@ -1,8 +1,25 @@
 """The one protocol that formulations offer to the verbs, and what holds where a part of it is missing.
 
-Any pymoo problem with real genes can be solved; each further part that a formulation has makes one more thing possible.
-Verbs ask for optional parts through the functions below, which say what holds for a problem without them; no verb looks
-at a class.
+Any pymoo problem with real genes can be solved, and with ``timeline`` "step" a loop that is followed sample by sample
+(``ClosedLoop``). Each further part makes one more thing possible. Verbs ask for optional parts through the functions
+below, which say what holds for a problem without them; no verb looks at a class.
+
+=======================================  ===========================================================================
+part                                     what it makes possible
+=======================================  ===========================================================================
+``names, units, maximised``              named objectives in the user's own sign; without: f1, f2, ... minimised
+``constraint_names, explain(genes)``     the limit that binds, by name, and why genes are infeasible, in words
+``fingerprint_parts()``                  a run is recognised as this problem's; without: its bounds
+``decode(genes), encode(motions)``       motions of a front; starting from motions
+``task``                                 motions of a stored run with their arm
+all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has
+                                         no gradients, and these verbs refuse it before any work
+``plan(...)``                            ``plan``: the distinct local optima of one objective
+``sample_starts(count, rng)``            genes that searches and local solvers start from
+``species(genes), n_species``            branches: mating within each, anchors for the ends of a front
+``algorithm(population, ...)``           the pymoo algorithm that suits its genes
+``reweigh`` and ``select``               preferences that need a new run
+=======================================  ===========================================================================
 """
 
 from __future__ import annotations
@@ -16,7 +33,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
-from paretoik.front.front import Choice, Front, Preference, check_names
+from paretoik.front.front import Front, Preference, check_names
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
@@ -40,73 +57,6 @@ class Individuals:
     genes: Genes | None
     motions: Motion | None
     violation_between: Float[np.ndarray, " points"]
-
-
-class Formulation(Protocol):
-    """What a formulation can offer; only ``n_var``, ``n_obj`` and a way to evaluate are required.
-
-    Searched as a population (``timeline`` "generation", where it says nothing) it is a pymoo ``Problem`` with
-    ``evaluate``; with ``timeline`` "step" it is a loop that is followed sample by sample (``ClosedLoop``).
-
-    =======================================  ===========================================================================
-    part                                     what it makes possible
-    =======================================  ===========================================================================
-    ``names, units, maximised``              named objectives in the user's own sign; without: f1, f2, ... minimised
-    ``constraint_names, explain(genes)``     the limit that binds, by name, and why genes are infeasible, in words
-    ``fingerprint_parts()``                  a run is recognised as this problem's; without: its bounds
-    ``decode(genes), encode(motions)``       motions of a front; starting from motions
-    ``task``                                 motions of a stored run with their arm
-    ``program`` and all of                   ``refine``, ``epsilon_front`` and certificates; a formulation without has
-    ``Differentiable``                       no gradients, and these verbs refuse it before any work
-    ``plan(...)``                            ``plan``: the distinct local optima of one objective
-    ``sample_starts``                        genes that searches and local solvers start from
-    ``species(genes), n_species``            branches: mating within each, anchors for the ends of a front
-    ``algorithm(population, ...)``           the pymoo algorithm that suits its genes
-    ``reweigh`` and ``select``               preferences that need a new run
-    =======================================  ===========================================================================
-    """
-
-    n_var: int
-    n_obj: int
-    names: Sequence[str]
-    units: Sequence[str]
-    maximised: Sequence[bool]
-    timeline: Timeline
-
-    def evaluate(self, genes: Genes) -> Any:
-        """Return objectives F, minimised, and constraints G, as pymoo does."""
-
-    def decode(self, genes: Genes) -> Any:
-        """Return motions (points, time, dof)."""
-
-    def encode(self, motions: Any) -> tuple[Genes, np.ndarray]:
-        """Return genes of motions, and by how much [rad, m] they miss each of them."""
-
-    def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual why it is infeasible."""
-
-    def fingerprint_parts(self) -> list[object]:
-        """Return what makes genes mean what they mean."""
-
-    def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes to start from."""
-
-    def reweigh(self, front: Front, preference: Preference) -> Formulation | None:
-        """Return the formulation to solve anew for a preference, None where the front has its answer."""
-
-    def select(self, front: Front, preference: Preference) -> Choice:
-        """Return the choice, from a new run where it needs one."""
-
-    def plan(
-        self,
-        *,
-        starts: int,
-        seed: int,
-        initial: Any = None,
-        solver: Solver = "auto",
-        observe: Callable[[int, int, int], object] | None = None,
-    ) -> Plan:
-        """Return the distinct local optima of its one objective."""
 
 
 @runtime_checkable

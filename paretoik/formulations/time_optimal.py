@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, fields, replace
-from typing import Any
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -12,10 +11,10 @@ from jaxtyping import Float
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
-from paretoik.resolution.parameters import Number, Parameter
+from paretoik.resolution.method import Method, Number, Parameter
 from paretoik.resolution.traces import HELD, STATUS, ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import retract_nearest, task_errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +29,7 @@ class ControlTraces(Traces):
 
 
 @dataclass(frozen=True, eq=False)
-class TimeOptimalControl:
+class TimeOptimalControl(Method):
     """Time-optimal control from the first position of a path to its last, the tool as fast as ``model`` allows.
 
     The ways between are its own, and so are the times: motions come at as many samples as the path has, evenly spaced
@@ -65,14 +64,10 @@ class TimeOptimalControl:
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
         """Return the control with values (motions,) for some of its numbers; raise InvalidInput for unknown names."""
-        names = [each.name for each in fields(self)]
-        for name in values:
-            if name not in (*names, "correction"):
-                raise InvalidInput(f"TimeOptimalControl: one of {', '.join(names)}, correction wanted, got {name!r}")
-        changed: dict[str, Any] = {name: value for name, value in values.items() if name != "correction"}
-        if "correction" in values:
-            changed["gain"] = values["correction"] / changed.get("period", self.period)
-        return replace(self, **changed)
+        changed = dict(values)
+        if "correction" in changed:
+            changed["gain"] = changed.pop("correction") / changed.get("period", self.period)
+        return super().with_values(changed, times)
 
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
@@ -87,7 +82,7 @@ class TimeOptimalControl:
         shape = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers))
         q = np.broadcast_to(start, (*shape, task.arm.dof)).reshape(-1, task.arm.dof)
         columns = zip(*(np.broadcast_to(each, shape).ravel().tolist() for each in numbers), strict=True)
-        first = task_errors(task.arm, task.tasks, q, np.zeros((len(q), task.rows)))[0].T
+        first = task_errors(task.arm, task.tasks, q, np.zeros(task.rows))[0]
         runs = [self._run(task, -tool, *each) for tool, each in zip(first, columns, strict=True)]
         return _joint_motion(task, shape, q, runs)
 
@@ -125,13 +120,12 @@ def _joint_motion(
                 column[:] = np.stack([np.interp(time[i], run.times, each) for each in positions.T], axis=1)
     q, reached = np.tile(start[:, None], (1, samples, 1)), np.array([run is not None for run in runs])
     for k in range(1, samples):
-        jacobians = task_errors(task.arm, task.tasks, q[:, k - 1], tool[:, k])[1]
-        result = retract(task.arm, task.tasks, q[:, k - 1], tool[:, k], row_space_basis(jacobians))
+        result = retract_nearest(task.arm, task.tasks, q[:, k - 1], tool[:, k])
         reached &= result.on_path
         q[:, k] = np.where(reached[:, None], result.q, q[:, k - 1])
     traces = empty_traces(count, samples, dof, task.rows, 1)
-    errors = task_errors(task.arm, task.tasks, q.reshape(-1, dof), references.reshape(-1, task.rows))[0].T
-    traces["errors"][:] = np.where(reached[:, None, None], errors.reshape(count, samples, -1), np.inf)
+    errors = task_errors(task.arm, task.tasks, q, references)[0]
+    traces["errors"][:] = np.where(reached[:, None, None], errors, np.inf)
     traces["velocities"][:] = np.diff(q, axis=1) / np.diff(time, axis=1)[..., None]
     traces["status"][~reached] = HELD
     plans = [np.nan if run is None or not len(run.iterations) else float(run.iterations.mean()) for run in runs]

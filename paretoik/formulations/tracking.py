@@ -39,8 +39,7 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-from paretoik.trajectory.cold_search import MotionColdSearch
-from paretoik.trajectory.plan import Plan, find_optima
+from paretoik.trajectory.plan import MotionColdSearch, Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 
@@ -81,6 +80,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     task: MotionTask
     encoding: Encoding
+    species_gene = 0  # it names the base motion
 
     def __init__(
         self,
@@ -116,6 +116,10 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             cyclic=cyclic,
             differences=differences,
         )
+        self.names = tuple(each.name for each in self.task.objectives)
+        self.units = tuple(each.unit for each in self.task.objectives)
+        self.maximised = tuple(each.maximise for each in self.task.objectives)
+        self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         samples = len(self.task.times)
         if coefficients > samples - 2:
             raise InvalidInput(
@@ -123,44 +127,15 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
             )
         self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
         self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
+        self.n_species = self.encoding.bases
         size = self.encoding.redundancy * coefficients
         super().__init__(
             n_var=1 + size,
-            n_obj=len(self.task.objectives),
-            n_ieq_constr=2 + len(self.task.limit_names),
+            n_obj=len(self.names),
+            n_ieq_constr=len(self.constraint_names),
             xl=np.concatenate([[0.0], -np.ones(size)]),
-            xu=np.concatenate([[float(self.encoding.bases)], np.ones(size)]),
+            xu=np.concatenate([[float(self.n_species)], np.ones(size)]),
         )
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the objectives."""
-        return tuple(objective.name for objective in self.task.objectives)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the objectives."""
-        return tuple(objective.unit for objective in self.task.objectives)
-
-    @property
-    def maximised(self) -> tuple[bool, ...]:
-        """Which objectives are maximised; F holds them with their sign turned."""
-        return tuple(objective.maximise for objective in self.task.objectives)
-
-    @property
-    def constraint_names(self) -> tuple[str, ...]:
-        """A name for each column of G."""
-        return ("tracking", "evaluation", *self.task.limit_names)
-
-    @property
-    def species_gene(self) -> int:
-        """The gene that names the base motion."""
-        return 0
-
-    @property
-    def n_species(self) -> int:
-        """Number of base motions."""
-        return self.encoding.bases
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
         """Return each individual's base motion: only genes of one base may be crossed."""

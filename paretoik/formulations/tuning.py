@@ -10,8 +10,8 @@ choose these by hand; that they are searched for, and by several objectives, is 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeVar, get_args, runtime_checkable
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,10 +19,9 @@ from pymoo.core.problem import Problem
 
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.identity import identity_parts
 from paretoik.inputs import ArrayLike, finite_array
 from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_error
-from paretoik.resolution.parameters import Parameter
+from paretoik.resolution.method import Method, Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.inverse_kinematics import order_by_neighbour, reach_error, sample_postures, wrap_difference
@@ -46,26 +45,6 @@ class TuningOptions:
 
 
 OPTIONS = TuningOptions()
-Tuned = TypeVar("Tuned", bound="Resolver")
-
-
-@runtime_checkable
-class Resolver(Protocol):
-    """What ``Tuning`` tunes: a method with named numbers that follows a path, one motion for each set of them."""
-
-    def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default, on a path with these sample times."""
-        ...
-
-    def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
-        """Return the method with values (motions,) for some of its numbers."""
-        ...
-
-    def follow(
-        self, task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: float | None = None
-    ) -> ResolvedMotion:
-        """Return the motions from ``start``, as far as the path can be followed."""
-        ...
 
 
 class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -111,7 +90,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         self,
         arm: Arm,
         path: Path | Task | Sequence[Path | Task],
-        method: Resolver,
+        method: Method,
         *,
         parameters: Sequence[str | Parameter] | None = None,
         objectives: Sequence[Objective] = (tracking_error, limit_margin, speed_ratio, jerk),
@@ -123,7 +102,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         link_radius: float = 0.0,
         seed: int = 0,
     ) -> None:
-        if isinstance(method, type) or not isinstance(method, Resolver):
+        if not isinstance(method, Method):
             raise InvalidInput(f"method: one of pk.methods wanted, such as DampedLeastSquares(), got {method!r}")
         if judged_by not in get_args(JudgedBy):
             raise InvalidInput(f"judged_by must be one of {', '.join(get_args(JudgedBy))}, got {judged_by!r}")
@@ -133,6 +112,10 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.task: MotionTask = motion_task(
             arm, path, objectives=objectives, obstacles=obstacles, link_radius=link_radius
         )
+        self.names = tuple(each.name for each in objectives)
+        self.units = tuple(each.unit for each in objectives)
+        self.maximised = tuple(each.maximise for each in objectives)
+        self.constraint_names = () if tolerance is None else ("tracking",)
         self.resolver, self.judged_by, self.tolerance = method, judged_by, tolerance
         self.parameters = _checked_parameters(method, parameters, self.task.times)
         self.starts = sample_starts(self.task, seed) if starts is None else _checked_starts(arm, starts)
@@ -144,29 +127,9 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         if self.judged_starts > len(self.starts):
             raise InvalidInput(f"judged_starts: 1 to {len(self.starts)} wanted, got {judged_starts!r}")
         lower, upper = np.array([each.gene_bounds for each in self.parameters]).T
-        constraints = 0 if tolerance is None else 1
+        constraints = len(self.constraint_names)
         super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=constraints, xl=lower, xu=upper)
         self._check_trial()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the objectives."""
-        return tuple(each.name for each in self.task.objectives)
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the objectives."""
-        return tuple(each.unit for each in self.task.objectives)
-
-    @property
-    def maximised(self) -> tuple[bool, ...]:
-        """Which objectives are maximised."""
-        return tuple(each.maximise for each in self.task.objectives)
-
-    @property
-    def constraint_names(self) -> tuple[str, ...]:
-        """A name for each column of G."""
-        return () if self.tolerance is None else ("tracking",)
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
         """Return the values (points,) of all fields that genes (points, n_var) stand for, ``start`` aside."""
@@ -174,7 +137,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         decoded = [(each, each.decode(column)) for each, column in columns if each.name != START.name]
         return {field: values for each, values in decoded for field in each.fields}
 
-    def method(self, genes: Genes) -> Resolver:
+    def method(self, genes: Genes) -> Method:
         """Return the method of genes (points, n_var), its numbers (points,)."""
         return self.resolver.with_values(self.values(genes), self.task.times)
 
@@ -205,7 +168,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         parts: list[object] = [self.starts, task.targets, task.times, arm.joint_names, self.names, self.maximised]
         parts += [arm.position_limits, arm.velocity_limits, task.link_radius, *task.obstacles, *self.parameters]
         parts += [self.judged_starts, self.judged_by, self.tolerance]
-        return parts + identity_parts(self.resolver) + identity_parts(task.objectives)
+        return parts + _identity_parts(self.resolver) + _identity_parts(task.objectives)
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""
@@ -256,7 +219,7 @@ def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:
 
 
 def _checked_parameters(
-    method: Resolver, parameters: Sequence[str | Parameter] | None, times: np.ndarray
+    method: Method, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
     """Return what is searched; raise InvalidInput for unknown names, fields set twice, and nothing."""
     by_name = {each.name: each for each in (*method.parameters(times), START)}
@@ -271,7 +234,21 @@ def _checked_parameters(
         chosen.append(each if isinstance(each, Parameter) else by_name[each])
     if not chosen:
         raise InvalidInput("parameters: at least one wanted, got none")
-    fields = [field for each in chosen for field in each.fields]
-    if len(set(fields)) != len(fields):
-        raise InvalidInput(f"parameters: each number once wanted, got {', '.join(fields)}")
+    names = [name for each in chosen for name in each.fields]
+    if len(set(names)) != len(names):
+        raise InvalidInput(f"parameters: each number once wanted, got {', '.join(names)}")
     return tuple(chosen)
+
+
+def _identity_parts(value: Any) -> list[object]:
+    """Return arrays, numbers and names that make up dataclasses, sequences and functions."""
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = [part for each in fields(value) for part in (each.name, *_identity_parts(getattr(value, each.name)))]
+        return [type(value).__name__, *parts]
+    if isinstance(value, Mapping):
+        return [part for key, each in value.items() for part in (str(key), *_identity_parts(each))]
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [part for each in value for part in _identity_parts(each)]
+    if isinstance(value, np.ndarray | str | int | float | None):
+        return [value]
+    return [getattr(value, "__qualname__", type(value).__name__)]

@@ -58,14 +58,15 @@ class Parameters:
     """The parameters of a statement, in the order in which they were made; sparse ones have a Structure."""
 
     def __init__(self) -> None:
-        self._made = list[tuple[Any, Structure | None]]()
+        self._parameters = list[tuple[Any, Structure | None, int]]()  # each with how many numbers it has
 
     def dense(self, *shape: int) -> Any:
         """Return a new parameter of a shape."""
         import cvxpy  # here: importing it takes two seconds
 
-        self._made.append((cvxpy.Parameter(shape), None))
-        return self._made[-1][0]
+        parameter = cvxpy.Parameter(shape)
+        self._parameters.append((parameter, None, parameter.size))
+        return parameter
 
     def sparse(self, structure: Structure) -> Any:
         """Return a new parameter whose entries stand where a structure has any; zeros for one without entries."""
@@ -73,25 +74,26 @@ class Parameters:
 
         if not structure.indices:
             return np.zeros(structure.shape)
-        self._made.append((cvxpy.Parameter(structure.shape, sparsity=structure.places), structure))
-        return self._made[-1][0]
+        row, column = structure.places
+        parameter = cvxpy.Parameter(structure.shape, sparsity=(row, column))
+        self._parameters.append((parameter, structure, len(row)))
+        return parameter
 
     @property
     def size(self) -> int:
         """How many numbers the parameters have in all."""
-        return sum(each.size if structure is None else len(structure.places[0]) for each, structure in self._made)
+        return sum(count for _, _, count in self._parameters)
 
     def assign(self, numbers: Float[np.ndarray, " numbers"]) -> None:
         """Give all parameters their values: dense ones by rows, sparse ones as compressed sparse rows."""
         first = 0
-        for parameter, structure in self._made:
-            count = parameter.size if structure is None else len(structure.places[0])
+        for parameter, structure, count in self._parameters:
             values = numbers[first : first + count]
             first += count
             if structure is None:
                 parameter.value = values.reshape(parameter.shape)
             else:
-                entries = sparse.coo_array((values, structure.places), shape=structure.shape).tocsr()
+                entries = sparse.csr_array((values, structure.places), shape=structure.shape)
                 ordered = np.asarray(entries[parameter.sparse_idx]).ravel()  # cvxpy has an order of its own
                 parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
 
@@ -108,7 +110,7 @@ def state_cones(pattern: Pattern, d: Any, parameters: Parameters) -> list[Any]:
 
 
 def parameter_values(*first: Any, constraints: Constraints, scales: np.ndarray) -> Float[np.ndarray, " numbers"]:
-    """Return the numbers of a statement whose parameters are ``first``, then c, J / ``scales`` and those of cones."""
+    """Return the numbers of a statement whose parameters are ``first``, then J / ``scales``, then those of cones."""
     numbers = [*first, constraints.jacobian.data / scales[constraints.entries.row]]
     for cone in constraints.cones:
         numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]

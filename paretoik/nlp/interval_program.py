@@ -7,8 +7,7 @@ subject to  ‖values(l) + before(l) d(l) + after(l) d(l+1)‖ ≤ ΔT(l)
 d are the moves of the points between the ends; all pieces have one interval ΔT in common, or each its own. It is built
 once and solved by Clarabel, whose data alone change. It is assembled by hand, since it is solved at every step of a
 controller: canonicalised by cvxpy and solved anew, five pieces took 1.9 times as long. Tests hold it against a
-statement in cvxpy.
-Source: Kim, Choi & Jang 2021, Eq. 6, its velocity limit linearised.
+statement in cvxpy. Source: Kim, Choi & Jang 2021, Eq. 6, its velocity limit linearised.
 """
 
 from __future__ import annotations

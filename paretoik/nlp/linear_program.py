@@ -8,8 +8,6 @@ Solved by SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, wher
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog
@@ -17,23 +15,15 @@ from scipy.optimize import linprog
 from paretoik.errors import SolverFailed
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Furthest:
-    """How far the columns reach, and the multiples that do."""
-
-    value: float
-    multiples: Float[np.ndarray, " columns"]
-
-
 def furthest(
     columns: Float[np.ndarray, "task columns"],
     low: Float[np.ndarray, " columns"],
     high: Float[np.ndarray, " columns"],
     direction: Float[np.ndarray, " task"],
-) -> Furthest:
-    """Return the furthest point along a direction.
+) -> tuple[float, Float[np.ndarray, " columns"]]:
+    """Return how far the columns reach along a direction, v, and the multiples x that do.
 
-    Raises SolverFailed where there is none, or no end to it.
+    Raises SolverFailed where there is no such point, or no end to it.
     """
     scale = np.maximum(np.abs(low), np.abs(high))
     scale = np.where(scale > 0, scale, 1.0)
@@ -48,4 +38,4 @@ def furthest(
     )
     if solution.status != 0:
         raise SolverFailed(f"furthest: HiGHS wanted to end with an optimum, got {solution.message}")
-    return Furthest(value=float(solution.x[-1]) * size, multiples=solution.x[:-1] * scale)
+    return float(solution.x[-1]) * size, solution.x[:-1] * scale

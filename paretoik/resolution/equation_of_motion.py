@@ -16,8 +16,8 @@ from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.task import path_equations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,11 +114,7 @@ def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     inputs: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
     q, dq, *targets = inputs
-    links, equations, first = link_frames(arm, q), list[int](), 0
-    for each in task.tasks:
-        numbers_of_task = targets[0][first : first + each.target_size]
-        equations += [as_entry(tape, value) for value in each.equations(arm, links, numbers_of_task)]
-        first += each.target_size
+    equations = [as_entry(tape, value) for value in path_equations(arm, task.tasks, q, targets[0])]
     q_index, dq_index = ([value.index for value in values] for values in (q, dq))
     x_index, dx_index, ddx_index = ([value.index for value in values] for values in targets)
     jacobian = [slope for equation in equations for slope in gradient(tape, equation, q_index)]

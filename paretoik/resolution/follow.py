@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.resolution.batch import broadcast, compiled_kernels, position_ranges
+from paretoik.resolution.method import broadcast_shape
 from paretoik.resolution.methods import (
+    Criterion,
     Method,
     Nedungadi,
     PredictiveKineticEnergy,
@@ -18,13 +20,15 @@ from paretoik.resolution.methods import (
     WeightedGradientProjection,
     WeightedLeastNorm,
 )
-from paretoik.resolution.predictive import follow_predictively
+from paretoik.resolution.predictive import compiled_kernels, follow_predictively
 from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import HELD, ResolvedMotion, empty_traces
 from paretoik.resolution.variational import extremal_paths
+from paretoik.task.limits import position_ranges
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
+SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback; 0 where a method has none
 TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost it
 
 
@@ -47,28 +51,54 @@ def follow(
 
 
 def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarray) -> ResolvedMotion:
-    """Return the motions of a velocity method, on all cores."""
     criteria, steps = method.criterion_list, np.diff(task.times)
-    batch = broadcast(method, criteria, start, steps)
+    shape, settings, gains = _broadcast(method, criteria, start, steps)
     program = step_program(task, [each.objective for each in criteria])
-    count, dof, number = len(batch.start), task.arm.dof, len(criteria)
+    count, dof, number = len(settings), task.arm.dof, len(criteria)
     q = np.empty((count, len(task.times), dof))
-    q[:, 0] = batch.start
+    q[:, 0] = np.broadcast_to(start, (*shape, dof)).reshape(-1, dof)
     traces = empty_traces(count, len(task.times), dof, task.rows, number)
     bounds = task.bounds.get("position", task.arm.position_limits[None])
     bounds = np.concatenate([bounds, position_ranges(task.arm, bounds)[..., None]], axis=-1)
     scaling = np.array([[each.objective.sign, each.reference, each.scale] for each in criteria]).reshape(number, 3)
-    settings = _modes(method), batch.settings, batch.gains, scaling
+    inputs = program.table, steps, bounds, _modes(method), settings, gains, scaling
     outputs = (q, *traces.values())
 
     def run(first: int, last: int) -> None:
-        compiled_kernels().follow(first, last, program.program.arrays, program.table, steps, bounds, *settings, outputs)
+        arrays = program.program.arrays  # with a workspace of its own: one for a thread
+        compiled_kernels().follow(first, last, arrays, *inputs, outputs)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
     cuts = np.linspace(0, count, threads + 1).astype(int).tolist()
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, cuts[:-1], cuts[1:]))
-    return ResolvedMotion.of(task, batch.shape, q, traces)
+    return ResolvedMotion.of(task, shape, q, traces)
+
+
+def _broadcast(
+    method: VelocityMethod, criteria: Sequence[Criterion], start: np.ndarray, steps: np.ndarray
+) -> tuple[tuple[int, ...], Float[np.ndarray, "motions columns"], Float[np.ndarray, "motions criteria 2"]]:
+    """Return the batch's shape, of each motion feedback and ``SETTINGS``, and gain and rank of criteria, 0 the first.
+
+    Raises InvalidInput where numbers do not fit each other.
+    """
+    name, highest = type(method).__name__, 1.0 / float(steps.max())
+    feedback = np.asarray(highest if method.feedback is None else method.feedback, dtype=float)
+    if not ((feedback >= 0) & (feedback <= highest * (1 + 1e-12))).all():
+        raise InvalidInput(
+            f"{name}: feedback from 0 to {highest:.4g} 1/s wanted, one over the longest step, got {method.feedback}"
+        )
+    numbers = [feedback, *(np.asarray(getattr(method, each, 0.0), dtype=float) for each in SETTINGS)]
+    numbers += [np.asarray(each.gain, dtype=float) for each in criteria]
+    priorities = getattr(method, "priorities", None)
+    ranks = np.arange(len(criteria)) if priorities is None else np.argsort(np.argsort(priorities, axis=-1), axis=-1)
+    if ranks.shape[-1:] != (len(criteria),):
+        raise InvalidInput(f"{name}: priorities for each of {len(criteria)} criteria wanted, got shape {ranks.shape}")
+    shape = broadcast_shape(method, start, [ranks.shape[:-1], *(each.shape for each in numbers)])
+    columns = np.stack([np.broadcast_to(each, shape).ravel() for each in numbers], axis=1)
+    settings, gains = np.split(columns, [1 + len(SETTINGS)], axis=1)
+    ranks = np.broadcast_to(ranks, (*shape, len(criteria))).reshape(gains.shape)
+    return shape, np.ascontiguousarray(settings), np.stack([gains, ranks.astype(float)], axis=2)
 
 
 def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:
@@ -94,9 +124,8 @@ def _follow_extremal(task: MotionTask, method: Nedungadi, start: np.ndarray) -> 
     q = np.take_along_axis(q, index[..., None], axis=1)
     dq = np.where(complete[..., None], rates, 0.0)[:, :-1]
     traces = empty_traces(len(q), samples, dof, task.rows, 1)
-    errors, jacobians = task_errors(task.arm, task.tasks, q.reshape(-1, dof), np.tile(task.targets, (len(q), 1)))
-    traces["errors"][:] = errors.T.reshape(len(q), samples, -1)
-    jacobian = np.moveaxis(jacobians, -1, 0).reshape(len(q), samples, task.rows, dof)[:, :-1]
+    traces["errors"][:], jacobian = task_errors(task.arm, task.tasks, q, task.targets)
+    jacobian = jacobian[:, :-1]
     traces["velocities"][:] = dq
     traces["status"][~complete[:, 1:]] = HELD
     shortest = np.linalg.pinv(jacobian) @ (jacobian @ dq[..., None])

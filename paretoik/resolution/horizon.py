@@ -24,10 +24,12 @@ from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import Trace
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.task import path_equations, path_jacobian
 from paretoik.task.traced_motion import TracedMotion, trace_sample_function
+
+DEGREE = 4  # of the splines through the positions ahead
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,9 +90,9 @@ def horizon_program(
 
 @lru_cache(maxsize=64)  # a search over a method's numbers asks for the same few programs again and again
 def _trace_program(task: MotionTask, objective: Objective, horizon: int, interval: float) -> HorizonProgram:
-    n, what = task.arm.dof, f"objective {objective.name}"
+    n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
-        raise InvalidInput(f"{what}: form 'integral' wanted, got {objective.form!r}")
+        raise InvalidInput(f"{label}: form 'integral' wanted, got {objective.form!r}")
     trace = Trace(len(task.times))
     tape = trace.tape
     samples = [trace.inputs(n) for _ in range(horizon)]
@@ -106,23 +108,20 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int, interva
         ddq = (dq - previous_rate) * (1.0 / interval)
         previous, previous_rate = q, dq
         motion = TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
-        value = trace_sample_function(motion, what, objective.function)
+        value = trace_sample_function(motion, label, objective.function)
         if value is None:
-            raise InvalidInput(f"{what}: looks at more than one sample")
+            raise InvalidInput(f"{label}: looks at more than one sample")
         term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval)
         total = as_entry(tape, Expression(tape, total) + term)
-        links, first = link_frames(task.arm, list(q.entries)), 0
-        for each in task.tasks:
-            residuals = each.equations(task.arm, links, numbers[first : first + each.target_size])
-            equations += [as_entry(tape, one) for one in residuals]
-            jacobian += [as_entry(tape, one) for row in each.jacobian(task.arm, links) for one in row]
-            first += each.target_size
+        positions = list(q.entries)
+        equations += [as_entry(tape, one) for one in path_equations(task.arm, task.tasks, positions, numbers)]
+        jacobian += [as_entry(tape, one) for one in path_jacobian(task.arm, task.tasks, positions)]
     total = as_entry(tape, Expression(tape, total) + terminal * term)
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
-        raise InvalidInput(f"{what}: wants a function of positions, velocities and accelerations of one sample alone")
+        raise InvalidInput(f"{label}: wants a function of positions, velocities and accelerations of one sample alone")
     if not read & set(variables):
-        raise InvalidInput(f"{what}: is the same whatever {task.arm.name} does; has it no masses?")
+        raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")
     lagrangian = Expression(tape, total)
     for factor, equation in zip([one for each in multipliers for one in each.entries], equations, strict=True):
         lagrangian = lagrangian + factor * Expression(tape, equation)
@@ -137,6 +136,55 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int, interva
         hessian=compile_evaluator(tape, list(second.values())),
         indices=(indices[0], indices[1]),
     )
+
+
+def quartic_spline(
+    points: Float[np.ndarray, "points dof"], rate: Float[np.ndarray, " dof"], second: Float[np.ndarray, " dof"]
+) -> Float[np.ndarray, "pieces 5 dof"]:
+    """Return the coefficients of a quartic spline through points one unit of time from each other, C² at all of them.
+
+    ``rate`` and ``second`` are its derivatives at the first; at the last both are 0 (with one piece only the first).
+    With two pieces, as in the paper, that determines it; with more it has the least jerk.
+    """
+    pieces, dof = len(points) - 1, points.shape[1]
+    conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])
+    return (_coefficient_matrix(pieces) @ conditions).reshape(pieces, DEGREE + 1, dof)
+
+
+def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float) -> Float[np.ndarray, " dof"]:
+    """Return the spline at a time in pieces; it stays at its end."""
+    piece = min(int(time), len(coefficients) - 1)
+    u = min(time - piece, 1.0)
+    position: np.ndarray = u ** np.arange(DEGREE + 1) @ coefficients[piece]
+    return position
+
+
+@lru_cache(maxsize=32)
+def _coefficient_matrix(pieces: int) -> np.ndarray:
+    """Return the matrix from positions at all beginnings and ends, and derivatives at the first, to coefficients."""
+    width, powers = DEGREE + 1, np.arange(DEGREE + 1)
+
+    def derivative(order: int, u: float) -> np.ndarray:
+        factors = np.prod([powers - i for i in range(order)], axis=0) if order else np.ones(width)
+        return np.asarray(np.where(powers >= order, factors * float(u) ** np.maximum(powers - order, 0), 0.0))
+
+    def condition(*parts: tuple[int, np.ndarray]) -> np.ndarray:
+        row = np.zeros((pieces, width))
+        for piece, values in parts:
+            row[piece] = values
+        return row.ravel()
+
+    rows = [condition((i, derivative(0, u))) for u in (0, 1) for i in range(pieces)]
+    rows += [condition((0, derivative(order, 0))) for order in (1, 2)]
+    inhomogeneous = len(rows)
+    rows += [condition((pieces - 1, derivative(order, 1))) for order in ((1, 2) if pieces > 1 else (1,))]
+    for i in range(1, pieces):
+        rows += [condition((i - 1, derivative(order, 1)), (i, -derivative(order, 0))) for order in (1, 2)]
+    jerk = np.zeros((width, width))
+    jerk[3:, 3:] = [[36.0, 72.0], [72.0, 192.0]]  # ∫ (6 c₃ + 24 c₄ u)² du
+    size, equalities = pieces * width, np.array(rows)
+    kkt = np.block([[np.kron(np.eye(pieces), jerk), equalities.T], [equalities, np.zeros((len(rows), len(rows)))]])
+    return np.linalg.inv(kkt)[:size, size : size + inhomogeneous]
 
 
 @cache

@@ -8,7 +8,7 @@ import numpy as np
 
 from paretoik.autodiff.interpreter import run
 from paretoik.compilation import compiled
-from paretoik.resolution.matrices import cholesky, solve_cholesky
+from paretoik.resolution.matrices import cholesky, solve_cholesky, weighted_square
 
 
 class NewtonOptions(NamedTuple):
@@ -120,6 +120,7 @@ def _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
     """
     size, count = horizon * dof, horizon * rows
     square, previous, flat = np.empty((rows, rows)), np.inf, outputs.reshape(outputs.shape[0])
+    unweighted = np.ones(dof)
     for correction in range(OPTIONS.corrections):
         run(derivatives, inputs, outputs)
         equations, J = flat[1 + size : 1 + size + count], flat[1 + size + count :].reshape((horizon, rows, dof))
@@ -127,11 +128,7 @@ def _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
         for i in range(count):
             residual = max(residual, abs(equations[i]))
         for k in range(horizon):
-            for i in range(rows):
-                for m in range(rows):
-                    square[i, m] = 0.0
-                    for j in range(dof):
-                        square[i, m] += J[k, i, j] * J[k, m, j]
+            weighted_square(J[k], unweighted, square)
             if not cholesky(square, factors[k]):
                 return False
         if residual <= OPTIONS.feasibility:
@@ -200,7 +197,6 @@ def _least_squares_multipliers(J, factors, gradient, multipliers, work):
 
 @compiled
 def _reduce_gradient(gradient, basis, reduced):
-    """Write the gradient in the null space; return its largest entry."""
     largest = 0.0
     for a in range(basis.shape[1]):
         reduced[a] = 0.0
@@ -212,7 +208,6 @@ def _reduce_gradient(gradient, basis, reduced):
 
 @compiled
 def _reduce_hessian(H, basis, reduced):
-    """Write the Hessian in the null space."""
     size, free = basis.shape
     for a in range(free):
         for b in range(a + 1):

@@ -12,7 +12,7 @@ import numpy as np
 from paretoik.autodiff.interpreter import run_first
 from paretoik.compilation import compiled
 from paretoik.resolution.joint_weights import buffer_depth, clamping_weight, criterion_weight, least_norm_weight
-from paretoik.resolution.matrices import cholesky, smallest_eigenvalue, solve_cholesky
+from paretoik.resolution.matrices import cholesky, solve_cholesky, weighted_square
 from paretoik.resolution.traces import DAMPED, DONE, HELD, SHORTENED
 
 UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighted
@@ -37,7 +37,7 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
     outputs = np.empty((parts[3].shape[0], count))
     previous_slope = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
     J, A, factor = np.empty((rows, n)), np.empty((rows, rows)), np.empty((rows, rows))
-    work, v = np.empty((rows + 4, rows)), np.empty(rows)
+    work, v = np.empty((rows, rows)), np.empty(rows)
     D, E, z, repulsive = np.ones(n), np.ones(n), np.empty(n), np.zeros(n)
     for k in range(time):
         _fill_inputs(k, first, q, velocities, table, inputs)
@@ -54,7 +54,7 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
                 _weight_by_norm(q[motion, k], limits[at], previous_slope[local], D, E, weights[motion, k])
             elif weighting == CLAMPING:
                 _clamp(q[motion, k], limits[at], settings[motion], D, E, repulsive, weights[motion, k])
-            _weighted_square(J, D, A)
+            weighted_square(J, D, A)
             squared = squared_damping(A, settings[motion, REGION], settings[motion, DAMPING], factor, work)
             for i in range(rows):
                 A[i, i] += squared
@@ -123,7 +123,6 @@ def _solve_task(J, D, multipliers, velocities):
 
 @compiled
 def _add(velocities, term):
-    """Add a term to velocities."""
     for j in range(velocities.shape[0]):
         velocities[j] += term[j]
 
@@ -158,18 +157,6 @@ def _clamp(q, limits, settings, D, E, repulsive, weights):
 
 
 @compiled
-def _weighted_square(J, D, A):
-    """Write A = J D Jᵀ."""
-    rows, n = J.shape
-    for i in range(rows):
-        for m in range(i + 1):
-            total = 0.0
-            for j in range(n):
-                total += J[i, j] * D[j] * J[m, j]
-            A[i, m] = A[m, i] = total
-
-
-@compiled
 def _criterion_gain(outputs, modes, settings, gains, scaling, n):
     """Return the gain of a criterion, normalised or not; NaN where its value or gradient is not finite."""
     gain = gains[0]
@@ -200,17 +187,14 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
     """
     n, rows = secondary.shape[1], task_velocity.shape[1]
     A, factor, both, task_only = np.empty((rows, rows)), np.empty((rows, rows)), np.empty(rows), np.empty(rows)
+    unweighted = np.ones(n)
     for motion in range(secondary.shape[0]):
-        J = jacobian[motion]
+        J = jacobian[motion].reshape((rows, n))
+        weighted_square(J, unweighted, A)
         for i in range(rows):
             both[i] = task_only[i] = task_velocity[motion, i]
             for j in range(n):
-                both[i] -= J[i * n + j] * secondary[motion, j]
-            for m in range(i + 1):
-                total = 0.0
-                for j in range(n):
-                    total += J[i * n + j] * J[m * n + j]
-                A[i, m] = A[m, i] = total
+                both[i] -= J[i, j] * secondary[motion, j]
         status[motion, k] = DONE
         largest = np.inf
         if cholesky(A, factor):
@@ -220,8 +204,8 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
             for j in range(n):
                 velocity, shortest = secondary[motion, j], 0.0
                 for i in range(rows):
-                    velocity += J[i * n + j] * both[i]
-                    shortest += J[i * n + j] * task_only[i]
+                    velocity += J[i, j] * both[i]
+                    shortest += J[i, j] * task_only[i]
                 velocities[motion, k, j], projected[motion, k, 0, j] = velocity, velocity - shortest
                 largest = np.maximum(largest, abs(dt * velocity))  # NaN stays
         _limit_step(motion, k, largest, velocities, repulsion, projected, status)
@@ -246,7 +230,6 @@ def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
 
 @compiled
 def _advance(motion, k, dt, q, velocities):
-    """Take an Euler step."""
     for j in range(q.shape[2]):
         q[motion, k + 1, j] = q[motion, k, j] + dt * velocities[motion, k, j]
 
@@ -264,9 +247,9 @@ def squared_damping(A, region, highest, factor, work):
         for m in range(rows):
             work[i, m] = A[i, m]
         work[i, i] -= region * region
-    if cholesky(work[:rows], factor):
+    if cholesky(work, factor) or not np.isfinite(A).all():
         return 0.0
-    smallest = max(smallest_eigenvalue(A, work), 0.0)
+    smallest = max(np.linalg.eigvalsh(A)[0], 0.0)
     return max(highest * highest * (1.0 - smallest / (region * region)), 0.0)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.resolution.batch import position_ranges
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.task.limits import position_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective, objective
 

@@ -2,22 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array
-from paretoik.resolution.parameters import Parameter, Scale
+from paretoik.task.objectives import Objective
 
 if TYPE_CHECKING:
     from paretoik.resolution.traces import ResolvedMotion
     from paretoik.task.motion_task import MotionTask
 
+Number: TypeAlias = float | np.ndarray
+Scale = Literal["linear", "log", "integer"]
 Tuned = TypeVar("Tuned", bound="Method")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number that is searched between ``lower`` and ``upper``.
+
+    ``scale`` "log" searches its decimal logarithm, "integer" whole numbers. It sets the ``fields`` of the method, by
+    default the one of its own name: one number may set several. Raises InvalidInput for bounds that are no range.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    _: KW_ONLY
+    scale: Scale = "linear"
+    fields: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        label = f"parameter {self.name}"
+        if self.scale not in get_args(Scale):
+            raise InvalidInput(f"{label}: scale must be one of {', '.join(get_args(Scale))}, got {self.scale!r}")
+        lower, upper = (finite_array(f"{label}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
+        if not lower <= upper:
+            raise InvalidInput(f"{label}: a lower bound up to the upper one wanted, got {lower:g} to {upper:g}")
+        if self.scale == "log" and not lower > 0:
+            raise InvalidInput(f"{label}: a lower bound above 0 wanted on a log scale, got {lower:g}")
+        if self.scale == "integer" and (lower % 1 or upper % 1):
+            raise InvalidInput(f"{label}: whole bounds wanted on an integer scale, got {lower:g} to {upper:g}")
+        object.__setattr__(self, "fields", tuple(self.fields) or (self.name,))
+
+    @property
+    def gene_bounds(self) -> tuple[float, float]:
+        """Lower and upper bound of the gene."""
+        if self.scale == "log":
+            return float(np.log10(self.lower)), float(np.log10(self.upper))
+        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # the floor of the upper bound is within the range
+        return float(self.lower), float(self.upper) + margin
+
+    def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
+        """Return the values that genes stand for."""
+        if self.scale == "log":
+            return np.asarray(10.0**genes)
+        return np.floor(genes).astype(int) if self.scale == "integer" else genes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Criterion:
+    """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
+
+    ``gain`` scales its gradient and must not be negative. In ``WeightedGradientProjection`` its weight falls from 1
+    where the criterion is bad to 0 where it is good, by H, its value over ``scale``: normalised to
+    exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
+    best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
+    A mean over time, as ``manipulability`` is, counts as its value at the sample: ``motion.duration`` is 1 s there.
+
+    Raises InvalidInput for other objectives and for numbers out of range.
+    """
+
+    objective: Objective
+    gain: Number = 1.0
+    reference: float = 0.0
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
+            raise InvalidInput(f"criteria: wants objectives of form integral or peak, got {self.objective!r}")
+        label = f"criterion {self.objective.name}"
+        finite_array(f"{label}, reference", self.reference, ())
+        if not finite_array(f"{label}, scale", self.scale, ()) > 0:
+            raise InvalidInput(f"{label}: a positive scale wanted, got {self.scale}")
+        if not (finite_array(f"{label}, gain", self.gain) >= 0).all():
+            raise InvalidInput(f"{label}: a gain of 0 or more wanted, got {self.gain}")
+
+    @property
+    def parameter(self) -> Parameter:
+        """The gain's default range; raises InvalidInput where the gain is an array already."""
+        if np.ndim(self.gain):
+            raise InvalidInput(f"criterion {self.objective.name}: one gain wanted, got {self.gain}")
+        lower, upper = (float(self.gain or 1.0) * share for share in (1e-4, 10.0))
+        return Parameter(f"gain of {self.objective.name}", lower, upper, scale="log")
 
 
 def number(
@@ -32,14 +114,17 @@ class Method:
     """A way to resolve one motion, or a batch of them where its numbers are arrays; ``resolve`` takes any."""
 
     def __post_init__(self) -> None:
-        """Raise InvalidInput for a number outside the range of its field."""
         for each in fields(self):
             if "below" not in each.metadata:
                 continue
-            upper, value, what = each.metadata["below"], getattr(self, each.name), f"{type(self).__name__}: {each.name}"
-            values, bound = finite_array(what, value), "" if np.isinf(upper) else f" and less than {upper:g}"
+            upper, value, label = (
+                each.metadata["below"],
+                getattr(self, each.name),
+                f"{type(self).__name__}: {each.name}",
+            )
+            values, bound = finite_array(label, value), "" if np.isinf(upper) else f" and less than {upper:g}"
             if not ((values >= 0) & (values < upper)).all():
-                raise InvalidInput(f"{what} of 0 or more{bound} wanted, got {value}")
+                raise InvalidInput(f"{label} of 0 or more{bound} wanted, got {value}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, on a path with these sample times [s]."""
@@ -65,3 +150,18 @@ class Method:
         from paretoik.resolution.follow import follow  # here: it takes its time to load
 
         return follow(task, self, start, tolerance=tolerance)
+
+
+def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the batch that starts (*starts, dof) and a method's numbers make, or raise InvalidInput."""
+    name, starts = type(method).__name__, start.shape[:-1]
+    try:
+        shape = np.broadcast_shapes(starts, *shapes)
+    except ValueError:
+        different = ", ".join(sorted({str(one) for one in shapes if one}))
+        raise InvalidInput(
+            f"{name}: starts of shape {starts} and numbers of {different} do not fit each other"
+        ) from None
+    if 0 in shape:
+        raise InvalidInput(f"{name}: numbers wanted, got an empty array")
+    return shape

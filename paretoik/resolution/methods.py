@@ -15,11 +15,11 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array
-from paretoik.resolution.criterion import Criterion as Criterion
+from paretoik.resolution.method import Criterion as Criterion
 from paretoik.resolution.method import Method as Method
+from paretoik.resolution.method import Number as Number
+from paretoik.resolution.method import Parameter as Parameter
 from paretoik.resolution.method import number
-from paretoik.resolution.parameters import Number as Number
-from paretoik.resolution.parameters import Parameter as Parameter
 from paretoik.task.objectives import Objective, kinetic_energy
 
 Variant = Literal["paper", "consistent"]
@@ -102,7 +102,6 @@ class GradientProjection(DampedLeastSquares):
     criteria: Iterable[Criterion | Objective] | Criterion | Objective = ()
 
     def __post_init__(self) -> None:
-        """Check numbers and criteria."""
         super().__post_init__()
         object.__setattr__(self, "criteria", self.criterion_list)
         names = [one.objective.name for one in self.criterion_list]
@@ -153,7 +152,6 @@ class WeightedGradientProjection(GradientProjection):
     variant: Variant = "consistent"
 
     def __post_init__(self) -> None:
-        """Check numbers and variant."""
         super().__post_init__()
         if self.priorities is not None:
             finite_array("WeightedGradientProjection: priorities", self.priorities)
@@ -201,7 +199,6 @@ class PredictiveKineticEnergy(Method):
     feedback: Number = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         super().__post_init__()
         finite_array("PredictiveKineticEnergy: horizon", self.horizon)
         horizon = np.asarray(self.horizon)
@@ -270,6 +267,5 @@ class Nedungadi(Method):
     tolerance: Number = field(default=1e-8, metadata={"search": (1e-12, 1e-3), "scale": "log"})
 
     def __post_init__(self) -> None:
-        """Check the tolerance."""
         if not (finite_array("Nedungadi: tolerance", self.tolerance) > 0).all():
             raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {self.tolerance}")

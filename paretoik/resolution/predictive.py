@@ -11,21 +11,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from functools import cache
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.errors import InvalidInput
-from paretoik.resolution.batch import compiled_kernels
-from paretoik.resolution.horizon import HorizonSolution, horizon_program
+from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline, spline_position
+from paretoik.resolution.method import broadcast_shape
 from paretoik.resolution.methods import PredictiveKineticEnergy
-from paretoik.resolution.quartic_spline import DEGREE, quartic_spline, spline_position
 from paretoik.resolution.step_program import step_program
 from paretoik.resolution.traces import ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import retract_nearest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,18 +83,6 @@ class Schedule:
         return list(range(0, last + 1, self.interval))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Update:
-    """One prediction, as ``PredictiveTraces`` holds it."""
-
-    sample: int
-    prediction: np.ndarray
-    value: float
-    converged: bool
-    iterations: int
-    seconds: float
-
-
 def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[int, ...]) -> list[Schedule]:
     """Return each motion's schedule; raise InvalidInput for times that are not whole numbers of samples."""
     dt, duration = float(times[1] - times[0]), float(times[-1] - times[0])
@@ -136,7 +124,8 @@ def follow_predictively(
 
     Farther than ``tolerance`` [m, rad] off the path nothing is predicted: the arm returns to the path first.
     """
-    shape = _batch_shape(method, start)
+    numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal, method.feedback)
+    shape = broadcast_shape(method, start, [np.shape(each) for each in numbers if each is not None])
     dof, times, count = task.arm.dof, task.times, int(np.prod(shape))
     plans, dt = schedules(method, times, shape), float(times[1] - times[0])
     feedback = np.broadcast_to(np.asarray(method.feedback, dtype=float), shape).ravel()
@@ -172,25 +161,12 @@ def follow_predictively(
     return ResolvedMotion.of(task, shape, q, {**traces, **_update_traces(task, predictors)}, PredictiveTraces)
 
 
-def _batch_shape(method: PredictiveKineticEnergy, start: np.ndarray) -> tuple[int, ...]:
-    numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal, method.feedback)
-    try:
-        shape = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers if each is not None))
-    except ValueError:
-        raise InvalidInput(
-            f"PredictiveKineticEnergy: starts of shape {start.shape[:-1]} and its numbers do not fit each other"
-        ) from None
-    if 0 in shape:
-        raise InvalidInput("PredictiveKineticEnergy: numbers wanted, got an empty array")
-    return shape
-
-
 class Predictor:
     """The predictions of one motion, from update to update."""
 
     def __init__(self, *, task: MotionTask, solver: HorizonSolver, schedule: Schedule) -> None:
         self.task, self.solver, self.schedule = task, solver, schedule
-        self.updates: list[Update] = []
+        self.updates: list[tuple[int, HorizonSolution, float]] = []  # sample, prediction, seconds
         self._due = schedule.updates(len(task.times))
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
@@ -224,29 +200,18 @@ class Predictor:
             unit = stride * float(self.task.times[1] - self.task.times[0])
             points = np.concatenate([q[None], solution.q])
             self._origin, self._spline = k, quartic_spline(points, unit * dq, unit**2 * ddq)
-        self.updates.append(
-            Update(
-                sample=k,
-                prediction=solution.q,
-                value=solution.value,
-                converged=solution.converged,
-                iterations=solution.iterations,
-                seconds=time.perf_counter() - begin,
-            )
-        )
+        self.updates.append((k, solution, time.perf_counter() - begin))
 
     def _initial_guess(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
         """Return positions along the path, from one to the next the shortest way."""
         guess, current = np.empty((len(targets), len(q))), q
         for j, target in enumerate(targets):
-            jacobian = task_errors(self.task.arm, self.task.tasks, current[None], target[None])[1]
-            result = retract(self.task.arm, self.task.tasks, current[None], target[None], row_space_basis(jacobian))
-            guess[j] = current = result.q[0] if result.on_path[0] else current
+            result = retract_nearest(self.task.arm, self.task.tasks, current, target)
+            guess[j] = current = result.q if result.on_path else current
         return guess
 
 
 def _update_traces(task: MotionTask, predictors: list[Predictor]) -> dict[str, np.ndarray]:
-    """Return the updates of all motions as padded arrays."""
     count, horizon = max(len(each.updates) for each in predictors), max(each.schedule.horizon for each in predictors)
     shape = (len(predictors), count)
     traces = {
@@ -258,9 +223,17 @@ def _update_traces(task: MotionTask, predictors: list[Predictor]) -> dict[str, n
         "seconds": np.full(shape, np.nan),
     }
     for i, each in enumerate(predictors):
-        for u, update in enumerate(each.updates):
-            traces["updates"][i, u] = update.sample
-            traces["predictions"][i, u, : len(update.prediction)] = update.prediction
-            traces["values"][i, u], traces["converged"][i, u] = update.value, update.converged
-            traces["iterations"][i, u], traces["seconds"][i, u] = update.iterations, update.seconds
+        for u, (sample, solution, seconds) in enumerate(each.updates):
+            traces["updates"][i, u], traces["seconds"][i, u] = sample, seconds
+            traces["predictions"][i, u, : len(solution.q)] = solution.q
+            traces["values"][i, u], traces["converged"][i, u] = solution.value, solution.converged
+            traces["iterations"][i, u] = solution.iterations
     return traces
+
+
+@cache
+def compiled_kernels() -> Any:
+    """Return the compiled kernels."""
+    from paretoik.resolution import kernels  # here: numba takes its time
+
+    return kernels

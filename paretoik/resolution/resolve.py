@@ -115,15 +115,14 @@ def resolve(
     return motion
 
 
-def _starts(task: MotionTask, start: object, seed: int, candidate_count: int = 64) -> np.ndarray:
-    """Return the postures (*batch, dof) that motions start in, by default the candidate farthest from singular."""
+def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
+    """Return the postures (*batch, dof) that motions start in, by default that of 64 farthest from singular."""
     if start is None:
         rng = np.random.default_rng(seed)
-        candidates = sample_postures(task, candidate_count, rng)
+        candidates = sample_postures(task, 64, rng)
         if not len(candidates):
             raise reach_error(task, rng, 0)
-        jacobians = task_errors(task.arm, task.tasks, candidates, np.tile(task.targets[0], (len(candidates), 1)))[1]
-        singular_values = np.linalg.svd(np.moveaxis(jacobians, -1, 0))[1]
+        singular_values = np.linalg.svd(task_errors(task.arm, task.tasks, candidates, task.targets[0])[1])[1]
         lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
         within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
         return np.asarray(candidates[np.argmax(singular_values.min(axis=1) + 1e3 * within)])
@@ -160,8 +159,8 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
     i = int(np.argmax(lost.any(axis=1)))
     sample = int(np.argmax(lost[i]))
     before = max(sample - 1, 0)
-    q = motion.q.reshape(-1, samples, dof)[i, [before]]
-    jacobian = task_errors(task.arm, task.tasks, q, task.targets[[before]])[1][..., 0]
+    q = motion.q.reshape(-1, samples, dof)[i, before]
+    jacobian = task_errors(task.arm, task.tasks, q, task.targets[before])[1]
     index = np.unravel_index(i, motion.q.shape[:-2])
     name = f"motion {', '.join(str(int(k)) for k in index)}: " if index else ""
     if sample == 0:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +15,7 @@ from paretoik.errors import InvalidInput
 from paretoik.robot.kinematics import link_frames
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.task import path_errors, path_jacobian
 from paretoik.task.traced_motion import trace_sample, trace_sample_function
 
 
@@ -42,27 +42,24 @@ def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
     targets, travel = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
-    links = link_frames(task.arm, list(motion.q.entries))
-    errors, advances, jacobian = list[Any](), list[Any](), list[Any]()
+    q = list(motion.q.entries)
+    components, links = path_errors(task.arm, task.tasks, q, targets), link_frames(task.arm, q)
     for each in task.tasks:
-        error, rows = each.errors(task.arm, links, targets[: each.target_size])
-        errors += error
-        advances += each.displacement_components(task.arm, links, travel[: each.displacement_size])
-        jacobian += [slope for row in rows for slope in row]
-        targets, travel = targets[each.target_size :], travel[each.displacement_size :]
-    outputs = [as_entry(tape, value) for value in (*errors, *advances, *jacobian)]
+        components += each.displacement_components(task.arm, links, travel[: each.displacement_size])
+        travel = travel[each.displacement_size :]
+    outputs = [as_entry(tape, value) for value in (*components, *path_jacobian(task.arm, task.tasks, q))]
     inputs = [
         [as_entry(tape, each) for each in part.entries] for part in (motion.q, motion.dq, motion.ddq, motion.jerk)
     ]
     for criterion in criteria:
-        what = f"criterion {criterion.name}"
-        value = trace_sample_function(motion, what, criterion.function)
+        label = f"criterion {criterion.name}"
+        value = trace_sample_function(motion, label, criterion.function)
         if value is None:
-            raise InvalidInput(f"{what}: looks at more than one sample")
+            raise InvalidInput(f"{label}: looks at more than one sample")
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
         read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
-            raise InvalidInput(f"{what}: wants a function of positions, velocities or both, got one of other things")
+            raise InvalidInput(f"{label}: wants a function of positions, velocities or both, got one of other things")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     return StepProgram(
         program=compile_evaluator(tape, outputs),

@@ -11,20 +11,37 @@ of a redundant manipulator; Gelfand & Fomin 1963, Calculus of Variations, chapte
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
+from scipy.integrate import RK45
 
+from paretoik.arrays import JointPaths
 from paretoik.errors import InvalidInput
 from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
-from paretoik.resolution.integration import integrate
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import START_TOLERANCE
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import retract_nearest, task_errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntegrationOptions:
+    """Settings of the step size control."""
+
+    first_step: float = 1e-2  # share of the duration
+    shortest_step: float = 1e-5  # share of the duration: shorter steps are those of a motion into a singularity
+    safety: float = 0.9  # factor of the step length that the error estimate allows (Hairer et al. 1993, section II.4)
+    smallest_change: float = 0.2  # of a step length from one step to the next
+    largest_change: float = 5.0
+
+
+OPTIONS = IntegrationOptions()
 
 
 def extremal_paths(
     task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: Float[np.ndarray, " motions"]
-) -> tuple[Float[np.ndarray, "motions time dof"], Float[np.ndarray, "motions time dof"]]:
+) -> tuple[JointPaths, JointPaths]:
     """Return positions and velocities of stationary kinetic energy, NaN from where a motion runs into a singularity.
 
     Raises InvalidInput for a cyclic task, a massless arm, starts off the path and tolerances out of range.
@@ -33,13 +50,6 @@ def extremal_paths(
     equation = equation_of_motion(task)
     q = starts_on_path(task, start)
     return integrate_paths(equation, q, equation.initial_rates(q), tolerance)
-
-
-def retract_nearest(task: MotionTask, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Return postures near the path retracted onto it the shortest way; those that don't arrive are NaN."""
-    jacobians = task_errors(task.arm, task.tasks, q, targets)[1]
-    result = retract(task.arm, task.tasks, q, targets, row_space_basis(jacobians))
-    return np.where(result.on_path[:, None], result.q, np.nan)
 
 
 def check_tolerance(tolerance: float | np.ndarray) -> None:
@@ -57,32 +67,89 @@ def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
         raise InvalidInput("variational: wants start postures, the task has no start of its own")
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not np.isfinite(q).all():
         raise InvalidInput(f"variational: start wants finite postures (..., {task.arm.dof}), got shape {q.shape}")
-    flat = q.reshape(-1, task.arm.dof)
-    targets = np.tile(task.targets[0], (len(flat), 1))
-    distance = np.abs(task_errors(task.arm, task.tasks, flat, targets)[0]).max(axis=0, initial=0.0)
+    distance = np.abs(task_errors(task.arm, task.tasks, q, task.targets[0])[0]).max(axis=-1, initial=0.0).ravel()
     if (distance > START_TOLERANCE).any():
         worst = int(np.argmax(distance))
         raise InvalidInput(
             f"variational: start {worst} is {distance[worst]:.3g} m (or rad) off the path's first sample; wants at "
             f"most {START_TOLERANCE}"
         )
-    retracted = retract_nearest(task, flat, targets)
-    return np.where(np.isfinite(retracted), retracted, flat).reshape(q.shape)
+    retraction = retract_nearest(task.arm, task.tasks, q, task.targets[0])
+    return np.where(retraction.on_path[..., None], retraction.q, q)
 
 
 def integrate_paths(
     equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float | np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[JointPaths, JointPaths]:
     """Return positions and velocities (motions, time, dof), retracted onto the path sample by sample."""
-    task, count = equation.task, len(q)
+    task = equation.task
     states = integrate(equation, np.concatenate([q, dq], axis=1), task.times, tolerance)
-    near, rates = (part.reshape(-1, task.arm.dof) for part in np.split(states, 2, axis=2))
+    near, rates = np.split(states, 2, axis=2)
     with np.errstate(invalid="ignore"):
-        paths = retract_nearest(task, near, np.tile(task.targets, (count, 1)))
-    return paths.reshape(count, -1, task.arm.dof), _project_rates(equation, paths, rates, count)
+        retraction = retract_nearest(task.arm, task.tasks, near, task.targets)
+        paths = np.where(retraction.on_path[..., None], retraction.q, np.nan)
+        times, flat = np.tile(task.times, len(q)), (-1, task.arm.dof)
+        projected = equation.project(times, paths.reshape(flat), rates.reshape(flat))
+    return paths, projected.reshape(paths.shape)
 
 
-def _project_rates(equation: EquationOfMotion, paths: np.ndarray, rates: np.ndarray, count: int) -> np.ndarray:
-    with np.errstate(invalid="ignore"):
-        projected = equation.project(np.tile(equation.task.times, count), paths, rates)
-    return projected.reshape(count, -1, paths.shape[1])
+def integrate(
+    equation: EquationOfMotion,
+    start: Float[np.ndarray, "motions state"],
+    times: Float[np.ndarray, " time"],
+    tolerance: float | Float[np.ndarray, " motions"],
+) -> Float[np.ndarray, "motions time state"]:
+    """Return states at ``times``, NaN from the sample that a motion does not reach.
+
+    ``tolerance`` is that of every step, of positions and velocities, relative where they are larger than 1.
+    """
+    states = np.full((len(start), len(times), start.shape[1]), np.nan)
+    duration = times[-1] - times[0]
+    allowed = np.broadcast_to(np.asarray(tolerance, dtype=float), (len(start),))
+    t, y = np.full(len(start), times[0]), start.copy()
+    length = np.full(len(start), OPTIONS.first_step * duration)
+    with np.errstate(all="ignore"):  # towards a singularity numbers overflow, and shorter steps are tried
+        rate = equation(t, y)
+        for sample, end in enumerate(times):
+            while len(active := np.flatnonzero((t < end) & (length > OPTIONS.shortest_step * duration))):
+                remaining = end - t[active]
+                step = np.minimum(length[active], remaining)
+                trial, last_rate, error = _step(equation, t[active], y[active], rate[active], step, allowed[active])
+                accepted, whole = error <= 1, step == remaining
+                change = OPTIONS.safety * np.maximum(error, 1e-10) ** -0.2
+                proposal = step * np.clip(change, OPTIONS.smallest_change, OPTIONS.largest_change)
+                length[active] = np.where(accepted & whole, np.maximum(length[active], proposal), proposal)
+                moved = active[accepted]
+                t[moved] = np.where(whole, end, t[active] + step)[accepted]
+                y[moved], rate[moved] = trial[accepted], last_rate[accepted]
+            arrived = t >= end
+            states[arrived, sample] = y[arrived]
+    return states
+
+
+def _step(
+    equation: EquationOfMotion,
+    t: np.ndarray,
+    y: np.ndarray,
+    rate: np.ndarray,
+    step: np.ndarray,
+    tolerance: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (state, its rate, error over tolerance) after one step each. Source: Dormand & Prince 1980."""
+    stages, h = [rate], step[:, None]
+    for row, share in zip(RK45.A[1:], RK45.C[1:], strict=True):
+        stages.append(equation(t + share * step, y + h * _combine(row, stages)))
+    trial = y + h * _combine(RK45.B, stages)
+    stages.append(equation(t + step, trial))
+    error = np.abs(h * _combine(RK45.E, stages))
+    allowed = tolerance[:, None] * np.maximum(1.0, np.maximum(np.abs(y), np.abs(trial)))
+    ratio = np.max(error / allowed, axis=1)
+    return trial, stages[-1], np.where(np.isfinite(ratio), ratio, np.inf)
+
+
+def _combine(weights: np.ndarray, stages: list[np.ndarray]) -> np.ndarray:
+    """Return Σ weights · stages, term by term: a matrix product rounds differently with the number of motions."""
+    total = weights[0] * stages[0]
+    for weight, stage in zip(weights[1 : len(stages)], stages[1:], strict=True):
+        total += weight * stage
+    return np.asarray(total)

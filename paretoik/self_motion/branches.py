@@ -9,11 +9,11 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import jacobian, link_nodes
 from paretoik.task.motion import Motion
 
+SINE_TOLERANCE = 1e-9  # of the angle between axes that count as parallel, or a joint that counts as straight
 
-def bend_signs(
-    arm: Arm, q: Float[np.ndarray, "*batch dof"], *, tolerance: float = 1e-9
-) -> Int[np.ndarray, "*batch inner"]:
-    """Return the sign in which every inner joint is bent, 0 within ``tolerance`` of straight: shoulder, elbow, wrist.
+
+def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
+    """Return the sign in which every inner joint is bent, 0 where it is straight: shoulder, elbow, wrist.
 
     For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of
     the turn from one link to the next. It changes just where a joint aligns its neighbours. Arms of two joints or fewer
@@ -26,11 +26,11 @@ def bend_signs(
     product = np.sum(np.cross(before, after) * here, axis=-1)
     links = np.diff(origins, axis=-2)
     turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
-    parallel = _always_parallel(arm, tolerance)
+    parallel = _always_parallel(arm)
     inner = np.where(parallel, turn[..., : arm.dof - 2], product)
     last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
     signed = np.concatenate([inner, last], axis=-1)
-    return np.where(np.abs(signed) < tolerance, 0, np.sign(signed)).astype(int)
+    return np.where(np.abs(signed) < SINE_TOLERANCE, 0, np.sign(signed)).astype(int)
 
 
 def branch_labels(motion: Motion) -> list[str]:
@@ -55,7 +55,7 @@ def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
     return np.where(arm.periodic[:, None], columns[..., 3:], columns[..., :3])
 
 
-def _always_parallel(arm: Arm, tolerance: float) -> np.ndarray:
+def _always_parallel(arm: Arm) -> np.ndarray:
     """Return for every inner joint whether the axes on either side of it are parallel at all postures."""
     axes = _axes(arm, np.arange(1.0, arm.dof + 1))  # a posture like any other
-    return np.all(np.abs(np.cross(axes[:-2], axes[2:])) < tolerance, axis=-1)
+    return np.all(np.abs(np.cross(axes[:-2], axes[2:])) < SINE_TOLERANCE, axis=-1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from paretoik.arrays import JointPaths
 from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
@@ -25,48 +26,34 @@ class Charts:
     row_space: Float[np.ndarray, "bases time dof rows"]
 
     def at(
-        self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "motions time redundancy"]
-    ) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
+        self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]
+    ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
         """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
 
         A sample whose correction jumps from that of the sample before has come to another sheet, and is off.
         """
         start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y)
-        count = len(which)
-        retracted = retract(
-            task.arm,
-            task.tasks,
-            start.reshape(-1, task.arm.dof),
-            np.tile(task.targets, (count, 1)),
-            self.row_space[which].reshape(-1, task.arm.dof, task.rows),
-        )
-        q, on_path = retracted.q.reshape(start.shape), retracted.on_path.reshape(start.shape[:2])
+        retracted = retract(task.arm, task.tasks, start, task.targets, self.row_space[which])
+        q, on_path = retracted.q, retracted.on_path
         base_step = np.abs(np.diff(start, axis=1)).max(axis=2)
         on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= STARTS.longest_jump + base_step
         return q, on_path
 
-    def coordinates(
-        self, which: np.ndarray, q: Float[np.ndarray, "motions time dof"]
-    ) -> Float[np.ndarray, "motions time redundancy"]:
+    def coordinates(self, which: np.ndarray, q: JointPaths) -> Float[np.ndarray, "*batch time redundancy"]:
         """Return the coordinates y of motions around bases ``which``."""
         return np.einsum("ptdr,ptd->ptr", self.null_space[which], q - self.base[which])
 
 
 def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) -> Charts:
     """Return coordinates around base motions on the path."""
-    count, times, dof = base.shape
-    targets = np.tile(task.targets, (count, 1))
-    slopes = task_errors(task.arm, task.tasks, base.reshape(-1, dof), targets)[1]
-    jacobian = np.moveaxis(slopes, -1, 0).reshape(count, times, task.rows, dof)
+    jacobian = task_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
-    for i in range(1, times):  # parallel transport: each basis turned as near as can be to the one before
+    for i in range(1, base.shape[1]):  # parallel transport: each basis turned as near as can be to the one before
         left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
         null_space[:, i] = null_space[:, i] @ (left @ right)
     if task.cyclic:
         null_space = _close_frames(null_space, task.times / task.times[-1])
-    return Charts(
-        base=base, null_space=null_space, row_space=row_space_basis(slopes).reshape(count, times, dof, task.rows)
-    )
+    return Charts(base=base, null_space=null_space, row_space=row_space_basis(jacobian))
 
 
 def _close_frames(null_space: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -19,19 +19,14 @@ from paretoik.task.retraction import retract, task_errors
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOptions:
-    """How curves are traced and cut: ``step_length`` [rad or m] of the predictor, at most ``steps`` of a curve.
+    """How curves are traced and cut into nodes."""
 
-    ``turn`` is the least cosine between the directions of two steps, ``seeds`` the postures at either end of the path
-    that are carried along it. ``nodes``: how many in the furthest step of a joint, and at most in all; ``pair_nodes``
-    where pairs of nodes are states.
-    """
-
-    step_length: float = 0.1
-    turn: float = 0.9
-    steps: int = 1200
-    seeds: int = 48
-    nodes: tuple[int, int] = (12, 500_000)
-    pair_nodes: tuple[int, int] = (10, 30_000)
+    step_length: float = 0.1  # rad or m: of the predictor
+    turn: float = 0.9  # least cosine between the directions of two steps
+    steps: int = 1200  # of a curve, at most
+    seeds: int = 48  # postures at either end of the path that are carried along it
+    nodes: tuple[int, int] = (12, 500_000)  # in the furthest step of a joint, and at most in all
+    pair_nodes: tuple[int, int] = (10, 30_000)  # the same where pairs of nodes are states
 
 
 OPTIONS = CurveOptions()
@@ -65,8 +60,8 @@ def self_motion_frames(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the direction of self-motion at postures, the targets of their samples and the directions across it."""
     targets = task.targets[samples]
-    slopes = task_errors(task.arm, task.tasks, q, targets)[1]
-    across, upper = np.linalg.qr(np.moveaxis(slopes, -1, 0).swapaxes(-1, -2), mode="complete")
+    jacobian = task_errors(task.arm, task.tasks, q, targets)[1]
+    across, upper = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")
     signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     return across[..., -1], targets, across[..., : task.rows] * signs[:, None, :]
 
@@ -97,16 +92,17 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
         )
         ahead, _, across = self_motion_frames(task, samples[active], trial.q)
         turn = np.sum(ahead * heading[active], axis=1)
-        good = trial.on_path & (np.abs(turn) > OPTIONS.turn)
-        moved = active[good]
-        q[moved], steep[moved], heading[moved] = trial.q[good], across[good], (ahead * np.sign(turn)[:, None])[good]
+        accepted = trial.on_path & (np.abs(turn) > OPTIONS.turn)
+        moved = active[accepted]
+        ahead *= np.sign(turn)[:, None]
+        q[moved], steep[moved], heading[moved] = trial.q[accepted], across[accepted], ahead[accepted]
         count[moved] += 1
         back = wrap_difference(begin[active] - q[active], task.arm.periodic)
-        closed = good & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[active] > 3)
+        closed = accepted & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[active] > 3)
         closed &= np.sum(heading[active] * first[active], axis=1) > OPTIONS.turn
         q[active[closed]] += back[closed]
         steps.append((moved, q[moved], heading[moved]))
-        step_length[active] = np.where(good, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
+        step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
         active = active[~closed & (step_length[active] > 1e-4)]
         if not len(active):
             break
@@ -116,17 +112,19 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
 
 def node_spacing(curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
     """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
-    length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
     shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
-    return float(max(windows[1:].max() / shares, length / limit))
+    return float(max(windows[1:].max() / shares, _length(curves) / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
     """Return about how many nodes curves have, so far apart, at all the turns that joints' limits hold."""
     lower, upper = unwrapped_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
     turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
-    length = sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here)
-    return float(length / spacing * np.prod(np.maximum(turns, 1.0)))
+    return float(_length(curves) / spacing * np.prod(np.maximum(turns, 1.0)))
+
+
+def _length(curves: list[list[Curve]]) -> float:
+    return float(sum(np.linalg.norm(np.diff(q, axis=0), axis=1).sum() for here in curves for q, _ in here))
 
 
 def resample_curve(curve: Curve, spacing: float, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,20 +15,15 @@ from paretoik.task.retraction import OPTIONS as RETRACTION
 
 @dataclass(frozen=True, kw_only=True)
 class InverseKinematicsOptions:
-    """Damped least squares from random starts: Newton ``iterations`` of a start, the largest step of a joint.
-
-    ``damping`` is a share of the squared error, ``first_damping`` what is added in the first ``damped_iterations``.
-    A sample that few ``quick_starts`` reach is tried from ``thorough_starts``, with five times the iterations, before
-    it is called out of reach.
-    """
+    """Settings of damped least squares from random starts."""
 
     iterations: int = 40
-    longest_step: float = 0.5  # rad or m
-    damping: float = 1e-2
-    first_damping: float = 1e-3
+    longest_step: float = 0.5  # rad or m: of a joint
+    damping: float = 1e-2  # share of the squared error
+    first_damping: float = 1e-3  # added to it in the first iterations
     damped_iterations: int = 5
     quick_starts: int = 32
-    thorough_starts: int = 256
+    thorough_starts: int = 256  # with five times the iterations, before a sample is called out of reach
 
 
 OPTIONS = InverseKinematicsOptions()
@@ -57,21 +52,20 @@ def _solve_from_random_starts(
     targets = task.targets[samples]
     active = np.arange(len(samples))
     for step in range(iterations):
-        error, slopes = task_errors(task.arm, task.tasks, q[active], targets[active])
-        jacobian = np.moveaxis(slopes, -1, 0)
-        size = np.linalg.norm(error, axis=0)
+        error, jacobian = task_errors(task.arm, task.tasks, q[active], targets[active])
+        size = np.linalg.norm(error, axis=1)
         damping = OPTIONS.damping * size**2 + (OPTIONS.first_damping if step < OPTIONS.damped_iterations else 1e-12)
         if step >= OPTIONS.iterations:
             damping = size  # out of reach, perhaps: with less damping it would oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
-        step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error.T)[0][..., None])[..., 0]
+        step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error)[0][..., None])[..., 0]
         q[active] += step_taken / np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
         active = active[size > RETRACTION.tolerance]
         if len(active) == 0:
             break
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
-    return q, task_errors(task.arm, task.tasks, q, targets)[0].T
+    return q, task_errors(task.arm, task.tasks, q, targets)[0]
 
 
 def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
@@ -96,8 +90,7 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
     if task.cyclic:
         return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
     q = sample_postures(task, 64, rng, sample=near)
-    slopes = task_errors(task.arm, task.tasks, q, np.tile(task.targets[near], (len(q), 1)))[1]
-    condition = float(np.linalg.cond(np.moveaxis(slopes, -1, 0)).min())
+    condition = float(np.linalg.cond(task_errors(task.arm, task.tasks, q, task.targets[near])[1]).min())
     return Infeasible(
         f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
         f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "
@@ -110,14 +103,14 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
     errors, row, column = [], 0, 0
     for part in task.tasks:
         size = 2 if part.axes in ("xy", "xy+angle") else 3
-        target, rest = task.targets[sample, column : column + size], error[row : row + part.rows]
-        errors.append((float(np.linalg.norm(rest)), target, rest[:size], rest[size:]))
+        target, residual = task.targets[sample, column : column + size], error[row : row + part.rows]
+        errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
         row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
-    turned = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+    rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
     return (
         f"{(np.round(target, 6) + 0.0).tolist()} m is {np.linalg.norm(off):.3g} m from the nearest point found, "
-        f"{(np.round(target - off, 6) + 0.0).tolist()} m{turned}"
+        f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}"
     )
 
 

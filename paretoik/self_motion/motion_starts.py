@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from paretoik.arrays import JointPaths
 from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
@@ -14,17 +15,12 @@ from paretoik.task.retraction import retract, row_space_basis, solve_small_syste
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How far starts move: ``travel`` [rad or m], all joints together along the self-motion, at most.
+    """How far starts move."""
 
-    Half of that falls into a share of the path between ``travel_width``. ``perturbation`` [rad or m] is the RMS change
-    of joints where the path leaves them free. From one sample to the next no joint moves further than
-    ``longest_jump`` [rad or m].
-    """
-
-    travel: float = 9.0
-    travel_width: tuple[float, float] = (0.3, 1.0)
-    perturbation: float = 1.0
-    longest_jump: float = 0.7
+    travel: float = 9.0  # rad or m: all joints together along the self-motion, at most
+    travel_width: tuple[float, float] = (0.3, 1.0)  # shares of the path into which half of the travel falls
+    perturbation: float = 1.0  # rad or m: RMS change of joints where the path leaves them free
+    longest_jump: float = 0.7  # rad or m: of a joint from one sample to the next
 
 
 OPTIONS = StartOptions()
@@ -78,10 +74,8 @@ def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) ->
     return q[on_path.all(axis=1)]
 
 
-def perturbed_starts(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"], rng: np.random.Generator
-) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path near given ones, all joints displaced at random.
+def perturbed_starts(task: MotionTask, q: JointPaths, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
+    """Return motions on the path near others, all joints displaced at random.
 
     Most at both ends (in cyclic motions at opposite points), less in between, along the null space of the tasks'
     Jacobian; then they are retracted. Motions that leave the path or jump are left out.
@@ -93,8 +87,7 @@ def perturbed_starts(
         displacement = first * (1 + wave) / 2 + last * (1 - wave) / 2
     else:
         displacement = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
-    slopes = task_errors(task.arm, task.tasks, q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1)))[1]
-    rows = row_space_basis(slopes).reshape(*q.shape, task.rows)
+    rows = row_space_basis(task_errors(task.arm, task.tasks, q, task.targets)[1])
     retracted, on_path = _retract_to_path(
         task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement)
     )
@@ -124,13 +117,12 @@ def _integrate(
     alive = np.ones(len(start), dtype=bool)
     for i in range(1, len(task.times)):
         here = q[alive, i - 1]
-        error, slopes = task_errors(task.arm, task.tasks, here, np.tile(task.targets[i], (len(here), 1)))
-        jacobian = np.moveaxis(slopes, -1, 0)
+        error, jacobian = task_errors(task.arm, task.tasks, here, task.targets[i])
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
-            move = (spread @ solve_small_systems(jacobian @ spread, error.T)[0][..., None])[..., 0]
+            move = (spread @ solve_small_systems(jacobian @ spread, error)[0][..., None])[..., 0]
         if pace.any():
-            heading[alive] = _project_to_self_motion(row_space_basis(slopes), heading[alive])
+            heading[alive] = _project_to_self_motion(row_space_basis(jacobian), heading[alive])
             move += pace[alive, i - 1, None] * heading[alive]
         q[alive, i] = here + move
         alive[alive] = np.abs(move).max(axis=1) <= OPTIONS.longest_jump
@@ -139,10 +131,8 @@ def _integrate(
     return q[alive], len(task.times) - 1
 
 
-def _project_to_self_motion(
-    rows: np.ndarray, heading: Float[np.ndarray, "count dof"]
-) -> Float[np.ndarray, "count dof"]:
-    """Return unit directions of self-motion nearest to given ones; ``rows`` (count, dof, rows) move the tool."""
+def _project_to_self_motion(rows: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    """Return unit directions of self-motion (count, dof) nearest to headings; ``rows`` move the tool."""
     tangent = heading - np.einsum("pdk,pek,pe->pd", rows, rows, heading)
     return tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
 
@@ -153,22 +143,19 @@ def _sample_inverse_weights(count: int, dof: int, rng: np.random.Generator) -> F
     return (basis / eigenvalues[:, None, :]) @ np.swapaxes(basis, -1, -2)
 
 
-def _remove_drift(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
+def _remove_drift(task: MotionTask, q: JointPaths) -> JointPaths:
     """Return motions that end in the posture they start from, their drift taken out evenly over time."""
     drift = q[:, -1:] - q[:, :1]
     drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
     return q - (task.times / task.times[-1])[None, :, None] * drift
 
 
-def _retract_to_path(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"]
-) -> tuple[Float[np.ndarray, "motions time dof"], Bool[np.ndarray, "motions time"]]:
+def _retract_to_path(task: MotionTask, q: JointPaths) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
     """Return motions retracted to the path, and which of their samples are on it without a jump."""
-    flat, targets = q.reshape(-1, task.arm.dof), np.tile(task.targets, (len(q), 1))
-    slopes = task_errors(task.arm, task.tasks, flat, targets)[1]
-    directions = slopes / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-12)
-    retracted = retract(task.arm, task.tasks, flat, targets, np.transpose(directions, (2, 1, 0)))
-    q_on_path, on_path = retracted.q.reshape(q.shape), retracted.on_path.reshape(q.shape[:2])
+    jacobian = task_errors(task.arm, task.tasks, q, task.targets)[1]
+    directions = jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)
+    retracted = retract(task.arm, task.tasks, q, task.targets, directions.swapaxes(-1, -2))
+    q_on_path, on_path = retracted.q, retracted.on_path
     if task.cyclic:
         q_on_path[:, -1] = q_on_path[:, 0]
     on_path[:, 1:] &= np.abs(np.diff(q_on_path, axis=1)).max(axis=2) <= OPTIONS.longest_jump

@@ -16,7 +16,7 @@ from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
-LIMIT_UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "torque": "N m", "power": "W"}
+LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
@@ -52,7 +52,7 @@ class Limits:
         if not 0 <= finite_number("margin", self.margin) < 0.5:
             raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {self.margin}")
         declared = {"position": arm.position_limits, "velocity": arm.velocity_limits, "torque": arm.torque_limits}
-        every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMIT_UNITS}
+        every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMITED}
         inwards = self.margin * np.array([1.0, -1.0])
         return {
             kind: bounds + inwards * limit_ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
@@ -116,29 +116,15 @@ def constraint(
         raise InvalidInput(f"constraint: scale wants a positive number, got {scale}")
 
     def wrap(function: Function) -> Constraint:
-        return Constraint(
-            function=function,
-            name=name or function.__name__,
-            unit=unit,
-            form=form,
-            lower=lower,
-            upper=upper,
-            scale=size,
-        )
+        label = name or function.__name__
+        return Constraint(function=function, name=label, unit=unit, form=form, lower=lower, upper=upper, scale=size)
 
     return wrap
 
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
     """Return the violation of a joint limit at each sample as a fraction of its range; not positive where it holds."""
-    values = {
-        "position": lambda: motion.q,
-        "velocity": lambda: motion.dq,
-        "acceleration": lambda: motion.ddq,
-        "torque": lambda: motion.torque,
-        "power": lambda: motion.power,
-    }[kind]()
-    lower, upper = bounds[..., 0], bounds[..., 1]
+    values, lower, upper = getattr(motion, LIMITED[kind]), bounds[..., 0], bounds[..., 1]
     return np.maximum(values - upper, lower - values) / limit_ranges(lower, upper)
 
 
@@ -148,6 +134,16 @@ def limit_ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 1.0))
     return np.where(size > 0, size, 1.0)
+
+
+def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
+    """Return the ranges [rad, m] of joints between their position limits.
+
+    A joint with one limit alone counts as having a range of a whole turn or 1 m; it is inf with none.
+    """
+    span = limits[..., 1] - limits[..., 0]
+    one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
+    return np.where(one_sided, np.where(arm.periodic, 2 * np.pi, 1.0), span)
 
 
 def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:

@@ -20,7 +20,7 @@ from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import Differences, first_derivative, quadrature_weights, second_derivative
 from paretoik.task.distances import clearance
 from paretoik.task.obstacles import Obstacle
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import retract_nearest, task_errors
 from paretoik.task.task import Task
 
 
@@ -48,7 +48,6 @@ class Motion:
     cyclic: bool = False
 
     def __post_init__(self) -> None:
-        """Check the samples, broadcast the times over the batch and make both read-only."""
         q, time = real_array("motion: q", self.q), real_array("motion: time", self.time)
         if q.ndim < 2 or q.shape[-1] != self.arm.dof:
             raise InvalidInput(f"motion of {self.arm.name}: q wants shape (..., time, {self.arm.dof}), got {q.shape}")
@@ -141,7 +140,10 @@ class Motion:
     @cached_property
     def manipulability(self) -> Series:
         """Yoshikawa's √det(J Jᵀ) of the tasks' Jacobian (*batch, time); of the tool's where there is no task."""
-        jacobian = self._jacobian
+        if self.tasks:
+            jacobian = self._errors[1]
+        else:
+            jacobian = kinematics.jacobian(self.arm, self.q)[..., : 2 if self.arm.is_planar else 6, :]
         return _read_only(np.sqrt(np.maximum(np.linalg.det(jacobian @ np.swapaxes(jacobian, -1, -2)), 0.0)))
 
     @cached_property
@@ -149,18 +151,17 @@ class Motion:
         """Largest task error of each sample (*batch, time) [m or rad]; zero without tasks."""
         if not self.tasks:
             return np.zeros(self.q.shape[:-1])
-        error, _ = task_errors(self.arm, self.tasks, self._flat, self._targets)
-        return _read_only(np.abs(error).max(axis=0).reshape(self.q.shape[:-1]))
+        return _read_only(np.abs(self._errors[0]).max(axis=-1))
 
     @cached_property
     def position_error(self) -> Series:
         """Largest distance of a task's frame from its target (*batch, time) [m]; zero without tasks."""
         if not self.tasks:
             return np.zeros(self.q.shape[:-1])
-        error, _ = task_errors(self.arm, self.tasks, self._flat, self._targets)
+        error, _ = self._errors
         first_rows = np.cumsum([0, *(task.rows for task in self.tasks)])
-        parts = [error[row : row + task.position_rows] for task, row in zip(self.tasks, first_rows, strict=False)]
-        return _read_only(np.max([np.linalg.norm(part, axis=0) for part in parts], axis=0).reshape(self.q.shape[:-1]))
+        parts = [error[..., row : row + task.position_rows] for task, row in zip(self.tasks, first_rows, strict=False)]
+        return _read_only(np.max([np.linalg.norm(part, axis=-1) for part in parts], axis=0))
 
     @cached_property
     def clearance(self) -> Series:
@@ -200,35 +201,20 @@ class Motion:
 
     def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
         targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
-        flat = q.reshape(-1, self.arm.dof)
-        targets = np.tile(targets, (len(q), 1))
-        directions = row_space_basis(task_errors(self.arm, self.tasks, flat, targets)[1])
-        retraction = retract(self.arm, self.tasks, flat, targets, directions)
+        retraction = retract_nearest(self.arm, self.tasks, q, targets)
         if not retraction.on_path.all():
-            lost = int(np.argmin(retraction.on_path))
+            lost = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
             raise Infeasible(
-                f"at: the motion must follow its path, but at {instants[lost % len(instants)]:g} s its tool is "
+                f"at: the motion must follow its path, but at {instants[lost[-1]]:g} s its tool is "
                 f"{retraction.error[lost]:.3g} m or rad off"
             )
-        return retraction.q.reshape(q.shape)
+        return retraction.q
 
     @property
-    def _flat(self) -> np.ndarray:
-        return self.q.reshape(-1, self.arm.dof)
-
-    @property
-    def _targets(self) -> np.ndarray:
+    def _errors(self) -> tuple[np.ndarray, np.ndarray]:
         times, inverse = np.unique(self.time, return_inverse=True)
         targets = np.concatenate([task.targets(times) for task in self.tasks], axis=1)
-        return targets[inverse.ravel()]
-
-    @property
-    def _jacobian(self) -> np.ndarray:
-        if not self.tasks:
-            rows = 2 if self.arm.is_planar else 6
-            return kinematics.jacobian(self.arm, self.q)[..., :rows, :]
-        _, jacobian = task_errors(self.arm, self.tasks, self._flat, self._targets)
-        return np.moveaxis(jacobian, -1, 0).reshape(*self.q.shape[:-1], *jacobian.shape[:2])
+        return task_errors(self.arm, self.tasks, self.q, targets[inverse.reshape(self.time.shape)])
 
     @cached_property
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:

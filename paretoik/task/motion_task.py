@@ -131,17 +131,17 @@ class MotionTask:
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
 
-    def violation_between(self, motions: Motion, *, refinement: int = 4) -> Float[np.ndarray, " points"]:
-        """Return the worst violation of the interpolated motions on a grid ``refinement`` times finer, 0 at least."""
-        fine = self.resample(refinement * (len(self.times) - 1) + 1)
-        between = fine.motion(motions.at(fine.times))
-        return np.maximum(fine.violations(between).max(axis=1, initial=0.0), 0.0)
+    def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
+        """Return the worst violation of the interpolated motions on a grid four times finer, 0 at least."""
+        finer = self.resample(4 * (len(self.times) - 1) + 1)
+        between = finer.motion(motions.at(finer.times))
+        return np.maximum(finer.violations(between).max(axis=1, initial=0.0), 0.0)
 
-    def describe_violation(self, motion: Motion, *, tie: float = 1e-3) -> str:
+    def describe_violation(self, motion: Motion) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
 
-        Limits that are violated as much, but for the share ``tie``, are named too: of the least-violating motion, those
-        that contradict each other.
+        Limits violated as much, within 0.1 %, are named too: of the least-violating motion, those that contradict each
+        other.
         """
         violations = self.violations(motion)
         if not len(violations) or violations.max() <= 0:
@@ -153,7 +153,7 @@ class MotionTask:
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
             message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"
-        others = np.flatnonzero(violations >= (1 - tie) * violations[worst]).tolist()
+        others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._where(i, motion)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 

@@ -125,14 +125,14 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
 
 
-def _check_paths_end_at_rest(tasks: tuple[Task, ...], *, interval: float = 1e-4, rest: float = 0.01) -> None:
-    """Raise InvalidInput unless speeds over the last ``interval`` of paths are below ``rest``, both as shares."""
+def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
+    """Raise InvalidInput unless speeds over the last 0.01 % of paths are below 1 % of their mean."""
     for task in tasks:
         path = task.path
-        instants = np.array([1.0 - interval, 1.0]) * path.duration
+        instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
         end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
         mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
-        if end > rest * mean:
+        if end > 0.01 * mean:
             raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, but it ends at {end:.3g} m/s")
 
 
@@ -147,7 +147,7 @@ def _start_posture(arm: Arm, start: object) -> np.ndarray:
 
 
 def _check_start(task: MotionTask, start: np.ndarray) -> None:
-    error, _ = task_errors(task.arm, task.tasks, start[None], task.targets[:1])
+    error, _ = task_errors(task.arm, task.tasks, start, task.targets[0])
     distance = float(np.abs(error).max())
     if distance > START_TOLERANCE:
         raise InvalidInput(

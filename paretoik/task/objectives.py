@@ -1,12 +1,4 @@
-"""Objectives: what users define, and those of the library.
-
-An objective is a plain NumPy function of a batch of motions. ``form`` says what it returns and how it is reduced:
-
-- "integral": values (*batch, time), integrated over time;
-- "peak": values (*batch, time), reduced to the largest, or the smallest where the objective is maximised;
-- "terminal": values (*batch,) that depend on the ends of the motion only;
-- "general": values (*batch,) that depend on all of it.
-"""
+"""Objectives: plain NumPy functions of a batch of motions, what users define and those of the library."""
 
 from __future__ import annotations
 
@@ -83,7 +75,6 @@ def objective(
     Objective wrist_effort [rad²/s], integral
     """
     check_form(form)
-
     check_flag("maximise", maximise)
     for label, text in (("unit", unit), ("name", "" if name is None else name)):
         if not isinstance(text, str) or not text.isprintable():
@@ -158,11 +149,7 @@ def joint_limit_distance(motion: AnyMotion) -> AnyValues:
     Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Only joints with two different
     limits count. Raises InvalidInput where no joint has such limits.
     """
-    lower, upper = motion.arm.position_limits.T
-    limited = np.isfinite(upper - lower) & (upper > lower)
-    if not limited.any():
-        raise InvalidInput("joint_limit_distance wants position limits at both ends, but no joint of the arm has these")
-    lower, upper = lower[limited], upper[limited]
+    limited, lower, upper = _limited_joints("joint_limit_distance", "position", *motion.arm.position_limits.T)
     ratio = (motion.q[..., limited] - (lower + upper) / 2) / (upper - lower)
     return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / _duration(motion)
 
@@ -226,10 +213,17 @@ def _duration(motion: AnyMotion) -> np.ndarray:
 
 
 def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> AnyValues:
-    limited = np.isfinite(upper - lower) & (upper > lower)
-    if not limited.any():
-        raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
-    lower, upper = lower[limited], upper[limited]
+    limited, lower, upper = _limited_joints(name, kind, lower, upper)
     edge = 1e-3 * (upper - lower)  # nearer to a limit it stays the same
     inside = np.clip(values[..., limited], lower + edge, upper - edge)
     return np.sum((upper - lower) ** 2 / (4 * (upper - inside) * (inside - lower)), axis=-1)
+
+
+def _limited_joints(
+    name: str, kind: str, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which joints have two different limits, and these; raise InvalidInput where none has."""
+    limited = np.isfinite(upper - lower) & (upper > lower)
+    if not limited.any():
+        raise InvalidInput(f"{name} wants {kind} limits at both ends, but no joint of the arm has these")
+    return limited, lower[limited], upper[limited]

@@ -13,7 +13,6 @@ from paretoik.inputs import ArrayLike, finite_array, positive_number
 from paretoik.robot.pose import Pose, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
 from paretoik.task.path import Path, even_times, rotation_angles, sample_count, sample_curve
-from paretoik.task.timing import check_law
 
 
 def line(
@@ -52,7 +51,7 @@ def line(
         shape = Line(origin, goal - origin, None, np.zeros(3))
     if max(np.linalg.norm(shape.step), np.linalg.norm(shape.rotation_vector)) <= CLOSURE_TOLERANCE:
         raise InvalidInput(f"line: must have a length, but start and end are both {shape.origin.tolist()}")
-    return sample_curve(TimedCurve(shape, float(duration), check_law(timing)), times)
+    return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
 def circle(
@@ -98,7 +97,7 @@ def circle(
         raise InvalidInput("circle normal: only goes with a 3-D point as center; a pose has its own plane, 2-D has one")
     orientation = center.quaternion if isinstance(center, Pose) else None
     shape = Circle(origin, radius * axes, phase, sweep, orientation)
-    return sample_curve(TimedCurve(shape, float(duration), check_law(timing)), times)
+    return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
 def waypoints(
@@ -136,9 +135,7 @@ def waypoints(
         raise InvalidInput(f"waypoints: must differ from one to the next, but {first} and {first + 1} are the same")
     knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
     knots[-1] = 1.0
-    return sample_curve(
-        TimedCurve(interpolate(knots, positions, quaternions), float(duration), check_law(timing)), times
-    )
+    return sample_curve(TimedCurve(interpolate(knots, positions, quaternions), times[-1], timing), times)
 
 
 def poses(times: ArrayLike, poses: Sequence[Pose] | ArrayLike) -> Path:

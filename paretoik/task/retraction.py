@@ -14,8 +14,7 @@ from jaxtyping import Bool, Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
-from paretoik.robot.kinematics import link_frames
-from paretoik.task.task import Task
+from paretoik.task.task import Task, path_errors, path_jacobian
 
 ON_PATH_TOLERANCE = 1e-10  # m and rad: rounding may keep a long arm from Newton's tolerance, but not from this
 
@@ -40,26 +39,27 @@ class Retraction:
     ``error`` [m, rad] is the largest task error; ``on_path`` says which converged on the sheet that they started from.
     """
 
-    q: Float[np.ndarray, "samples dof"]
-    error: Float[np.ndarray, " samples"]
-    on_path: Bool[np.ndarray, " samples"]
+    q: Float[np.ndarray, "*batch dof"]
+    error: Float[np.ndarray, "*batch"]
+    on_path: Bool[np.ndarray, "*batch"]
 
 
 def task_errors(
-    arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "samples dof"], targets: Float[np.ndarray, "samples numbers"]
-) -> tuple[Float[np.ndarray, "rows samples"], Float[np.ndarray, "rows dof samples"]]:
-    """Return the errors of all tasks and their Jacobian at postures, sample by sample."""
-    rows = sum(task.rows for task in tasks)
-    values = _error_evaluator(arm, tasks)(np.concatenate([q, targets], axis=1).T)
-    return values[:rows], values[rows:].reshape(rows, arm.dof, len(q))
+    arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
+) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
+    """Return the errors of all tasks and their Jacobian at postures."""
+    batch, rows = q.shape[:-1], sum(task.rows for task in tasks)
+    inputs = np.concatenate([q, np.broadcast_to(targets, (*batch, targets.shape[-1]))], axis=-1)
+    values = _error_evaluator(arm, tasks)(inputs.reshape(-1, inputs.shape[-1]).T).T
+    return values[:, :rows].reshape(*batch, rows), values[:, rows:].reshape(*batch, rows, arm.dof)
 
 
 def retract(
     arm: Arm,
     tasks: Sequence[Task],
-    start: Float[np.ndarray, "samples dof"],
-    targets: Float[np.ndarray, "samples numbers"],
-    directions: Float[np.ndarray, "samples dof rows"],
+    start: Float[np.ndarray, "*batch dof"],
+    targets: Float[np.ndarray, "*#batch numbers"],
+    directions: Float[np.ndarray, "*batch dof rows"],
 ) -> Retraction:
     """Return q = start + directions · z on the path, z by Newton's method from 0.
 
@@ -67,18 +67,37 @@ def retract(
     its determinant have crossed a fold, where the solution would belong to another sheet of the self-motion manifold;
     they count as not on the path.
     """
-    q, error, same_sheet = start.copy(), np.empty(len(start)), np.empty(len(start), dtype=bool)
-    settings = OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations
-    arrays = (np.ascontiguousarray(array, dtype=float) for array in (targets, directions))
-    _compiled().newton(_error_evaluator(arm, tasks).arrays, *arrays, settings, q, error, same_sheet)
-    return Retraction(q=q, error=error, on_path=same_sheet & (error <= ON_PATH_TOLERANCE))
+    batch = start.shape[:-1]
+    q, error, same_sheet = start.copy(), np.empty(batch), np.empty(batch, dtype=bool)
+    targets = np.broadcast_to(targets, (*batch, targets.shape[-1])).reshape(-1, targets.shape[-1])
+    directions = directions.reshape(-1, *directions.shape[-2:])
+    _compiled().newton(
+        _error_evaluator(arm, tasks).arrays,
+        np.ascontiguousarray(targets, dtype=float),
+        np.ascontiguousarray(directions, dtype=float),
+        (OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),
+        q.reshape(-1, arm.dof),
+        error.reshape(-1),
+        same_sheet.reshape(-1),
+    )
+    return Retraction(q=q, error=error, on_path=np.asarray(same_sheet & (error <= ON_PATH_TOLERANCE)))
 
 
-def row_space_basis(jacobian: Float[np.ndarray, "rows dof samples"]) -> Float[np.ndarray, "samples dof rows"]:
+def retract_nearest(
+    arm: Arm,
+    tasks: Sequence[Task],
+    start: Float[np.ndarray, "*batch dof"],
+    targets: Float[np.ndarray, "*#batch numbers"],
+) -> Retraction:
+    """Return postures retracted the shortest way: along the row space of the tasks' Jacobian at ``start``."""
+    return retract(arm, tasks, start, targets, row_space_basis(task_errors(arm, tasks, start, targets)[1]))
+
+
+def row_space_basis(jacobian: Float[np.ndarray, "*batch rows dof"]) -> Float[np.ndarray, "*batch dof rows"]:
     """Return an orthonormal basis of the row space of J; J times it is lower triangular with a positive diagonal."""
-    orthonormal, upper = np.linalg.qr(np.moveaxis(jacobian, -1, 0).swapaxes(-1, -2))
+    orthonormal, upper = np.linalg.qr(jacobian.swapaxes(-1, -2))
     signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
-    return orthonormal * signs[:, None, :]
+    return orthonormal * signs[..., None, :]
 
 
 def solve_small_systems(
@@ -95,7 +114,6 @@ def solve_small_systems(
 
 @cache
 def _compiled() -> Any:
-    """Return the module of compiled functions."""
     from paretoik.task import compiled  # here: numba takes its time
 
     return compiled
@@ -107,14 +125,9 @@ def _error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
     if key not in _EVALUATORS:
         tape = Tape()
         q: list[Any] = [tape.input() for _ in range(arm.dof)]
-        links = link_frames(arm, q)
-        errors: list[Any] = []
-        jacobian: list[Any] = []
-        for task in tasks:
-            targets: list[Any] = [tape.input() for _ in range(task.target_size)]
-            error, rows = task.errors(arm, links, targets)
-            errors, jacobian = errors + error, jacobian + [slope for row in rows for slope in row]
-        _EVALUATORS[key] = compile_evaluator(tape, [as_entry(tape, value) for value in (*errors, *jacobian)])
+        targets: list[Any] = [tape.input() for task in tasks for _ in range(task.target_size)]
+        values = [*path_errors(arm, tasks, q, targets), *path_jacobian(arm, tasks, q)]
+        _EVALUATORS[key] = compile_evaluator(tape, [as_entry(tape, value) for value in values])
         if len(_EVALUATORS) > OPTIONS.cache_size:
             _EVALUATORS.popitem(last=False)
     return _EVALUATORS[key]

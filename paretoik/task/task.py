@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -27,10 +27,11 @@ from paretoik.robot.components import (
     times,
     transpose,
 )
-from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components
+from paretoik.robot.kinematics import LinkFrames, frame_components, jacobian_components, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.path import Path
 
+Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 SINE_TOLERANCE = 1e-12  # the axis of a rotation with a smaller sine is rounding
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
@@ -53,14 +54,13 @@ class Task:
     axes: Axes | None = None
 
     def __post_init__(self) -> None:
-        """Check the axes against the path."""
         if not isinstance(self.path, Path):
             raise InvalidInput(f"path: a Path wanted, such as pk.line(...), got {self.path!r}")
         if self.axes is None:
             return
         if self.axes not in list(ROWS):
             raise InvalidInput(f"axes must be one of {', '.join(ROWS)}, got {self.axes!r}")
-        if self.axes in ("xy+angle", "xyz+z-axis", "pose") and self.path.quaternions is None:
+        if self.has_orientation and self.path.quaternions is None:
             raise InvalidInput(f"axes {self.axes!r} wants a path of poses, got a path of points")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
             raise InvalidInput("axes 'xyz' wants a path of 3-D points, got a path of 2-D points")
@@ -82,7 +82,7 @@ class Task:
 
     @property
     def rows(self) -> int:
-        """Number of equations a sample."""
+        """Number of equations of a sample."""
         return ROWS[self.axes or ""]
 
     @property
@@ -103,8 +103,8 @@ class Task:
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
         """Return the targets at times t [s]: position, then the rotation matrix by rows, if any."""
         positions, quaternions = self.path.at(t)
-        columns = [positions[:, :2] if self.axes in ("xy", "xy+angle") else positions]
-        if self.axes in ("xy+angle", "xyz+z-axis", "pose"):
+        columns = [positions[:, : self.position_rows]]
+        if self.has_orientation:
             assert quaternions is not None
             columns.append(quaternion_to_matrix(quaternions).reshape(-1, 9))
         return np.concatenate(columns, axis=1)
@@ -132,9 +132,7 @@ class Task:
                 columns.append(rotation_vector(later @ rotations.swapaxes(-1, -2)))
         return np.concatenate(columns, axis=1)
 
-    def displacement_components(
-        self, arm: Arm, links: LinkFrames, displacement: Sequence[Component]
-    ) -> list[Component]:
+    def displacement_components(self, arm: Arm, links: LinkFrames, displacement: Components) -> list[Component]:
         """Return a row of ``displacements`` in the coordinates of ``errors``, as components."""
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
@@ -144,24 +142,18 @@ class Task:
             components += [vector[i] for i in self._rotation_axes]
         return components
 
-    def errors(
-        self, arm: Arm, links: LinkFrames, target: Sequence[Component]
-    ) -> tuple[list[Component], list[list[Component]]]:
-        """Return (error, Jacobian rows) as components, all of them expressions or numbers.
-
-        The Jacobian is that of the frame's motion in the same coordinates, so that J δq = error is Newton's step.
-        """
-        frame = _frame(arm, self.frame)
-        rotation, position = frame_components(arm, links, frame)
+    def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
+        """Return the errors at a target as components, all of them expressions or numbers."""
+        rotation, position = frame_components(arm, links, _frame(arm, self.frame))
         size = self.position_rows
         error = [minus(target[i], position[i]) for i in range(size)]
         if self.has_orientation:
             vector = _orientation_error(self.axes or "", rotation, _matrix(target[size:]))
             error += [vector[i] for i in self._rotation_axes]
-        return error, self.jacobian(arm, links)
+        return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
-        """Return the Jacobian rows of ``errors`` as components."""
+        """Return the Jacobian rows of the frame's motion as components: J δq = error is Newton's step."""
         frame = _frame(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
@@ -171,7 +163,7 @@ class Task:
             jacobian += [[angular[i] for angular in in_frame] for i in self._rotation_axes]
         return jacobian
 
-    def equations(self, arm: Arm, links: LinkFrames, target: Sequence[Component]) -> list[Component]:
+    def equations(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
         """Return smooth functions that vanish where the errors do; there their gradients are the Jacobian's rows.
 
         Unlike the rotation vector, sines of the angle have derivatives of every order on the path itself, and the same
@@ -196,12 +188,38 @@ class Task:
         return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
+def path_errors(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
+    """Return the errors of all tasks at joint positions and targets, as components."""
+    return _over_tasks(Task.errors, arm, tasks, q, targets)
+
+
+def path_equations(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
+    """Return the ``equations`` of all tasks at joint positions and targets, as components."""
+    return _over_tasks(Task.equations, arm, tasks, q, targets)
+
+
+def path_jacobian(arm: Arm, tasks: Sequence[Task], q: Components) -> list[Component]:
+    """Return the Jacobian of all tasks at joint positions, by rows, as components."""
+    links = link_frames(arm, q)
+    return [slope for task in tasks for row in task.jacobian(arm, links) for slope in row]
+
+
+def _over_tasks(
+    components: Callable[..., list[Component]], arm: Arm, tasks: Sequence[Task], q: Components, targets: Components
+) -> list[Component]:
+    links, values, first = link_frames(arm, q), list[Component](), 0
+    for task in tasks:
+        values += components(task, arm, links, targets[first : first + task.target_size])
+        first += task.target_size
+    return values
+
+
 @lru_cache(maxsize=64)
 def _frame(arm: Arm, name: str) -> Frame:
     return arm.frame(name)  # it searches and builds; retraction calls this a thousand times
 
 
-def _matrix(entries: Sequence[Component]) -> Matrix:
+def _matrix(entries: Components) -> Matrix:
     return tuple(tuple(entries[3 * i : 3 * i + 3]) for i in range(3))  # type: ignore[return-value]
 
 
@@ -249,6 +267,6 @@ def _half_turn(between: Matrix) -> Vector:
     return scale(axis, np.pi / np.sqrt(dot(axis, axis)))
 
 
-def _where(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Vector:
+def _where(condition: Component, first: Components, second: Components) -> Vector:
     x, y, z = (where(condition, one, other) for one, other in zip(first, second, strict=True))
     return x, y, z

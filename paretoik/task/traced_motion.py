@@ -22,6 +22,7 @@ from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, link_frames, node_components
 from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.task import path_jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +94,7 @@ class TracedMotion:
     @cached_property
     def manipulability(self) -> TracedArray:
         """As ``Motion.manipulability``."""
-        flat = self._by_sample(
-            lambda q, *_: [
-                entry
-                for task in self.tasks
-                for row in task.jacobian(self.arm, link_frames(self.arm, q))
-                for entry in row
-            ]
-        )
+        flat = self._by_sample(lambda q, *_: path_jacobian(self.arm, self.tasks, q))
         jacobian = self._reshape(flat, self.task.rows, self.arm.dof)
         measure: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
         return measure
@@ -127,7 +121,6 @@ class TracedMotion:
         return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
 
     def _by_sample(self, kernel: Callable[..., list[Component]]) -> TracedArray:
-        """Run a kernel of columns on every sample."""
         joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
         rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
         values = np.empty((len(rows), len(rows[0])), dtype=object)

@@ -11,7 +11,6 @@ Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +25,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.grid_bound import lower_bound
 from paretoik.trajectory.grid_terms import OPTIONS, Terms, build_terms, evaluate_at
 from paretoik.trajectory.layered_graph import LayeredGraph, distinct_paths, shortest_path
+from paretoik.trajectory.levels import coarsest_level
 from paretoik.trajectory.posture_grid import PostureGrid, build_graph, posture_grid, step_windows, transitions
 
 
@@ -60,7 +60,6 @@ class GridOracle:
 def grid_oracle(
     task: MotionTask,
     *,
-    weights: Sequence[float] | None = None,
     resolution: float | None = None,
     classes: int = 8,
     seed: int = 0,
@@ -71,9 +70,7 @@ def grid_oracle(
     Parameters
     ----------
     task
-        A motion task with integral objectives and backward differences.
-    weights
-        Of the objectives' sum, one each; all 1 by default.
+        A motion task with integral objectives, of which the sum counts, and backward differences.
     resolution
         The distance [rad, m] between nodes; by default a share of the furthest step of a joint between samples,
         or more where that would make too many nodes.
@@ -97,10 +94,10 @@ def grid_oracle(
     _check(task, resolution)
     rng = np.random.default_rng(seed)
     seeds, pace = postures_along_path(task, rng)
-    terms = build_terms(task, weights, np.stack([q[0] for q in seeds])[None])
+    terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True wants no accelerations, but objectives or limits look at them")
-    level = task.subsample(_coarse_samples(len(task.times))) if terms.second else task
+    level = coarsest_level(task) if terms.second else task
     sample_index = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
     curves = trace_curves(level, [seeds[i] for i in sample_index])
@@ -145,7 +142,6 @@ def _check(task: MotionTask, resolution: float | None) -> None:
 
 
 def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
-    """Return the graph whose states are nodes."""
     pairs, at = transitions(task, grid)
     counts = [len(sources) for sources, _ in pairs]
     layers = build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))
@@ -191,12 +187,6 @@ def _join_pairs(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray
     low, high = (np.searchsorted(ends_before, begins, side=side) for side in ("left", "right"))
     ends = np.repeat(np.arange(len(begins)), high - low)
     return np.arange(len(ends)) - np.repeat(np.cumsum(high - low) - high, high - low), ends
-
-
-def _coarse_samples(samples: int) -> int:
-    while (samples - 1) // 2 + 1 >= OPTIONS.coarsest:
-        samples = (samples - 1) // 2 + 1
-    return samples
 
 
 def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:

@@ -19,25 +19,15 @@ At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (
 
 @dataclass(frozen=True, kw_only=True)
 class GridOptions:
-    """How a grid is laid and what it returns.
+    """How a grid is laid and what it returns."""
 
-    Joints without velocity limit may go ``pace`` times as fast as the path itself asks for. A quick grid has at most
-    ``quick_nodes``. Where accelerations count, it has at least ``coarsest`` samples. Paths nearer than ``distinct``
-    [rad or m, RMS] to a better one are not told from it.
-
-    Terms of at most ``transitions`` are evaluated (more do not fit the memory of a small machine), ``block`` samples at
-    once. For the bound, steps between the corners of a cell are longer by ``cell`` nodes than those of a motion in it;
-    transitions are evaluated ``margin`` nodes beyond windows and ranges of joints.
-    """
-
-    pace: float = 2.5
-    quick_nodes: int = 30_000
-    coarsest: int = 26
-    distinct: float = 0.15
-    transitions: int = 40_000_000
-    block: int = 200_000
-    cell: int = 2
-    margin: int = 4
+    pace: float = 2.5  # times the path's own that joints without velocity limit may go
+    quick_nodes: int = 30_000  # of a quick grid, at most
+    distinct: float = 0.15  # rad or m, RMS: paths nearer to a better one are not told from it
+    transitions: int = 40_000_000  # more do not fit the memory of a small machine
+    block: int = 200_000  # samples that are evaluated at once
+    cell: int = 2  # nodes by which steps between a cell's corners are longer than those of a motion in it (the bound)
+    margin: int = 4  # nodes beyond windows and ranges of joints that transitions are evaluated (the bound)
 
 
 OPTIONS = GridOptions()
@@ -71,21 +61,18 @@ class Terms:
         return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
 
 
-def build_terms(task: MotionTask, weights: Sequence[float] | None, probe: np.ndarray) -> Terms:
+def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
     """Return objectives and limits, sorted by what they depend on."""
-    shares = [1.0] * len(task.objectives) if weights is None else list(weights)
-    if len(shares) != len(task.objectives):
-        raise InvalidInput(f"weights: one an objective wanted, {len(task.objectives)} in all, got {len(shares)}")
     for kind, functions, form in (("objective", task.objectives, "integral"), ("constraint", task.constraints, "peak")):
         for one in functions:
             if one.form != form:
                 raise InvalidInput(f"grid_oracle: {kind} {one.name}: form {form!r} wanted, got {one.form!r}")
 
     def cost(motion: Motion) -> np.ndarray:
-        values = [
-            o.sign * evaluate_function(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives
-        ]
-        return np.asarray(np.tensordot(shares, values, axes=1))
+        return np.sum(
+            [o.sign * evaluate_function(f"objective {o.name}", o.function, motion, o.form) for o in task.objectives],
+            axis=0,
+        )
 
     def joint_excess(kind: str) -> Series:
         return lambda motion: relative_violation(kind, task.bounds[kind], motion).max(axis=-1)

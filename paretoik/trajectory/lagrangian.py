@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.trajectory.evaluation import whole_inputs
 from paretoik.trajectory.program import MotionProgram
 
 
@@ -25,12 +24,12 @@ def lagrangian_hessian(
     The path's multipliers ν are those that leave no gradient in the row space of its Jacobian.
     """
     p, (functions, variables, samples) = program, function_gradients.shape
-    orders, n = len(p.stencil.coefficients), p.task.arm.dof
+    orders, n = p.stencil.orders, p.task.arm.dof
     by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
     factors, by_variable = _function_weights(p, weights, by_limit, functions, variables)
     by_variable += np.einsum("fs,fvs->vs", factors, function_gradients)
-    gradient = by_variable[: orders * n].reshape(orders, n, samples).swapaxes(1, 2).ravel()
-    u = whole_inputs(p, inputs)
+    gradient = by_variable[: p.rates].reshape(orders, n, samples).swapaxes(1, 2).ravel()
+    u = p.whole_inputs(inputs)
     for each, part in zip(p.whole_functions, by_part, strict=True):
         gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
     by_position = _by_positions(p, gradient.reshape(orders, samples, n).swapaxes(1, 2))
@@ -51,7 +50,7 @@ def lagrangian_hessian(
 
 def whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
     """Return how the inputs of functions of the whole motion change with the columns."""
-    orders, n, samples = len(program.stencil.coefficients), program.task.arm.dof, len(program.task.times)
+    orders, n, samples = program.stencil.orders, program.task.arm.dof, len(program.task.times)
     order = np.arange(orders * n * samples).reshape(orders, n, samples).swapaxes(1, 2).ravel()
     rows = basis[order]
     rows.resize((4 * n * samples, basis.shape[1]))
@@ -70,7 +69,7 @@ def _part_multipliers(
     }
     for k, each in enumerate(program.whole_functions):
         part = np.zeros(each.parts)
-        for group in each.slices if len(each.groups) else ():
+        for group in each.slices:
             if group.stop - group.start == 1:
                 part[group] = totals[k]
                 continue

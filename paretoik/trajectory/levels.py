@@ -28,27 +28,19 @@ Further = Callable[[Solutions], Float[np.ndarray, "starts samples dof"]]
 
 @dataclass(frozen=True, kw_only=True)
 class LevelOptions:
-    """How optima are refined from level to level.
+    """How optima are refined from level to level: ``cold`` on the coarsest, ``warm`` where coarser levels end."""
 
-    The coarsest level has at least ``coarsest`` samples: with half as many, the best torque optimum does not exist.
-    Optima nearer than ``distinct`` [rad or m, RMS] are one; at most ``max_optima`` are refined on a finer level. Limits
-    violated by less than ``feasible`` hold. ``cold`` are the interior-point options of the coarsest level, in turn
-    (each finds basins that the other leaves), ``warm`` those of finer ones: coarser levels end where these begin. Where
-    no limit can be kept, ``restoration`` minimises the violation alone, and with ``holding`` limits are not violated
-    again for a better objective.
-    """
-
-    coarsest: int = 26
-    distinct: float = 0.01
-    feasible: float = 1e-8
-    max_optima: int = 8
-    cold: tuple[InteriorPointOptions, ...] = (
+    coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
+    distinct: float = 0.01  # rad or m, RMS: optima nearer than this are one
+    feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
+    max_optima: int = 8  # that are refined on a finer level
+    cold: tuple[InteriorPointOptions, ...] = (  # in turn: each finds basins that the other leaves
         InteriorPointOptions(barrier=0.1, radius=0.4),
         InteriorPointOptions(barrier=0.01, radius=0.1),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    restoration: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=40)
-    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)
+    restoration: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=40)  # of the violation alone
+    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)  # limits, after it
 
 
 OPTIONS = LevelOptions()

@@ -10,9 +10,8 @@ from scipy import sparse
 
 from paretoik.nlp.conic import Cone
 from paretoik.task.retraction import retract, row_space_basis
-from paretoik.trajectory.evaluation import MotionValues, evaluate, limit_values, whole_inputs
 from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
-from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.program import MotionProgram, MotionValues
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,10 +100,10 @@ class MotionLinearisation:
             q[-1], targets[-1] = q[0], targets[0]
         if task.ends_at_rest:
             q[-1] = q[-2]
-        retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(np.moveaxis(self.path_jacobian, 0, -1)))
+        retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(self.path_jacobian))
         if not retracted.on_path.all():
             return None
-        q = retracted.q.reshape(q.shape)
+        q = retracted.q
         if task.start is not None:
             q[0] = task.start
         if task.cyclic:
@@ -116,15 +115,13 @@ class MotionLinearisation:
     ) -> Float[np.ndarray, " inequalities"]:
         """Return limits and ties at the motion x, slack and epigraph variables being what the step makes them."""
         p, u, samples = self.program, self.unknowns, len(x)
-        values = evaluate(p, x)
-        auxiliary, inputs = p.variables[len(p.stencil.coefficients) * x.shape[1] :], values.inputs.copy()
-        slacks, peaks = auxiliary[: p.slacks], auxiliary[p.slacks :]
-        column = u + p.slacks * samples
-        inputs[slacks] = self.values.inputs[slacks] + step[u:column].reshape(p.slacks, samples)
-        inputs[peaks] = self.values.inputs[peaks] + step[column : column + p.peaks, None]
-        parts, column = list(limit_values(p, inputs, p.evaluators.value(inputs))), column + p.peaks
+        values = p.values(x)
+        inputs, column = values.inputs.copy(), u + p.slacks * samples
+        inputs[p.slack_inputs] = self.values.inputs[p.slack_inputs] + step[u:column].reshape(p.slacks, samples)
+        inputs[p.peak_inputs] = self.values.inputs[p.peak_inputs] + step[column : column + p.peaks, None]
+        parts, column = list(p.limit_values(inputs, p.evaluators.value(inputs))), column + p.peaks
         for each, before, after in zip(p.whole_functions, self.values.parts, values.parts, strict=True):
-            for group in each.slices if len(each.groups) else ():
+            for group in each.slices:
                 if group.stop - group.start > 1:
                     parts.append(before[group].max() + step[column] - after[group])
                     column += 1
@@ -135,14 +132,14 @@ class MotionLinearisation:
 def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
     """Return the program's values and first derivatives at a motion on the path."""
     task, samples, n = program.task, len(q), q.shape[1]
-    values = evaluate(program, q)
+    values = program.values(q)
     evaluators, sparsity = program.evaluators, program.evaluators.gradient_sparsity
     path_jacobian = evaluators.path(values.inputs)[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
     normal = np.linalg.svd(path_jacobian)[2][:, task.rows :].swapaxes(-1, -2)
     if task.cyclic:
         normal[-1] = normal[0]
     if task.ends_at_rest:
-        across = row_space_basis(np.moveaxis(path_jacobian[-1:], 0, -1))[0]
+        across = row_space_basis(path_jacobian[-1])
         normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
     slopes = evaluators.gradient(values.inputs)
     functions = len(slopes) - len(sparsity.rows)
@@ -173,7 +170,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
 def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[sparse.csr_array, int]:
     """Return how variables (variables · time) change with the columns, and how many columns there are."""
     stencil, (samples, n, r) = program.stencil, normal.shape
-    variables, orders = len(program.variables), len(stencil.coefficients)
+    variables, orders = len(program.variables), stencil.orders
     moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])
     begin = stencil.first_unknown[stencil.neighbours][..., None] + np.arange(r)  # (time, width, r)
     row = np.arange(orders * n * samples).reshape(orders, n, samples)
@@ -198,7 +195,7 @@ def _whole_functions(
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
     if not program.whole_functions:
         return gradients, ties, tie_rows, cones
-    inputs_by_columns, u = whole_basis(program, basis), whole_inputs(program, values.inputs)
+    inputs_by_columns, u = whole_basis(program, basis), program.whole_inputs(values.inputs)
     column = columns - sum(each.epigraph_columns for each in program.whole_functions)
     for k, total in enumerate(program.totals):
         if total.kind != "whole":

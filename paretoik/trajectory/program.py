@@ -58,6 +58,22 @@ class Evaluators:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class MotionValues:
+    """Objectives F and constraints of a program at a motion.
+
+    ``inputs`` are those of its evaluators, slack and epigraph variables at their true values; ``inequalities`` the
+    limits, divided by their ranges, positive where they hold; ``ties`` those that tie slack and epigraph variables;
+    ``parts`` the smooth parts of every function of the whole motion.
+    """
+
+    inputs: Float[np.ndarray, "inputs time"]
+    objectives: Float[np.ndarray, " objectives"]
+    inequalities: Float[np.ndarray, " inequalities"]
+    ties: Float[np.ndarray, " ties"]
+    parts: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MotionProgram:
     """The nonlinear program of a MotionTask.
 
@@ -94,6 +110,21 @@ class MotionProgram:
         return self.evaluators.slacks
 
     @property
+    def rates(self) -> int:
+        """Number of entries of u: positions and their rates, of all joints."""
+        return self.stencil.orders * self.task.arm.dof
+
+    @property
+    def slack_inputs(self) -> Int[np.ndarray, " slacks"]:
+        """Which inputs are slack variables."""
+        return self.variables[self.rates : self.rates + self.slacks]
+
+    @property
+    def peak_inputs(self) -> Int[np.ndarray, " peaks"]:
+        """Which inputs are epigraph variables of peaks."""
+        return self.variables[self.rates + self.slacks :]
+
+    @property
     def is_smooth(self) -> bool:
         """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
         return not (self.slacks or self.peaks or self.whole_functions)
@@ -117,8 +148,7 @@ class MotionProgram:
     def inequality_names(self) -> tuple[str, ...]:
         """Names of the limits, each a function of a sample; see ``limited``."""
         kinds = [f"{order} of {joint}" for order in ORDERS for joint in self.task.arm.joint_names]
-        simple = kinds[: len(self.stencil.coefficients) * self.task.arm.dof]
-        names = [*simple, *[""] * (len(self.variables) - len(simple)), *self.rows]
+        names = [*kinds[: self.rates], *[""] * (len(self.variables) - self.rates), *self.rows]
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
@@ -148,10 +178,49 @@ class MotionProgram:
         self, x: Float[np.ndarray, "time dof"]
     ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
         """Return F, h, which is empty, motions being on the path, and c, the limits divided by their ranges."""
-        from paretoik.trajectory.evaluation import evaluate  # here: it builds on this file
-
-        values = evaluate(self, x)
+        values = self.values(x)
         return values.objectives, np.zeros(0), values.inequalities
+
+    def values(self, q: Float[np.ndarray, "time dof"]) -> MotionValues:
+        """Return objectives and constraints at a motion on the path, and what they come of."""
+        inputs = self.inputs.copy()
+        u = np.einsum("oik,ikj->oji", self.stencil.coefficients, q[self.stencil.neighbours])
+        inputs[: self.rates] = u.reshape(self.rates, -1)
+        if self.slacks:
+            inputs[self.slack_inputs] = self.evaluators.slack(inputs)
+        values = self.evaluators.value(inputs)
+        if self.peaks:
+            peaks = np.full(self.peaks, -np.inf)
+            np.maximum.at(peaks, self.epigraph_peaks, -values[self.sums + self.epigraph_rows].min(axis=1))
+            inputs[self.peak_inputs] = peaks[:, None]
+            values[self.sums + self.epigraph_rows] += peaks[self.epigraph_peaks, None]
+        parts = tuple(each.value(self.whole_inputs(inputs)[:, None])[:, 0] for each in self.whole_functions)
+        objectives = [
+            values[total.index] @ self.task.weights
+            if total.kind == "sum"
+            else float(inputs[self.peak_inputs[total.index], 0])
+            if total.kind == "peak"
+            else self.whole_functions[total.index].combine(parts[total.index])
+            for total in self.totals
+        ]
+        inequalities, ties = self.limit_values(inputs, values)
+        return MotionValues(
+            inputs=inputs, objectives=np.array(objectives), inequalities=inequalities, ties=ties, parts=parts
+        )
+
+    def limit_values(
+        self, inputs: Float[np.ndarray, "inputs time"], values: Float[np.ndarray, "functions time"]
+    ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
+        """Return the limits, divided by their ranges, and the ties, from inputs and values of functions of a sample."""
+        every = np.concatenate([inputs[self.variables], values[self.sums :]])
+        row, sample = self.limited.T
+        limits = self.sides * (every[row, sample] - self.bounds)
+        return limits[: self.elastic] / self.ranges[: self.elastic], limits[self.elastic :]
+
+    def whole_inputs(self, inputs: Float[np.ndarray, "inputs time"]) -> Float[np.ndarray, " whole_inputs"]:
+        """Return the inputs of functions of the whole motion: position, ..., jerk (time, dof) each."""
+        u = inputs[: self.rates].reshape(self.stencil.orders, self.task.arm.dof, -1).swapaxes(1, 2)
+        return np.concatenate([u.ravel(), np.zeros((4 - len(u)) * u[0].size)])
 
     def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
         """Return the program to first order at a motion on the path."""
@@ -205,8 +274,7 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
 
 def _end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
     """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
-    targets = np.tile(task.targets[-1], (len(q), 1))
-    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], targets)[1])
-    retracted = retract(task.arm, task.tasks, q[:, -2], targets, directions)
+    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], task.targets[-1])[1])
+    retracted = retract(task.arm, task.tasks, q[:, -2], task.targets[-1], directions)
     ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
     return np.concatenate([q[:, :-1], ends[:, None]], axis=1)

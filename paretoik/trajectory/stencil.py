@@ -26,6 +26,11 @@ class Stencil:
     unknowns: int
     border: int
 
+    @property
+    def orders(self) -> int:
+        """How many of position, velocity, acceleration and jerk u has."""
+        return len(self.coefficients)
+
 
 def stencil(task: MotionTask, orders: int) -> Stencil:
     """Return the stencil of a task for so many of position, velocity, acceleration and jerk."""

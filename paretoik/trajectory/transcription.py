@@ -14,9 +14,9 @@ from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.robot.kinematics import link_frames
 from paretoik.task.limits import limit_ranges
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.task import path_equations
 from paretoik.trajectory.functions import Functions, trace_functions
 from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Sparsity
 from paretoik.trajectory.stencil import stencil
@@ -25,15 +25,11 @@ from paretoik.trajectory.whole_functions import WholeFunction
 
 @dataclass(frozen=True, kw_only=True)
 class TranscriptionOptions:
-    """How functions are probed for kinks, and how many sets of evaluators stay in memory.
+    """How functions are probed for kinks, and how many sets of evaluators stay in memory."""
 
-    ``probes`` are random inputs, position, velocity, acceleration and jerk with standard deviations ``probe_range``
-    [rad, rad/s, ...]. Levels of samples and scales of objectives share their evaluators: ``cache_size`` sets.
-    """
-
-    probes: int = 64
-    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)
-    cache_size: int = 16
+    probes: int = 64  # random inputs
+    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, rad/s, rad/s², rad/s³: standard deviations
+    cache_size: int = 16  # sets of evaluators; levels of samples and scales of objectives share them
 
 
 OPTIONS = TranscriptionOptions()
@@ -153,19 +149,13 @@ def _reformulate(functions: Functions) -> Reformulation:
 
 
 def _path_equations(functions: Functions) -> list[int]:
-    """Return the entries of the path's equations."""
     motion, task = functions.motion, functions.motion.task
     targets = task.targets.copy()
     if task.cyclic:
         targets[-1] = targets[0]
     parameters: list[Any] = [motion.trace.parameter(column) for column in targets.T]
-    links, first = link_frames(task.arm, list(motion.q.entries)), 0
-    path: list[int] = []
-    for part in task.tasks:
-        equations = part.equations(task.arm, links, parameters[first:][: part.target_size])
-        path += [as_entry(motion.trace.tape, h) for h in equations]
-        first += part.target_size
-    return path
+    equations = path_equations(task.arm, task.tasks, list(motion.q.entries), parameters)
+    return [as_entry(motion.trace.tape, h) for h in equations]
 
 
 def _orders(task: MotionTask, columns: np.ndarray, whole_functions: Sequence[WholeFunction]) -> int:

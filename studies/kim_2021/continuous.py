@@ -41,12 +41,12 @@ def resolved(
 
     Raises SolverFailed where none follow the path.
     """
-    fine, found = evenly(path, 4 * pieces), []
+    fine, profiles = evenly(path, 4 * pieces), []
     for first in dict.fromkeys((price, EASY)):  # where work counts for little, the grid alone tells too little apart
         coarse = continuous(mechanism, evenly(path, pieces), cell=cell, price=first)
-        begun = improve_profile(mechanism, refine_profile(mechanism, coarse, fine), first)
-        found.append(begun if first == price else improve_profile(mechanism, begun, price))
-    return min(found, key=lambda one: _whole(one, price))
+        start = improve_profile(mechanism, refine_profile(mechanism, coarse, fine), first)
+        profiles.append(start if first == price else improve_profile(mechanism, start, price))
+    return min(profiles, key=lambda one: _whole(one, price))
 
 
 def continuous(
@@ -65,10 +65,10 @@ def continuous(
     )
 
 
-def improve_profile(mechanism: Mechanism, known: Profile, price: float = TIE) -> Profile:
+def improve_profile(mechanism: Mechanism, profile: Profile, price: float = TIE) -> Profile:
     """Return a profile from which no linear program gains more."""
-    points, angles, elbows, radius = known.points, known.angles, known.elbows, RADIUS
-    now = _whole(known, price)
+    points, angles, elbows, radius = profile.points, profile.angles, profile.elbows, RADIUS
+    now = _whole(profile, price)
     for _ in range(ITERATIONS):
         if radius < SHORTEST:
             break
@@ -76,9 +76,9 @@ def improve_profile(mechanism: Mechanism, known: Profile, price: float = TIE) ->
         trial = minimum_timing(mechanism, points, angles + moves, elbows)
         gained = now - _whole(trial, price)
         if gained > 0.1 * promised > 0:
-            known, angles, now = trial, trial.angles, now - gained
+            profile, angles, now = trial, trial.angles, now - gained
         radius = radius / 2 if gained < 0.25 * promised or promised <= SETTLED * now else min(2 * radius, RADIUS)
-    return known
+    return profile
 
 
 def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarray, " samples"]:
@@ -89,13 +89,13 @@ def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarr
     for i in range(samples - 2, -1, -1):
         best = [np.full(choices, np.inf) for _ in sides]
         for here, there in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            own = np.flatnonzero(np.isfinite(sides[here].slowness[0, i]).all(axis=-1))
+            rows = np.flatnonzero(np.isfinite(sides[here].slowness[0, i]).all(axis=-1))
             for shift in range(-reach, reach + 1):
-                turned = (own + shift) % choices
-                cost = _costs(sides[here], sides[there], i, own, turned, price) + togo[there][turned]
-                better = cost < best[here][own]
-                best[here][own[better]] = cost[better]
-                following[i, here * choices + own[better]] = there * choices + turned[better]
+                turned = (rows + shift) % choices
+                cost = _costs(sides[here], sides[there], i, rows, turned, price) + togo[there][turned]
+                better = cost < best[here][rows]
+                best[here][rows[better]] = cost[better]
+                following[i, here * choices + rows[better]] = there * choices + turned[better]
         togo = best
     whole = np.concatenate(togo)
     if not np.isfinite(whole.min()):
@@ -106,19 +106,19 @@ def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarr
     return np.array(chosen)
 
 
-def _costs(before: Nodes, after: Nodes, i: int, own: np.ndarray, other: np.ndarray, price: float) -> np.ndarray:
+def _costs(before: Nodes, after: Nodes, i: int, rows: np.ndarray, other: np.ndarray, price: float) -> np.ndarray:
     """Return time + price · work of piece i from some postures to others, inf where one cannot be held."""
-    change = wrap_angles(after.q[i + 1, other] - before.q[i, own])
-    time = lasting(change, before.slowness[:, i, own], after.slowness[:, i + 1, other]).max(axis=-1)
+    change = wrap_angles(after.q[i + 1, other] - before.q[i, rows])
+    time = lasting(change, before.slowness[:, i, rows], after.slowness[:, i + 1, other]).max(axis=-1)
     if price:
-        loaded = np.abs(before.torque[i, own] + after.torque[i + 1, other]) / 2
+        loaded = np.abs(before.torque[i, rows] + after.torque[i + 1, other]) / 2
         time = time + price * (loaded * np.abs(change)).sum(axis=-1)
-    found: np.ndarray = time
-    return found
+    cost: np.ndarray = time
+    return cost
 
 
-def _whole(known: Profile, price: float) -> float:
-    return float(known.times[-1] + price * known.work.sum())
+def _whole(profile: Profile, price: float) -> float:
+    return float(profile.times[-1] + price * profile.work.sum())
 
 
 def _program(
@@ -142,11 +142,11 @@ def _program(
         right.append(-here.ravel())
     cost = np.concatenate([np.zeros(samples), np.ones(pieces), np.full(size - samples - pieces, price)])
     bounds = [*_room(mechanism, points, angles, elbows, radius), *[(0.0, None)] * (size - samples)]
-    found = linprog(cost, A_ub=sparse.vstack(rows), b_ub=np.concatenate(right), bounds=bounds, method="highs")
-    if found.status != 0:
+    solution = linprog(cost, A_ub=sparse.vstack(rows), b_ub=np.concatenate(right), bounds=bounds, method="highs")
+    if solution.status != 0:
         return np.zeros(samples), 0.0
     now = tables[0][0].max(axis=(0, 2)).sum() + (price * tables[1][0].max(axis=0).sum() if price else 0.0)
-    return found.x[:samples], float(now - found.fun)
+    return solution.x[:samples], float(now - solution.fun)
 
 
 def _tables(mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray) -> list[list[np.ndarray]]:
@@ -156,15 +156,15 @@ def _tables(mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows
     """
     near = nodes(mechanism, points, angles[:, None] + NEARBY * np.array([-1.0, 0.0, 1.0]), elbows[:, None])
     at = [_signed(near, *pair) for pair in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]
-    found = []
+    tables = []
     for here, *ends in zip(*at, strict=True):
         slopes = []
         for down, up in (ends[:2], ends[2:]):
             down, up = (np.where(np.isfinite(each), each, here) for each in (down, up))
             sides = (down != here).astype(int) + (up != here)
             slopes.append((up - down) / (NEARBY * np.maximum(sides, 1)))
-        found.append([here, *slopes])
-    return found
+        tables.append([here, *slopes])
+    return tables
 
 
 def _room(
@@ -172,8 +172,8 @@ def _room(
 ) -> list[tuple[float, float]]:
     """Return how far each angle may move either way, within a radius and what the joints can hold."""
     steps = radius * np.linspace(-1.0, 1.0, 2 * LOOKED + 1)
-    known = nodes(mechanism, points, angles[:, None] + steps, elbows[:, None])
-    able = np.isfinite(known.slowness).all(axis=(0, 3))
+    grid = nodes(mechanism, points, angles[:, None] + steps, elbows[:, None])
+    able = np.isfinite(grid.slowness).all(axis=(0, 3))
     up, down = (np.cumprod(part, axis=1).sum(axis=1) for part in (able[:, LOOKED + 1 :], able[:, LOOKED - 1 :: -1]))
     return list(zip(steps[LOOKED - down], steps[LOOKED + up], strict=True))
 

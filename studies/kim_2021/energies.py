@@ -44,22 +44,22 @@ class Driven:
     @property
     def times(self) -> Float[np.ndarray, " pieces"]:
         """The middles [s]."""
-        found: np.ndarray = np.cumsum(self.lasting) - self.lasting / 2
-        return found
+        middles: np.ndarray = np.cumsum(self.lasting) - self.lasting / 2
+        return middles
 
     @property
     def energy(self) -> Float[np.ndarray, "motors 3"]:
         """∫ |effort · speed| dt of every motor [J]."""
-        found: np.ndarray = np.einsum("imj,i->mj", np.abs(self.efforts * self.speeds), self.lasting)
-        return found
+        energies: np.ndarray = np.einsum("imj,i->mj", np.abs(self.efforts * self.speeds), self.lasting)
+        return energies
 
     @property
     def apart(self) -> Float[np.ndarray, "pieces 2 3"]:
         """How far each slider is from where its own speed has brought it [m]."""
         assert self.sliders is not None
-        moved = np.cumsum(self.speeds * self.lasting[:, None, None], axis=0)
-        found: np.ndarray = self.sliders - self.sliders[0] - (moved - moved[0])
-        return found
+        travel = np.cumsum(self.speeds * self.lasting[:, None, None], axis=0)
+        distances: np.ndarray = self.sliders - self.sliders[0] - (travel - travel[0])
+        return distances
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,58 +115,58 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     motors = mechanism.actuation
     if isinstance(motors, pk.capability.JointActuation):
         return Driven(lasting=seconds, q=q, efforts=torque[:, None], speeds=rate[:, None], sliders=None)
-    known = joint_speeds(motors, q, torque)
-    front = _steady(motors, q, np.where(rate >= 0, known.front_high, known.front_low))
+    capability = joint_speeds(motors, q, torque)
+    front = _steady(motors, q, np.where(rate >= 0, capability.front_high, capability.front_low))
     back, *gears = motors.gears(q, front)
     ratios = np.stack(gears, axis=1)
     efforts = ratios * torque[:, None]
-    most = np.stack([curve.speeds(efforts[:, m])[1] for m, curve in enumerate((motors.front, motors.back))], axis=1)
-    ways = np.sign(ratios) * most  # both push the joint up, as fast as they can: the diamond is even
-    speeds = ways * (rate / (ratios * ways).sum(axis=1))[:, None]
+    highest = np.stack([curve.speeds(efforts[:, m])[1] for m, curve in enumerate((motors.front, motors.back))], axis=1)
+    directions = np.sign(ratios) * highest  # both push the joint up, as fast as they can: the diamond is even
+    speeds = directions * (rate / (ratios * directions).sum(axis=1))[:, None]
     return Driven(lasting=seconds, q=q, efforts=efforts, speeds=speeds, sliders=np.stack([front, back], axis=1))
 
 
 def _steady(motors: pk.capability.DistributedActuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
     """Return best front sliders that do not swap with back sliders: with the same bounds, both are as good."""
     assert np.array_equal(motors.front_bounds, motors.back_bounds)
-    back, found = motors.gears(q, front)[0], front.copy()
-    for i in range(1, len(found)):
-        swapped = np.abs(back[i] - found[i - 1]) < np.abs(front[i] - found[i - 1])
-        found[i] = np.where(swapped, back[i], front[i])
-    return found
+    back, sliders = motors.gears(q, front)[0], front.copy()
+    for i in range(1, len(sliders)):
+        swapped = np.abs(back[i] - sliders[i - 1]) < np.abs(front[i] - sliders[i - 1])
+        sliders[i] = np.where(swapped, back[i], front[i])
+    return sliders
 
 
 def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tuple[Driven, float]:
     """Return what motors do in the maximising postures, and how long the arm takes to pass through all of these [s]."""
     change, middle = np.diff(points, axis=0), (points[1:] + points[:-1]) / 2
-    found = [
+    maxima = [
         pk.directional_maxima(mechanism.arm, mechanism.actuation, place, way[None])
         for place, way in zip(middle, change, strict=True)
     ]
-    seconds = np.linalg.norm(change, axis=1) / np.array([each.values[0] for each in found])
-    q = np.array([each.q[0] for each in found])
-    known = joint_speeds(mechanism.actuation, q, gravity_torques(mechanism.arm, q))
-    slowness = 1.0 / np.stack([-known.low, known.high])
+    seconds = np.linalg.norm(change, axis=1) / np.array([each.values[0] for each in maxima])
+    q = np.array([each.q[0] for each in maxima])
+    capability = joint_speeds(mechanism.actuation, q, gravity_torques(mechanism.arm, q))
+    slowness = 1.0 / np.stack([-capability.low, capability.high])
     turned = lasting(wrap_angles(np.diff(q, axis=0)), slowness[:, :-1], slowness[:, 1:])
     driven = Driven(
         lasting=seconds,
         q=q,
-        efforts=np.stack([each.motor_efforts[0] for each in found]),
-        speeds=np.stack([each.motor_speeds[0] for each in found]),
-        sliders=None if found[0].sliders is None else np.stack([each.sliders[0] for each in found]),  # type: ignore[index]  # all or none
+        efforts=np.stack([each.motor_efforts[0] for each in maxima]),
+        speeds=np.stack([each.motor_speeds[0] for each in maxima]),
+        sliders=None if maxima[0].sliders is None else np.stack([each.sliders[0] for each in maxima]),  # type: ignore[index]  # all or none
     )
     return driven, float(turned.max(axis=1).sum() + seconds[[0, -1]].sum() / 2)
 
 
-def posture_rows(found: dict[str, Postures], trajectories: dict[str, Trajectory]) -> list[Row]:
+def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Trajectory]) -> list[Row]:
     """Return how soon the arm can be at p6 on the trajectory's path if postures do not jump, beside the claim."""
     rows = []
-    for name, one in found.items():
+    for name, one in by_mechanism.items():
         claimed, possible, soonest = trajectories[name].run.arrival, trajectories[name].possible, one.soonest.times[-1]
         lost = "LOSS: " if soonest > 1.01 * claimed else ""
         note = f"{lost}{100 * (soonest / claimed - 1):+.1f} % beside the arrival by ellipses, {claimed:.4g} s"
         fast = np.rad2deg(np.abs(np.einsum("ij,i->ij", np.diff(one.maxima.q, axis=0), 1 / one.maxima.lasting[1:])))
-        told = [
+        entries = [
             ("soonest, postures do not jump", soonest, note),
             ("the same, four times the samples", one.checked, f"{len(one.soonest.times)} samples above"),
             ("by exact maxima, postures free to jump", possible, ""),
@@ -177,30 +177,30 @@ def posture_rows(found: dict[str, Postures], trajectories: dict[str, Trajectory]
             ),
             ("soonest on the straight line", one.straight, "postures do not jump"),
         ]
-        rows += [beside_paper((SOONEST, name, column), "s", value, note) for column, value, note in told]
-    first, second = (found[name].soonest.times[-1] for name in MECHANISMS)
+        rows += [beside_paper((SOONEST, name, column), "s", value, note) for column, value, note in entries]
+    first, second = (by_mechanism[name].soonest.times[-1] for name in MECHANISMS)
     lost = "LOSS: DAM is later" if second > first else ""
     rows.append(beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), lost))
-    return rows + _gear_rows(found["DAM"])
+    return rows + _gear_rows(by_mechanism["DAM"])
 
 
 def _gear_rows(one: Postures) -> list[Row]:
     """Return what instantaneous gears overlook: a slider that thrusts moves, and one that moves thrusts."""
     driven = one.driven
     assert driven.sliders is not None
-    asked = np.abs(np.diff(driven.sliders, axis=0)).sum(axis=0).max()
-    done = np.abs(driven.speeds * driven.lasting[:, None, None]).sum(axis=0).max()
-    note = f"gears go {1e3 * asked:.1f} mm at most, thrust alone {1e3 * done:.1f} mm: one slider cannot do both"
+    by_gears = np.abs(np.diff(driven.sliders, axis=0)).sum(axis=0).max()
+    by_thrust = np.abs(driven.speeds * driven.lasting[:, None, None]).sum(axis=0).max()
+    note = f"gears go {1e3 * by_gears:.1f} mm at most, thrust alone {1e3 * by_thrust:.1f} mm: one slider cannot do both"
     place = (SOONEST, "DAM", "a slider from where its thrust has brought it, at most")
     return [beside_paper(place, "mm", 1e3 * np.abs(driven.apart).max(), note)]
 
 
-def table_4(found: dict[str, Postures]) -> list[Row]:
+def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
     """Return the energy of every motor, of both kinds of postures, and how little these are bound by time."""
     rows = []
     for table, what in ((TABLE, "driven"), (JUMPING, "maxima")):
         totals = []
-        for name, one in found.items():
+        for name, one in by_mechanism.items():
             energy = 1e3 * getattr(one, what).energy
             totals.append(float(energy.sum()))
             for names, values in zip(COLUMNS[name], energy, strict=True):
@@ -212,7 +212,7 @@ def table_4(found: dict[str, Postures]) -> list[Row]:
         rows.append(
             Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, paper=printed, note=lost)
         )
-    for name, one in found.items():
+    for name, one in by_mechanism.items():
         late = 100 * (one.lazy.times[-1] / one.soonest.times[-1] - 1)
         saved = 100 * (1 - one.lazy.work.sum() / one.soonest.work.sum())
         note = f"{late:+.2f} % time, {saved:.1f} % less work: least time leaves the energy open"

@@ -52,7 +52,7 @@ def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
         columns, low, high = random_postures(arm, actuation, count, rng)
         ways = unit_directions(rng.normal(size=(count, columns.shape[1])), columns.shape[1])
         ours = highest_speeds(columns, low, high, ways[:, None])[:, 0]
-        theirs = [furthest(*each).value for each in zip(columns, low, high, ways, strict=True)]
+        theirs = [furthest(*each)[0] for each in zip(columns, low, high, ways, strict=True)]
         worst = float(np.max(np.abs(ours / np.array(theirs) - 1.0)))
         rows.append(_small(name, "closed form beside LP, at most", worst, f"{count} random postures and directions"))
     return rows

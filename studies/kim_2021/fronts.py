@@ -101,25 +101,25 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
 def race_fronts(one: TimeEnergy, *, starts: int, samples: int) -> Race:
     """Return what the same starts lead to by interior points, ours and IPOPT's, and IPOPT's gains from our front."""
     problem = problem_of(one.name, samples)
-    own, program = problem.program(), motion_program(problem)
+    own_program, program = problem.program(), motion_program(problem)
     genes = problem.sample_starts(4 * starts, np.random.default_rng(1))
     genes = genes[np.isfinite(problem.points(genes)).all(axis=1)][:starts]
     starts = len(genes)
-    found, seconds = np.full((2, 2, starts), np.nan), np.zeros((2, 2, starts))
+    sums, seconds = np.full((2, 2, starts), np.nan), np.zeros((2, 2, starts))
     for e, weights in enumerate(ENDS):
         for k, z in enumerate(problem.points(genes)):
-            begun = perf_counter()
-            end = minimise(own, z[None], np.array([weights]), options=COLD.barrier)
+            started = perf_counter()
+            end = minimise(own_program, z[None], np.array([weights]), options=COLD.barrier)
             middle = perf_counter()
             _, values, success = program.solved(program.start(problem, genes[k]), weights)
-            seconds[:, e, k] = middle - begun, perf_counter() - middle
-            found[0, e, k] = end.objectives[0] @ weights if end.converged[0] else np.nan
-            found[1, e, k] = np.dot(weights, values) if success else np.nan
+            seconds[:, e, k] = middle - started, perf_counter() - middle
+            sums[0, e, k] = end.objectives[0] @ weights if end.converged[0] else np.nan
+            sums[1, e, k] = np.dot(weights, values) if success else np.nan
     gained = []
     for row, value in zip(np.array(one.front.genes), one.front.objectives, strict=True):
         _, values, success = program.solved(program.start(problem, row), ENDS[1], value[0])
         gained.append(max(0.0, 1.0 - values[1] / value[1]) if success else 0.0)
-    return Race(name=one.name, ours=found[0], theirs=found[1], seconds=seconds, gained=np.array(gained))
+    return Race(name=one.name, ours=sums[0], theirs=sums[1], seconds=seconds, gained=np.array(gained))
 
 
 def race_rows(one: Race) -> list[Row]:
@@ -137,9 +137,11 @@ def race_rows(one: Race) -> list[Row]:
         rows.append((f"{what}: our best above the best of both", "", worse, None, lost + note))
         mine, other = 1e3 * np.median(one.seconds[:, e], axis=1)
         rows.append((f"{what}: one search", "ms", mine, other, f"{mine / other:.2f} times CasADi + IPOPT beside it"))
-    most = float(one.gained.max())
-    lost = "LOSS: " if most > SAME else ""
-    rows.append(("what IPOPT gains in work from our front, at most", "", most, None, f"{lost}{len(one.gained)} points"))
+    largest = float(one.gained.max())
+    lost = "LOSS: " if largest > SAME else ""
+    rows.append(
+        ("what IPOPT gains in work from our front, at most", "", largest, None, f"{lost}{len(one.gained)} points")
+    )
     return [
         Row(table=RACED, row=one.name, column=column, unit=unit, ours=float(value), paper=beside, note=note)
         for column, unit, value, beside, note in rows
@@ -148,9 +150,11 @@ def race_rows(one: Race) -> list[Row]:
 
 def time_energy_rows(one: TimeEnergy) -> list[Row]:
     """Return a front's ends, its certificates, and the paper's point beside it."""
-    known, values = one.front.certificates, one.front.objectives
-    assert known is not None
-    statuses = ", ".join(f"{np.sum(known.status == status)} {status}" for status in np.unique(known.status))
+    certificates, values = one.front.certificates, one.front.objectives
+    assert certificates is not None
+    statuses = ", ".join(
+        f"{np.sum(certificates.status == status)} {status}" for status in np.unique(certificates.status)
+    )
     mechanism = one.name[:3]
     paper = printed()["Figure 8", mechanism, "arrival"], printed()["Table 4", mechanism, "total"]
     fits = one.bound <= values[0, 0] * (1 + COARSE)
@@ -175,10 +179,10 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
         (
             "critical points",
             f"of {len(values)}",
-            float(np.sum(known.kkt_residual <= CRITICAL)),
+            float(np.sum(certificates.kkt_residual <= CRITICAL)),
             None,
-            f"{statuses}; criticality at most {known.kkt_residual.max():.1e}, limits violated by "
-            f"{known.violation.max():.1e} at samples",
+            f"{statuses}; criticality at most {certificates.kkt_residual.max():.1e}, limits violated by "
+            f"{certificates.violation.max():.1e} at samples",
         ),
         (
             f"timed anew, {AGAIN} times finer: longer by, at most",
@@ -218,8 +222,8 @@ def drawn_fronts(folder: Path, fronts: Sequence[TimeEnergy]) -> Path:
             rows = one.front.objectives
             axes.plot(rows[:, 0], 1e3 * rows[:, 1], ".-", color=colour, linewidth=1.2, label=one.name)
         for mechanism, colour in (("JAM", PAPER.accents[1]), ("DAM", PAPER.accents[0])):
-            known = printed()
-            place = known["Figure 8", mechanism, "arrival"], known["Table 4", mechanism, "total"]
+            numbers = printed()
+            place = numbers["Figure 8", mechanism, "arrival"], numbers["Table 4", mechanism, "total"]
             axes.plot(*place, "x", color=colour, markersize=8, label=f"{mechanism}, the paper")
         axes.set_xlabel("duration [s]")
         axes.set_ylabel("work of all motors [mJ]")

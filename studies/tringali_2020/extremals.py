@@ -98,7 +98,7 @@ def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) 
     motion = int(np.argmin(complete.all(axis=1)))
     sample = max(0, int(np.argmin(complete[motion])) - 1)
     where = f"motion {motion} runs into a singularity past sample {sample} ({task.times[sample]:.3g} s)"
-    jacobian = task_errors(task.arm, task.tasks, q[motion, [sample]], task.targets[[sample]])[1][..., 0]
+    jacobian = task_errors(task.arm, task.tasks, q[motion, sample], task.targets[sample])[1]
     condition = f"{np.linalg.cond(jacobian):.3g}" if np.isfinite(jacobian).all() else "infinite"
     raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {condition}")
 

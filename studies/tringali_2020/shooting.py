@@ -12,12 +12,11 @@ from jaxtyping import Bool, Float
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.resolution.equation_of_motion import EquationOfMotion, equation_of_motion
-from paretoik.resolution.integration import integrate
-from paretoik.resolution.variational import check_tolerance, retract_nearest, starts_on_path
+from paretoik.resolution.variational import check_tolerance, integrate, starts_on_path
 from paretoik.robot import dynamics
 from paretoik.self_motion.charts import build_charts
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import task_errors
+from paretoik.task.retraction import retract_nearest, task_errors
 from studies.tringali_2020.extremals import Extremal, follow_equation
 
 
@@ -64,14 +63,14 @@ def shoot_extremals(task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *
 
 def _transversal_postures(equation: EquationOfMotion, q: np.ndarray, tolerance: float) -> np.ndarray:
     """Return postures (motions, dof) at sample 0 from which no self-motion velocity is left at the end."""
-    targets, dof = equation.task.targets[0], q.shape[1]
+    task, dof = equation.task, q.shape[1]
     best, step = np.full(len(q), np.inf), np.zeros_like(q)
     accuracy = OPTIONS.residual * tolerance
     converged = []
     for _ in range(OPTIONS.iterations):
-        trial = retract_nearest(equation.task, q + step, np.tile(targets, (len(q), 1)))
-        trial = np.where(np.isfinite(trial), trial, q)
-        near = _neighbours(equation.task, trial, normal := _self_motion_basis(equation.task, trial))
+        retraction = retract_nearest(task.arm, task.tasks, q + step, task.targets[0])
+        trial = np.where(retraction.on_path[:, None], retraction.q, q)
+        near = _neighbours(task, trial, normal := _self_motion_basis(task, trial))
         residual = _end_residual(equation, near.reshape(-1, dof), tolerance).reshape(near.shape)
         size = np.abs(residual[:, 0]).max(axis=1)
         converged.append(trial[size <= accuracy])
@@ -106,17 +105,15 @@ def _self_motion_velocity(equation: EquationOfMotion, last: np.ndarray) -> np.nd
 
 def _self_motion_basis(task: MotionTask, q: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis (motions, dof, redundancy) of the self-motion at sample 0."""
-    jacobians = task_errors(task.arm, task.tasks, q, np.tile(task.targets[0], (len(q), 1)))[1]
-    basis: np.ndarray = np.linalg.svd(np.moveaxis(jacobians, -1, 0))[2][:, task.rows :].swapaxes(1, 2)
-    return basis
+    jacobian = task_errors(task.arm, task.tasks, q, task.targets[0])[1]
+    return np.linalg.svd(jacobian)[2][:, task.rows :].swapaxes(1, 2)
 
 
 def _neighbours(task: MotionTask, q: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Return postures (motions, 1 + redundancy, dof): each itself, and moved along every direction of ``normal``."""
     moves = np.concatenate([np.zeros_like(q)[:, None], np.swapaxes(normal, 1, 2)], axis=1)
-    near = q[:, None] + OPTIONS.difference * moves
-    flat = near.reshape(-1, task.arm.dof)
-    return retract_nearest(task, flat, np.tile(task.targets[0], (len(flat), 1))).reshape(near.shape)
+    retraction = retract_nearest(task.arm, task.tasks, q[:, None] + OPTIONS.difference * moves, task.targets[0])
+    return np.where(retraction.on_path[..., None], retraction.q, np.nan)
 
 
 def _distinct(task: MotionTask, q: np.ndarray, energy: np.ndarray) -> list[int]:

@@ -46,7 +46,7 @@ def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(
     cost = np.zeros(unscaled.unknowns)
     cost[unscaled.slices["values"]] = -1.0
     starts = sample_postures_at(ARM, PLACE, 200, np.random.default_rng(0))
-    held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:4]
+    held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:6]
     for direction, value in zip(polygon.directions, polygon.values, strict=True):
         program = DenseProgram(rows=unscaled.program(PLACE, direction[None], value), costs=cost[None])
         starts = np.array([unscaled.initial_point(q) for q in held])

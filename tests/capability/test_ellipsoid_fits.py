@@ -1,4 +1,4 @@
-"""Fits of ellipsoids: a model put in comes back, units and axes do not matter, and safe fits are below every sample."""
+"""Fits of ellipsoids: models come back, units and axes do not matter, safe fits are below every sample; angles fail."""
 
 import re
 from dataclasses import replace
@@ -6,11 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.capability.ellipsoid_fits import ellipsoids_at, fit_ellipsoids
-from paretoik.capability.polynomials import monomials
+from paretoik.capability.ellipsoid_fits import ellipsoids_at, fit_axes, fit_ellipsoids
+from paretoik.capability.polynomials import Polynomials, monomials
+from paretoik.capability.speed_models import PolynomialEllipsoids
 from paretoik.capability.speed_samples import fit_errors
 from paretoik.errors import InvalidInput, SolverFailed
-from tests.capability.fields import TASKS, arm_maxima, constant_shape, field, grid, log_errors, units, within
+from tests.capability.fields import (
+    TASKS,
+    arm_maxima,
+    axes_field,
+    constant_shape,
+    field,
+    grid,
+    log_errors,
+    units,
+    within,
+)
 
 
 @pytest.fixture(scope="module")
@@ -159,3 +170,24 @@ def test_speeds_that_only_an_endless_needle_is_near_to_are_refused():
     speeds[:, :2] = 10.0  # three directions, in one of which no ellipse through the others is that slow
     with pytest.raises(SolverFailed, match=r"at position \d one grew to \S+: give more directions"):
         fit_ellipsoids(grid(3), units(3), speeds)
+
+
+def test_axes_that_are_polynomials_come_back_with_angles_continued():
+    truth = axes_field(turn=0.8)
+    speeds = truth.speeds(grid(5), units(8))
+    inside = within(truth, 30)
+    fitted = fit_axes(grid(5), units(8), speeds)
+    assert fitted.speeds(inside, units(7)) == pytest.approx(truth.speeds(inside, units(7)), rel=1e-5)
+
+
+def test_where_ellipses_turn_around_a_position_an_angle_cannot_follow():
+    entries = np.array([[1.0, 0, 1.0], [0.9, 0, -0.9], [0, 0.9, 0]])  # half a turn of c around the center
+    center = np.array([0.15, -0.15])
+    columns = np.column_stack([np.zeros(3), entries])
+    polynomials = Polynomials(degree=1, center=center, scale=0.1, coefficients=columns)
+    truth = PolynomialEllipsoids(polynomials=polynomials, lower=center - 0.05, upper=center + 0.05)
+    samples = (grid(4), units(8), truth.speeds(grid(4), units(8)))
+    inside = within(truth, 100)
+    held_out = (inside, units(8), truth.speeds(inside, units(8)))
+    assert fit_errors(fit_ellipsoids(*samples), *held_out).rms < 0.02
+    assert fit_errors(fit_axes(*samples), *held_out).rms > 0.1

@@ -18,8 +18,8 @@ def posture(links, distance=0.7):
     q = np.array(GUESS[links])
     task = marcos_2012.loop(links, distance, start=q, steps=3).task
     for _ in range(50):
-        error, jacobian = task_errors(task.arm, task.tasks, q[None], task.targets[:1])
-        q = q + np.linalg.pinv(jacobian[:, :, 0]) @ error[:, 0]
+        error, jacobian = task_errors(task.arm, task.tasks, q, task.targets[0])
+        q = q + np.linalg.pinv(jacobian) @ error
     assert np.abs(error).max() < 1e-9
     return q
 

@@ -1,7 +1,6 @@
 """Closed loops: where they go, that they repeat, what they keep clear of, what they refuse."""
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import paretoik as pk
 from paretoik.closed_loop.exact_loop import exact_steps
 from paretoik.closed_loop.objectives import Step, step_objective
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.formulations import closed_loop_result
+from paretoik.formulations import closed_loop
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr
 from paretoik.task.obstacles import Circle
@@ -48,8 +47,7 @@ def test_weights_alone_change_what_is_chosen():
 @pytest.fixture
 def frequent_digests(monkeypatch):
     """Take a digest of the state every five steps."""
-    frequent = partial(closed_loop_result.collect_run, digest_interval=5)
-    monkeypatch.setattr("paretoik.formulations.closed_loop.collect_run", frequent)
+    monkeypatch.setattr(closed_loop, "DIGEST_INTERVAL", 5)
 
 
 @pytest.mark.usefixtures("frequent_digests")

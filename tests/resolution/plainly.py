@@ -56,8 +56,7 @@ class Plainly:
 
     def at(self, q, k):
         targets = np.concatenate([task.targets(self.motion.time) for task in self.motion.tasks], axis=1)
-        error, slopes = task_errors(self.motion.arm, self.motion.tasks, q[None], targets[[k]])
-        return error[:, 0], slopes[..., 0]
+        return task_errors(self.motion.arm, self.motion.tasks, q, targets[k])
 
     def wanted(self, q, k):
         dt = self.motion.time[k + 1] - self.motion.time[k]

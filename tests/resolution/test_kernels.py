@@ -16,7 +16,7 @@ def test_damping_is_that_of_the_least_singular_value(seed, rows, least):
     left, _ = np.linalg.qr(rng.normal(size=(rows, rows)))
     sizes = np.append(rng.uniform(0.1, 2.0, rows - 1), least)
     matrix = (left * sizes**2) @ left.T
-    work = np.empty((rows, rows)), np.empty((rows + 4, rows))
+    work = np.empty((rows, rows)), np.empty((rows, rows))
     damping = max(0.0, 0.03**2 * (1 - (least / 0.02) ** 2))
     assert squared_damping(matrix, 0.02, 0.03, *work) == pytest.approx(damping, abs=1e-12)
     assert squared_damping(matrix, 0.0, 0.03, *work) == 0.0

@@ -520,3 +520,11 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
 def test_numbers_out_of_range_are_refused_by_name(make, said):
     with pytest.raises(InvalidInput, match=re.escape(said)):
         make()
+
+
+def test_motions_of_a_batch_are_the_same_in_every_run():
+    """Threads share nothing: with a common workspace a run in six or so came out different."""
+    method = pk.methods.WeightedGradientProjection(criteria=pk.manipulability, buffer=np.linspace(0.05, 0.4, 8))
+    path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
+    runs = [pk.resolve(tringali_3r(), path, method, start=[0.0, 0.327, -0.754], unreachable="track") for _ in range(30)]
+    assert all((run.q == runs[0].q).all() for run in runs[1:])

@@ -32,12 +32,11 @@ def curves():
 def test_curves_stay_on_the_path_along_the_null_space(curves):
     for sample, of_sample in enumerate(curves[1]):
         for q, directions in of_sample:
-            targets = np.tile(TASK.targets[sample], (len(q), 1))
-            error, jacobian = task_errors(ARM, TASK.tasks, q, targets)
+            error, jacobian = task_errors(ARM, TASK.tasks, q, TASK.targets[sample])
             assert np.abs(error).max() < 1e-9
             closes = np.linalg.norm(wrap_difference(q[-1] - q[0], ARM.periodic)) < 1e-9
             inner = len(q) - closes  # the closing node has the direction of the step that nearly came to it
-            assert np.abs(np.einsum("rns,sn->rs", jacobian, directions))[:, :inner].max() < 1e-9
+            assert np.abs(jacobian @ directions[..., None])[:inner].max() < 1e-9
             np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
             assert (np.sum(directions[1:] * directions[:-1], axis=1) > 0).all()
 

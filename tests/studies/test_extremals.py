@@ -15,7 +15,7 @@ from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
 from paretoik.self_motion.inverse_kinematics import sample_postures
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import retract_nearest, task_errors
 from studies.tringali_2020.extremals import integrate_extremal
 from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda
@@ -65,16 +65,13 @@ TASKS = {
 def posture(task, count=1, seed=4):
     """Return well-conditioned postures at sample 0."""
     q = sample_postures(task, 40, np.random.default_rng(seed))
-    slopes = task_errors(task.arm, task.tasks, q, np.tile(task.targets[0], (len(q), 1)))[1]
-    return q[np.argsort(np.linalg.cond(np.moveaxis(slopes, -1, 0)), kind="stable")[:count]]
+    jacobian = task_errors(task.arm, task.tasks, q, task.targets[0])[1]
+    return q[np.argsort(np.linalg.cond(jacobian), kind="stable")[:count]]
 
 
 def led(task, near):
     """Return postures led onto the path's first sample the shortest way."""
-    q, targets = np.array(near), np.tile(task.targets[0], (len(near), 1))
-    return retract(
-        task.arm, task.tasks, q, targets, row_space_basis(task_errors(task.arm, task.tasks, q, targets)[1])
-    ).q
+    return retract_nearest(task.arm, task.tasks, np.array(near), task.targets[0]).q
 
 
 def driving(extremal):
@@ -159,7 +156,7 @@ def test_a_gantry_moves_in_proportion_to_its_path():
     path = line([0.0, 0.0, 0.0], [0.3, -0.2, 0.1], duration=1.0, samples=21)
     task = task_of(arm, path, objectives=[kinetic_energy])
     rates = np.array([0.3, -0.1, 0.2, 0.4])
-    jacobian = task_errors(arm, task.tasks, np.zeros((1, 4)), task.targets[:1])[1][..., 0]
+    jacobian = task_errors(arm, task.tasks, np.zeros(4), task.targets[0])[1]
     drift = rates - np.linalg.pinv(jacobian) @ jacobian @ rates
     inertia = dynamics.inertia_matrix(arm, np.zeros(4))
     spread = np.linalg.solve(inertia, jacobian.T)
@@ -254,7 +251,7 @@ def test_shooting_takes_any_degree_of_redundancy():
 def test_self_motion_of_the_panda_costs_energy_either_way():
     task = task_of(panda(), line([0.45, -0.05, 0.3], [0.45, 0.05, 0.3], duration=0.3, samples=13))
     q, z = posture(task)[0], 0.05 * np.random.default_rng(1).normal(size=(6, 4))
-    slopes = task_errors(task.arm, task.tasks, q[None], task.targets[:1])[1][..., 0]
+    slopes = task_errors(task.arm, task.tasks, q, task.targets[0])[1]
     away = z @ np.linalg.svd(slopes)[2][3:]
     rates = np.concatenate([np.zeros((1, 7)), away, -away])
     extremal = integrate_extremal(task, np.tile(q, (13, 1)), rates=rates, tolerance=1e-7)

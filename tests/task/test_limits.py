@@ -8,7 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik import Arm, Limits, Motion
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import LIMIT_UNITS, relative_violation
+from paretoik.task.limits import LIMITED, relative_violation
 
 ARM = Arm.planar(
     lengths=[0.3, 0.25, 0.2],
@@ -24,7 +24,7 @@ MOTION = Motion(arm=ARM, time=np.linspace(0, 1, SAMPLES), q=np.random.default_rn
 VARYING = np.linspace(1, 2, SAMPLES)[:, None] * [1.0, 2.0, 3.0]
 
 
-@pytest.mark.parametrize("kind", LIMIT_UNITS)
+@pytest.mark.parametrize("kind", LIMITED)
 @pytest.mark.parametrize(
     ("given", "lower", "upper"),
     [
@@ -94,7 +94,7 @@ def test_what_is_no_limit_is_refused_with_its_kind_and_joint(given, words):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("kind", LIMIT_UNITS)
+@pytest.mark.parametrize("kind", LIMITED)
 @pytest.mark.parametrize("given", [2.0, (-0.5, 3.0), VARYING], ids=["number", "pair", "varying"])
 def test_violations_are_shares_of_the_range_and_positive_only_beyond(kind, given):
     bounds = Limits(**{kind: given}).bounds(ARM, SAMPLES)[kind]

@@ -8,7 +8,7 @@ import pytest
 from paretoik import Arm, Pose, Task, line
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.robot.kinematics import forward_kinematics
-from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, row_space_basis, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, retract_nearest, row_space_basis, task_errors
 from tests.formulations.problems import panda, random_arm
 from tests.task.test_task import FLAT_POSES, POINTS_2D, POSES, SPATIAL, targets_at, through
 from tests.task.test_task import KINDS as EVERY_KIND
@@ -32,7 +32,7 @@ def test_postures_near_the_path_are_led_onto_it(arm, axes, path):
     task, start, targets, directions = disturbed(arm, axes, path, 0.02)
     result = retract(arm, [task], start, targets, directions)
     assert result.on_path.mean() > 0.97  # the others stand next to a singularity
-    error = np.abs(task_errors(arm, [task], result.q, targets)[0]).max(axis=0)
+    error = np.abs(task_errors(arm, [task], result.q, targets)[0]).max(axis=1)
     assert (error[result.on_path] <= ON_PATH_TOLERANCE).all()
     np.testing.assert_allclose(result.error[result.on_path], error[result.on_path], atol=ON_PATH_TOLERANCE)
 
@@ -63,7 +63,7 @@ def test_a_posture_on_the_path_is_left_where_it_is():
     q = np.random.default_rng(1).uniform(-1, 1, (50, 7))
     task = Task(POSES).resolve_axes(arm)
     targets = targets_at(task, through(arm, q, POSES))
-    result = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
+    result = retract_nearest(arm, [task], q, targets)
     np.testing.assert_array_equal(result.q, q)
     assert result.on_path.all()
 
@@ -85,9 +85,8 @@ def test_newtons_method_squares_the_error():
     for size in sizes:
         task, start, targets, directions = disturbed(arm, "pose", POSES, size)
         error, slopes = task_errors(arm, [task], start, targets)
-        matrix = np.einsum("rdn,ndk->nrk", slopes, directions)
-        step = np.einsum("ndr,nr->nd", directions, np.linalg.solve(matrix, error.T[..., None])[..., 0])
-        left.append(np.median(np.abs(task_errors(arm, [task], start + step, targets)[0]).max(axis=0)))
+        step = (directions @ np.linalg.solve(slopes @ directions, error[..., None]))[..., 0]
+        left.append(np.median(np.abs(task_errors(arm, [task], start + step, targets)[0]).max(axis=1)))
     assert np.log10(left[0] / left[1]) == pytest.approx(2, abs=0.3)
 
 
@@ -97,7 +96,7 @@ def test_a_target_out_of_reach_is_not_arrived_at():
     start = np.random.default_rng(2).uniform(-2, 2, (200, 3))
     for beyond in (1e-9, 1e-3, 1.0):
         targets = np.tile([0.4895 + beyond, 0.0], (200, 1))
-        result = retract(arm, [task], start, targets, row_space_basis(task_errors(arm, [task], start, targets)[1]))
+        result = retract_nearest(arm, [task], start, targets)
         assert not result.on_path.any()
         assert np.isfinite(result.q).all()
         assert (result.error > ON_PATH_TOLERANCE).all()
@@ -111,7 +110,7 @@ def test_a_fold_of_the_manifold_is_not_crossed():
     place = forward_kinematics(arm, q)[1][:, :2]
     directions = row_space_basis(task_errors(arm, [task], q, place)[1])
     result = retract(arm, [task], q * [[1, -1, -1]], place, directions)
-    mirrored = np.linalg.det(task_errors(arm, [task], result.q, place)[1][:, :, 0] @ directions[0]) < 0
+    mirrored = np.linalg.det(task_errors(arm, [task], result.q, place)[1][0] @ directions[0]) < 0
     assert result.error[0] > ON_PATH_TOLERANCE or mirrored
     assert not result.on_path[0]
 
@@ -121,9 +120,9 @@ def test_a_singular_start_is_told_not_raised():
     task = Task(FLAT_POSES).resolve_axes(arm)
     q = np.zeros((3, 4))
     targets = targets_at(task, through(arm, np.full((3, 4), 0.1), FLAT_POSES))
-    result = retract(arm, [task], q, targets, row_space_basis(task_errors(arm, [task], q, targets)[1]))
+    result = retract_nearest(arm, [task], q, targets)
     assert np.isfinite(result.q).all()
-    arrived = task_errors(arm, [task], result.q, targets)[0][:, result.on_path]
+    arrived = task_errors(arm, [task], result.q, targets)[0][result.on_path]
     assert np.abs(arrived).max(initial=0.0) <= ON_PATH_TOLERANCE
 
 
@@ -134,7 +133,7 @@ def test_several_tasks_are_met_at_once():
     tasks = [Task(POINTS_2D, frame="joint4").resolve_axes(arm), Task(POINTS_2D).resolve_axes(arm)]
     targets = np.concatenate([forward_kinematics(arm, there, frame)[1][:, :2] for frame in ("joint4", "tool")], axis=1)
     start = there + rng.uniform(-0.05, 0.05, there.shape)
-    result = retract(arm, tasks, start, targets, row_space_basis(task_errors(arm, tasks, start, targets)[1]))
+    result = retract_nearest(arm, tasks, start, targets)
     assert result.on_path.mean() > 0.95
     for frame, columns in (("joint4", slice(0, 2)), ("tool", slice(2, 4))):
         off = forward_kinematics(arm, result.q[result.on_path], frame)[1][:, :2] - targets[result.on_path, columns]
@@ -152,10 +151,9 @@ def test_no_samples_are_no_trouble():
 def test_row_space_basis_is_an_orthonormal_basis_of_the_rows(arm, axes, path):
     q = np.random.default_rng(4).uniform(-1, 1, (30, arm.dof))
     task = Task(path, axes=axes).resolve_axes(arm)
-    _, slopes = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
-    basis = row_space_basis(slopes)
+    _, jacobian = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
+    basis = row_space_basis(jacobian)
     np.testing.assert_allclose(np.swapaxes(basis, -1, -2) @ basis - np.eye(task.rows), 0, atol=1e-12)
-    jacobian = np.moveaxis(slopes, -1, 0)
     np.testing.assert_allclose(jacobian @ basis @ np.swapaxes(basis, -1, -2), jacobian, atol=1e-12)
     triangle = jacobian @ basis
     np.testing.assert_allclose(np.triu(triangle, 1), 0, atol=1e-12)
@@ -168,7 +166,19 @@ def test_a_retraction_is_the_same_with_the_base_elsewhere():
     turn = Pose.from_rpy((0.3, -0.2, 0.5), (0.4, 0.5, -0.6))
     moved = arm.mounted(base=turn)
     shifted = targets @ turn.rotation.T + turn.position
-    results = []
-    for a, expected in ((arm, targets), (moved, shifted)):
-        results.append(retract(a, [task], start, expected, row_space_basis(task_errors(a, [task], start, expected)[1])))
+    results = [retract_nearest(a, [task], start, expected) for a, expected in ((arm, targets), (moved, shifted))]
     np.testing.assert_allclose(results[0].q, results[1].q, atol=1e-8)
+
+
+@every_kind
+def test_shapes_of_batches_do_not_matter(arm, axes, path):
+    task, start, targets, directions = disturbed(arm, axes, path, 0.1, count=6)
+    flat = retract(arm, [task], start, targets, directions)
+    shaped = retract(*(arm, [task]), *(a.reshape(2, 3, *a.shape[1:]) for a in (start, targets, directions)))
+    np.testing.assert_array_equal(shaped.q.reshape(6, -1), flat.q)
+    np.testing.assert_array_equal(shaped.on_path.ravel(), flat.on_path)
+    one = retract(arm, [task], start[0], targets[0], directions[0])
+    np.testing.assert_array_equal(one.q, flat.q[0])
+    same = [task_errors(arm, [task], start, other) for other in (targets[0], np.tile(targets[0], (6, 1)))]
+    for once, tiled in zip(*same, strict=True):
+        np.testing.assert_array_equal(once, tiled)

@@ -101,7 +101,7 @@ def test_the_error_vanishes_where_the_frame_is_on_the_path(arm, axes, path):
     q = np.random.default_rng(0).uniform(-1, 1, (6, arm.dof))
     task = Task(path, axes=axes).resolve_axes(arm)
     error, _ = task_errors(arm, [task], q, targets_at(task, through(arm, q, path)))
-    assert error.shape == (task.rows, 6)
+    assert error.shape == (6, task.rows)
     assert np.abs(error).max() < 1e-14
 
 
@@ -116,7 +116,7 @@ def test_on_the_path_what_a_target_travels_is_the_error_to_the_next(arm, axes, p
     assert (travels[-1] == 0).all()
     error, _ = task_errors(arm, [task], q[:-1], targets[1:])
     going = task.displacement_components(arm, link_frames(arm, list(q[:-1].T)), list(travels[:-1].T))
-    np.testing.assert_allclose(np.broadcast_arrays(*going, np.zeros(5))[:-1], error, atol=1e-10)
+    np.testing.assert_allclose(np.broadcast_arrays(*going, np.zeros(5))[:-1], error.T, atol=1e-10)
 
 
 @every_kind
@@ -128,7 +128,7 @@ def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
     error, _ = task_errors(arm, [task], q, targets)
     rotation, position = forward_kinematics(arm, q)
     size = min(task.rows, 2 if axes in ("xy", "xy+angle") else 3)
-    np.testing.assert_allclose(error[:size].T, targets[:, :size] - position[:, :size], atol=1e-14)
+    np.testing.assert_allclose(error[:, :size], targets[:, :size] - position[:, :size], atol=1e-14)
     if task.rows > size:
         between = np.swapaxes(rotation, -1, -2) @ targets[:, size:].reshape(-1, 3, 3)
         if axes == "xyz+z-axis":
@@ -138,7 +138,7 @@ def test_the_error_is_what_is_wanted_less_what_is_there(arm, axes, path):
             expected = turn[:, :2]
         else:
             expected = rotation_vector(between)[:, [2] if axes == "xy+angle" else [0, 1, 2]]
-        np.testing.assert_allclose(error[size:].T, expected, atol=1e-9)
+        np.testing.assert_allclose(error[:, size:], expected, atol=1e-9)
 
 
 @every_kind
@@ -149,16 +149,16 @@ def test_the_jacobian_is_the_slope_of_the_error(arm, axes, path, frame):
     task = Task(path, frame=frame, axes=axes).resolve_axes(arm)
     targets = targets_at(task, through(arm, q, path, frame))
     _, slopes = task_errors(arm, [task], q, targets)
-    assert slopes.shape == (task.rows, arm.dof, 8)
+    assert slopes.shape == (8, task.rows, arm.dof)
     h = 1e-6
     for joint in range(arm.dof):
         step = np.zeros(arm.dof)
         step[joint] = h
         forth, _ = task_errors(arm, [task], q + step, targets)
         back, _ = task_errors(arm, [task], q - step, targets)
-        np.testing.assert_allclose(slopes[:, joint], (back - forth) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(slopes[..., joint], (back - forth) / (2 * h), atol=1e-8)
     if frame != "tool":
-        assert (slopes[:, 3:] == 0).all()
+        assert (slopes[..., 3:] == 0).all()
 
 
 @settings(max_examples=60)
@@ -173,7 +173,7 @@ def test_turning_the_tool_about_its_own_axes_is_seen_as_that_turn(angle, seed):
         turn = Pose.from_rpy((0, 0, 0), tuple(angle * np.eye(3)[axis])).rotation
         targets = np.concatenate([position[0], (rotation[0] @ turn).ravel()])[None]
         error, _ = task_errors(arm, [task], q, targets)
-        np.testing.assert_allclose(error[:, 0], np.r_[0, 0, 0, angle * np.eye(3)[axis]], atol=1e-9)
+        np.testing.assert_allclose(error[0], np.r_[0, 0, 0, angle * np.eye(3)[axis]], atol=1e-9)
 
 
 def test_a_turn_about_its_own_axis_is_nothing_to_a_task_of_position_and_axis():
@@ -198,7 +198,7 @@ def test_half_a_turn_is_as_far_as_it_gets_and_never_taken_for_none(axes):
     for off in (0.0, 1e-13, -1e-13, 1e-9, 1e-6):
         turned = rotation[0] @ Pose.from_rpy((0, 0, 0), tuple(np.array(about) * (1 - off))).rotation
         error, _ = task_errors(arm, [task], q, np.concatenate([position[0, :size], turned.ravel()])[None])
-        assert np.linalg.norm(error[size:]) == pytest.approx(np.pi, abs=1e-5)
+        assert np.linalg.norm(error[0, size:]) == pytest.approx(np.pi, abs=1e-5)
 
 
 def test_errors_of_several_tasks_stand_one_below_the_other():
@@ -209,8 +209,8 @@ def test_errors_of_several_tasks_stand_one_below_the_other():
     error, slopes = task_errors(arm, [first, second], q, np.concatenate(targets, axis=1))
     for task, expected, rows in ((first, targets[0], slice(0, 3)), (second, targets[1], slice(3, 8))):
         single, slope = task_errors(arm, [task], q, expected)
-        np.testing.assert_array_equal(error[rows], single)
-        np.testing.assert_array_equal(slopes[rows], slope)
+        np.testing.assert_array_equal(error[:, rows], single)
+        np.testing.assert_array_equal(slopes[:, rows], slope)
 
 
 def test_a_batch_of_many_blocks_gives_what_its_postures_give():
@@ -220,8 +220,8 @@ def test_a_batch_of_many_blocks_gives_what_its_postures_give():
     error, slopes = task_errors(arm, [task], q, targets)
     for i in (0, 6143, 6144, 12_999):
         single, slope = task_errors(arm, [task], q[i : i + 1], targets[i : i + 1])
-        np.testing.assert_array_equal(error[:, i], single[:, 0])
-        np.testing.assert_array_equal(slopes[..., i], slope[..., 0])
+        np.testing.assert_array_equal(error[i], single[0])
+        np.testing.assert_array_equal(slopes[i], slope[0])
 
 
 @pytest.mark.parametrize(
@@ -255,7 +255,7 @@ def test_the_frame_of_one_arm_is_not_taken_for_that_of_another():
     q, task = np.zeros((1, 4)), Task(POINTS_2D).resolve_axes(near)
     targets = task.targets(np.array([0.0]))
     apart = task_errors(near, [task], q, targets)[0] - task_errors(far, [task], q, targets)[0]
-    np.testing.assert_allclose(apart[:, 0], [1.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(apart[0], [1.0, 0.0], atol=1e-15)
 
 
 def test_half_a_turn_of_exact_right_angles_about_any_axis_is_seen_as_half_a_turn():
@@ -267,5 +267,5 @@ def test_half_a_turn_of_exact_right_angles_about_any_axis_is_seen_as_half_a_turn
         unit = axis / np.linalg.norm(axis)
         targets = np.concatenate([position, (2 * np.outer(unit, unit) - np.eye(3)).ravel()])[None]
         error, _ = task_errors(arm, [task], np.zeros((1, 7)), targets)
-        turn = error[3:, 0]
+        turn = error[0, 3:]
         np.testing.assert_allclose(turn * np.sign(turn @ unit), np.pi * unit, atol=1e-9)

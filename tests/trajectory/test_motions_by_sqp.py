@@ -11,9 +11,9 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import check_solver, minimise_violation
 from paretoik.nlp.program import Goal
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.linearisation import linearise
 from paretoik.trajectory.plan import find_optima
+from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from problems.panda import across_the_table

@@ -147,16 +147,16 @@ def _negative_value_at(place, arguments):
 def _refined_maximum(curve, low, high, direction, problem, q, work, value):
     """Return (value, place) of the maximum along one direction between two places."""
     arguments = (curve, direction, problem, q, work, value)
-    least, place = golden_section(_negative_value_at, arguments, low, high, OPTIONS.sections)
-    return -least, place
+    minimum, place = golden_section(_negative_value_at, arguments, low, high, OPTIONS.sections)
+    return -minimum, place
 
 
 @compiled
 def _feasible_place(curve, low, high, problem, q, work):
     """Return (slack, place) where the slack is largest between two places, or not negative."""
     arguments = (curve, problem, q, work)
-    least, place = golden_section(_negative_slack_at, arguments, low, high, OPTIONS.sections, np.inf, 0.0)
-    return -least, place
+    minimum, place = golden_section(_negative_slack_at, arguments, low, high, OPTIONS.sections, np.inf, 0.0)
+    return -minimum, place
 
 
 @compiled

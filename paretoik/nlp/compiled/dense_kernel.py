@@ -54,14 +54,14 @@ def objective_scale(kernel, weights):
 def allocate_workspace(kernel, x):
     """Return the workspace."""
     n, m = kernel.unknowns, kernel.equalities
-    given, space = 1, 1
+    inputs, space = 1, 1
     for p in range(len(kernel.parts)):
         places, rows = kernel.parts[p, 0], kernel.parts[p, 3]
-        given = max(given, (kernel.parts[p, 1] + kernel.parts[p, 2] + rows) * places)
+        inputs = max(inputs, (kernel.parts[p, 1] + kernel.parts[p, 2] + rows) * places)
         for which in range(3):
             space = max(space, kernel.programs[p, which, 8] * min(places, BLOCK_SIZE))
     return DenseWorkspace(
-        np.zeros(given),
+        np.zeros(inputs),
         np.empty(space),
         np.empty(len(kernel.row)),
         np.empty(len(kernel.first_row)),

@@ -59,7 +59,7 @@ class DenseKernel(NamedTuple):
 class DenseWorkspace(NamedTuple):
     """What the steps write."""
 
-    given: np.ndarray  # inputs of a part's program
+    inputs: np.ndarray  # inputs of a part's program
     space: np.ndarray  # its registers
     outputs: np.ndarray  # rows, as parts give them
     first: np.ndarray
@@ -81,13 +81,13 @@ class DenseWorkspace(NamedTuple):
 def run_part(kernel, work, x, p, which, out):
     """Run one program of a part at x, of the multipliers where it is the second derivatives."""
     places, unknowns, parameters, rows = kernel.parts[p, 0], kernel.parts[p, 1], kernel.parts[p, 2], kernel.parts[p, 3]
-    where, given, first = kernel.parts[p, 5], kernel.parts[p, 6], kernel.parts[p, 7]
-    inputs = work.given[: (unknowns + parameters + rows) * places]
+    where, parameter, first = kernel.parts[p, 5], kernel.parts[p, 6], kernel.parts[p, 7]
+    inputs = work.inputs[: (unknowns + parameters + rows) * places]
     for i in range(unknowns * places):
         inputs[i] = x[kernel.where[where + i]]
     begin = unknowns * places
     for i in range(parameters * places):
-        inputs[begin + i] = kernel.parameters[given + i]
+        inputs[begin + i] = kernel.parameters[parameter + i]
     begin += parameters * places
     for i in range(rows * places):
         inputs[begin + i] = work.multipliers[kernel.row[first + i]] if which == SECOND else 0.0

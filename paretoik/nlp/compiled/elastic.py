@@ -37,11 +37,11 @@ def reset_slacks(c, mu, penalty, s, t, r):
 
 
 @compiled
-def begin_slacks(c, mu, penalty, least, s, t, r):
-    """Write slacks of at least ``least``, whatever the violations, and the residuals that are left."""
+def begin_slacks(c, mu, penalty, shortest, s, t, r):
+    """Write slacks of at least ``shortest``, whatever the violations, and the residuals that are left."""
     for i in range(len(c)):
         t[i] = mu / penalty
-        s[i] = max(c[i] + t[i], least)
+        s[i] = max(c[i] + t[i], shortest)
         r[i] = min(0.0, c[i] + t[i] - s[i])
 
 

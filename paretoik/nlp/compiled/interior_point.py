@@ -81,7 +81,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
     barrier = Barrier(options.barrier, penalty, np.inf, penalty)
     trial, dx = x.copy(), np.zeros(x.shape)
     delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
-    iteration, stationarity, least = 0, np.inf, np.inf
+    iteration, stationarity, lowest = 0, np.inf, np.inf
     status, violation, infeasible = _begin(kernel, work, it, options, barrier, x, rows, upper)
     for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
         if not linearise(kernel, work, x):
@@ -129,7 +129,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
                 status = NO_PROGRESS
                 break
         else:
-            restorations, least, delta = (0, theta, 0.0) if theta < 0.5 * least else (restorations + 1, least, 0.0)
+            restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
             if entries == 0:
                 reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
                 central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
@@ -154,8 +154,8 @@ def _begin_slacks(kernel, barrier, it, options):
     if kernel.implied_slacks:
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
     else:
-        least = min(options.least_slack, np.sqrt(barrier.mu))
-        begin_slacks(it.c, barrier.mu, barrier.penalty, least, it.s, it.t, it.r)
+        shortest = min(options.least_slack, np.sqrt(barrier.mu))
+        begin_slacks(it.c, barrier.mu, barrier.penalty, shortest, it.s, it.t, it.r)
     central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
     return residual_sum(it.r, options)
 

@@ -45,12 +45,12 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
 
     Nocedal & Wright, algorithm 3.3. Infinity says that none does: the matrix is not finite.
     """
-    added, most = 0.0, largest
+    added, largest_entry = 0.0, largest
     for i in range(A.shape[0]):
-        most = max(most, abs(A[i, 0]))
+        largest_entry = max(largest_entry, abs(A[i, 0]))
     while not factorise(A, B, C, L, X, S, C.shape[0] - border):
         more = max(1e-9 * largest, delta / 4, 8 * added, 1e-300)
-        if not more < 1e15 * most:
+        if not more < 1e15 * largest_entry:
             return np.inf
         for i in range(A.shape[0]):
             A[i, 0] += more - added

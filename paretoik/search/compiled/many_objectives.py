@@ -19,14 +19,14 @@ def rank_points(F, rank, spare):
     total = F.shape[1]
     for k in range(total):
         rank[k] = total
-    current, found = 0, 1
-    while found > 0:
-        found = 0
+    current, size = 0, 1
+    while size > 0:
+        size = 0
         for i in range(total):
             if rank[i] == total and F[0, i] < np.inf and not _is_dominated(F, rank, i):
-                spare[found] = i
-                found += 1
-        for k in range(found):
+                spare[size] = i
+                size += 1
+        for k in range(size):
             rank[spare[k]] = current
         current += 1
 
@@ -48,8 +48,8 @@ def _is_dominated(F, rank, i):
 
 
 @compiled
-def select_by_distance(F, rank, wanted, chosen, distance, Z, nearest, members, begins, chosen_Z):
-    """Choose ``wanted`` points rank by rank, of each always the one farthest from all chosen; return how many.
+def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members, begins, chosen_Z):
+    """Choose ``capacity`` points rank by rank, of each always the one farthest from all chosen; return how many.
 
     Write their numbers and squared insertion distances; failed points are not chosen.
     """
@@ -57,12 +57,12 @@ def select_by_distance(F, rank, wanted, chosen, distance, Z, nearest, members, b
     _normalise(F, rank, Z)
     _group_by_rank(rank, members, begins)
     count, first, current = 0, 0, 0
-    while count < wanted and current < total and begins[current] > first:
+    while count < capacity and current < total and begins[current] > first:
         size = begins[current] - first
         group = members[first : first + size]
         for i in range(size):
             nearest[i] = _distance_to_chosen(chosen_Z, count, Z, group[i])
-        places = min(size, wanted - count)
+        places = min(size, capacity - count)
         started = _choose_extremes(Z, group, places, chosen, distance, nearest) if current == 0 else 0
         for k in range(count + started, count + places):
             best = 0
@@ -123,7 +123,7 @@ def _distance_to_chosen(chosen_Z, count, Z, point):
 
 
 @compiled
-def _choose_extremes(Z, members, wanted, chosen, distance, nearest):
+def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
     """Choose the first points of the first rank: the minimisers of the achievement function along each axis."""
     objectives, count = Z.shape[0], 0
     for axis in range(objectives):
@@ -135,7 +135,7 @@ def _choose_extremes(Z, members, wanted, chosen, distance, nearest):
                 achievement = max(achievement, value if m == axis else value * AXIS_WEIGHT)
             if best < 0 or achievement < smallest:
                 best, smallest = i, achievement
-        if nearest[best] >= 0.0 and count < wanted:
+        if nearest[best] >= 0.0 and count < capacity:
             chosen[count], distance[count] = members[best], np.inf
             _update_nearest(Z, members, members[best], nearest)
             nearest[best] = -1.0

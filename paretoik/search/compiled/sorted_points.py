@@ -53,18 +53,18 @@ def merge_children(F, parents, children, single_rank, s):
     bucket, begins, child, points, values = s.spare, s.begins, s.chosen, s.points, s.values
     for k in range(parents + 2):
         begins[k] = 0
-    found = 0
+    added = 0
     for k in range(children):
-        bucket[found], child[found] = np.int64(s.places[k]), parents + k
-        found += np.int64((not single_rank) | ((F[0, parents + k] < np.inf) & (s.dominated[k] == ZERO)))
-    for k in range(found):
+        bucket[added], child[added] = np.int64(s.places[k]), parents + k
+        added += np.int64((not single_rank) | ((F[0, parents + k] < np.inf) & (s.dominated[k] == ZERO)))
+    for k in range(added):
         begins[bucket[k] + 1] += 1
     for k in range(parents + 1):
         begins[k + 1] += begins[k]
     for k in range(parents):
         i = k + begins[k + 1]
         points[i], values[0, i], values[1, i] = k, F[0, k], F[1, k]
-    for k in range(found):
+    for k in range(added):
         i = bucket[k] + begins[bucket[k]]
         begins[bucket[k]] += 1
         points[i], values[0, i], values[1, i] = child[k], F[0, child[k]], F[1, child[k]]
@@ -75,7 +75,7 @@ def merge_children(F, parents, children, single_rank, s):
             merge_sort(points, values, begin, end, child)
         else:
             _insertion_sort(points, values, begin, end)
-    return parents + found
+    return parents + added
 
 
 @compiled
@@ -119,14 +119,14 @@ def merge_sort(points, values, begin, end, spare):
 @compiled
 def first_front(points, count, values, front, objectives):
     """Write the non-dominated of so many sorted points to ``front`` and ``objectives``; return how many."""
-    found, lowest, last = 0, np.inf, np.inf
+    length, lowest, last = 0, np.inf, np.inf
     for k in range(count):
         x, y = values[0, k], values[1, k]
         nondominated = (y < lowest) | ((y == lowest) & (x == last))
-        front[found], objectives[0, found], objectives[1, found] = points[k], x, y
-        found += np.int64(nondominated)
+        front[length], objectives[0, length], objectives[1, length] = points[k], x, y
+        length += np.int64(nondominated)
         lowest, last = min(lowest, y), (x if nondominated else last)
-    return found
+    return length
 
 
 @compiled

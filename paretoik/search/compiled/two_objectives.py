@@ -14,8 +14,8 @@ RANGE_TOLERANCE = 2.2250738585072014e-308  # an objective with a smaller range h
 
 
 @compiled
-def select_by_rank(count, wanted, s):
-    """Select ``wanted`` of so many sorted points: whole ranks, of the last one those farthest from all selected.
+def select_by_rank(count, capacity, s):
+    """Select ``capacity`` of so many sorted points: whole ranks, of the last one those farthest from all selected.
 
     ``s`` is the workspace of the selection: points, objectives in ``values``, ``rank``; the selected go to ``front``
     and ``objectives``. ``fitness`` falls with the rank; within the last it grows with the insertion distance.
@@ -26,7 +26,7 @@ def select_by_rank(count, wanted, s):
         sizes[k] = 0
     for k in range(count):
         sizes[rank[k]] += 1
-    split, places = 0, wanted
+    split, places = 0, capacity
     while split < count and places >= sizes[split]:
         places -= sizes[split]
         split += 1
@@ -36,23 +36,23 @@ def select_by_rank(count, wanted, s):
             first, last = (k if first < 0 else first), k
     x_scale = _inverse_range(values[0, last] - values[0, first])
     y_scale = _inverse_range(values[1, first] - values[1, last])
-    found = 0
+    size = 0
     for k in range(count):
-        members[found] = k
-        found += np.int64(rank[k] == split)
+        members[size] = k
+        size += np.int64(rank[k] == split)
     if split < count and places > 0:
-        _distances_to_better_ranks(values, count, rank, split, members, found, x_scale, y_scale, nearest)
-        for i in range(found):
+        _distances_to_better_ranks(values, count, rank, split, members, size, x_scale, y_scale, nearest)
+        for i in range(size):
             s.x[i], s.y[i] = values[0, members[i]], values[1, members[i]]
-        _insert_members(s.x, s.y, x_scale, y_scale, found, nearest, s.distance, s.stack)
-        _keep_members(members, found, places, s.distance, rank, fitness, split, s.x, s.y)
+        _insert_members(s.x, s.y, x_scale, y_scale, size, nearest, s.distance, s.stack)
+        _keep_members(members, size, places, s.distance, rank, fitness, split, s.x, s.y)
     for i in range(places if split == count else 0):  # failed points fill up
         rank[members[i]], fitness[members[i]] = -1, -split
-    kept = 0
+    position = 0
     for k in range(count):
-        front[kept], objectives[0, kept], objectives[1, kept] = points[k], values[0, k], values[1, k]
-        fitness[kept] = fitness[k] if rank[k] == -1 else -np.float64(rank[k])
-        kept += np.int64(rank[k] < split)
+        front[position], objectives[0, position], objectives[1, position] = points[k], values[0, k], values[1, k]
+        fitness[position] = fitness[k] if rank[k] == -1 else -np.float64(rank[k])
+        position += np.int64(rank[k] < split)
 
 
 @compiled
@@ -61,13 +61,13 @@ def _inverse_range(width):
 
 
 @compiled
-def _insert_members(x, y, x_scale, y_scale, found, nearest, distance, stack):
+def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
     """Write the squared distance at which each member of a rank, in order, is inserted.
 
     ``nearest`` are the squared distances to points of better ranks. Of a stretch between inserted members the farthest
     is the next one, whatever happens elsewhere on the front.
     """
-    stack[0, 0], stack[0, 1] = 0, found
+    stack[0, 0], stack[0, 1] = 0, size
     stretches = 1
     while stretches > 0:
         stretches -= 1
@@ -93,13 +93,13 @@ def _insert_members(x, y, x_scale, y_scale, found, nearest, distance, stack):
 
 
 @compiled
-def _keep_members(members, found, wanted, distance, rank, fitness, split, spare, other):
+def _keep_members(members, size, capacity, distance, rank, fitness, split, spare, other):
     """Mark the members of a rank that were inserted first, and write their fitness."""
-    smallest = quickselect(distance, found, found - wanted, spare, other)
-    ties = wanted
-    for i in range(found):
+    smallest = quickselect(distance, size, size - capacity, spare, other)
+    ties = capacity
+    for i in range(size):
         ties -= np.int64(distance[i] > smallest)
-    for i in range(found):
+    for i in range(size):
         if distance[i] > smallest or (distance[i] == smallest and ties > 0):
             ties -= np.int64(distance[i] == smallest)
             rank[members[i]] = -1
@@ -108,12 +108,12 @@ def _keep_members(members, found, wanted, distance, rank, fitness, split, spare,
 
 
 @compiled
-def _distances_to_better_ranks(values, count, rank, split, members, found, x_scale, y_scale, nearest):
+def _distances_to_better_ranks(values, count, rank, split, members, size, x_scale, y_scale, nearest):
     """Write the squared distance of each member of a rank to the nearest point of a better rank.
 
     Points are in order of the first objective: the search to either side ends where that alone is farther.
     """
-    for i in range(found):
+    for i in range(size):
         member, smallest = members[i], np.inf
         x, y = values[0, member], values[1, member]
         if i > 0 and x == values[0, members[i - 1]] and y == values[1, members[i - 1]]:  # a copy
@@ -198,19 +198,19 @@ def quickselect(values, count, index, spare, other):
 
 
 @compiled
-def keep_farthest(front, objectives, distance, count, wanted, spare, other):
-    """Keep the ``wanted`` points of a sorted front that were inserted first, in their order."""
-    if count == wanted:
+def keep_farthest(front, objectives, distance, count, capacity, spare, other):
+    """Keep the ``capacity`` points of a sorted front that were inserted first, in their order."""
+    if count == capacity:
         return
-    smallest = quickselect(distance, count, count - wanted, spare, other)
-    ties = wanted  # places for points that are tied with the last
+    smallest = quickselect(distance, count, count - capacity, spare, other)
+    ties = capacity  # places for points that are tied with the last
     for k in range(count):
         ties -= np.int64(distance[k] > smallest)
-    kept = 0
+    position = 0
     for k in range(count):
         tied = (distance[k] == smallest) & (ties > 0)
         keep = (distance[k] > smallest) | tied
         ties -= np.int64(tied)
-        front[kept], distance[kept] = front[k], distance[k]
-        objectives[0, kept], objectives[1, kept] = objectives[0, k], objectives[1, k]
-        kept += np.int64(keep)
+        front[position], distance[position] = front[k], distance[k]
+        objectives[0, position], objectives[1, position] = objectives[0, k], objectives[1, k]
+        position += np.int64(keep)

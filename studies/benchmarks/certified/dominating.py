@@ -69,17 +69,17 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
     how = f"{subject.front.names[main]} minimised, barrier {'low' if warm else 'high'}"
     ceilings = np.where(np.arange(len(values)) == main, np.inf, values)
     for _ in range(AGAIN):
-        made, _ = subject.peer.solve(q, main, ceilings, ranges, warm=warm)
-        if made is None:
+        end, _ = subject.peer.solve(q, main, ceilings, ranges, warm=warm)
+        if end is None:
             return Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False)
-        found = led_back(subject.task, made)
-        if found is None or violation(subject.task, found) > HOLDS:
+        motion = led_back(subject.task, end)
+        if motion is None or violation(subject.task, motion) > HOLDS:
             return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
-        rise = (objectives(subject.task, found) - values) / ranges
+        rise = (objectives(subject.task, motion) - values) / ranges
         others = np.delete(rise, main)
         if others.max() <= ROUNDING:
             gain = float(-rise.min()) if rise.max() <= ROUNDING else -np.inf
-            apart = float(joint_distance(subject.task, found, q))
+            apart = float(joint_distance(subject.task, motion, q))
             return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
     return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
@@ -110,12 +110,12 @@ def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Gener
     for k in range(steps):
         size, level = SIZES[k % len(SIZES)], bool(k // len(SIZES) % 2)
         how = f"a step of {size:g} rad" + (" that changes no objective to first order" if level else "")
-        found = within(at, random_step(at, size, rng), level=level)
-        if found is None:
+        motion = within(at, random_step(at, size, rng), level=level)
+        if motion is None:
             tries.append(Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False))
             continue
-        gain = float(((subject.values[point] - objectives(subject.task, found)) / subject.ranges).min())
-        apart = float(joint_distance(subject.task, found, subject.q[point]))
+        gain = float(((subject.values[point] - objectives(subject.task, motion)) / subject.ranges).min())
+        apart = float(joint_distance(subject.task, motion, subject.q[point]))
         tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart))
     return tries
 
@@ -125,9 +125,9 @@ def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) 
     samples, dof = at.x.shape
     knots = np.linspace(0.0, samples - 1.0, int(rng.choice(KNOTS)))
     smooth = CubicSpline(knots, rng.normal(size=(len(knots), dof)))(np.arange(samples))
-    own, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.first_unknown
+    coordinates, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.first_unknown
     step, free = np.zeros(at.gradients.shape[1]), place >= 0
-    step[place[free, None] + np.arange(own.shape[1])] = own[free]
+    step[place[free, None] + np.arange(coordinates.shape[1])] = coordinates[free]
     moved = at.displacement(step)
     return step * (size / np.sqrt(np.mean(np.sum(moved**2, axis=1))))
 
@@ -138,12 +138,12 @@ def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndar
     flat = at.gradients if level else at.gradients[:0]
     step = step - np.linalg.pinv(flat) @ (flat @ step) if level else step
     for _ in range(ROUNDS):
-        found = led_back(task, at.x + at.displacement(step))
-        if found is None:
+        motion = led_back(task, at.x + at.displacement(step))
+        if motion is None:
             return None
-        if violation(task, found) <= HOLDS:
-            return found
-        gaps = at.program.evaluate(found)[2]
+        if violation(task, motion) <= HOLDS:
+            return motion
+        gaps = at.program.evaluate(motion)[2]
         short |= gaps < 0
         rows = np.concatenate([at.jacobian[np.flatnonzero(short)].toarray(), flat])
         step = step + np.linalg.lstsq(rows, np.concatenate([-gaps[short], np.zeros(len(flat))]))[0]
@@ -153,10 +153,10 @@ def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndar
 def led_back(task: MotionTask, q: np.ndarray) -> np.ndarray | None:
     """Return the motion (time, dof) on the path to within our own tolerance; None where it is lost."""
     try:
-        found = task.motion(q).at(task.times)
+        motion = task.motion(q).at(task.times)
     except Infeasible:
         return None
-    return found if task.motion(found).tracking_error.max() <= TRACKED else None
+    return motion if task.motion(motion).tracking_error.max() <= TRACKED else None
 
 
 def objectives(task: MotionTask, q: np.ndarray) -> np.ndarray:

@@ -132,11 +132,11 @@ def _neighbouring_solves(
     subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray
 ) -> Solutions | None:
     """Return the solves below, at and above the ceiling on f_i in the point's own valley."""
-    own = subject.q[point]
+    q = subject.q[point]
     for step in STEPS:
-        moved = caps.copy()
-        moved[:, i] += step * np.array([-1.0, 0.0, 1.0])
-        got = minimise(subject.program, np.repeat(own[None], 3, axis=0), factors, moved, EPSILON.near)
-        if got.converged.all() and joint_distance(subject.task, own, got.x).max() <= STAY:
-            return got
+        upper = caps.copy()
+        upper[:, i] += step * np.array([-1.0, 0.0, 1.0])
+        solutions = minimise(subject.program, np.repeat(q[None], 3, axis=0), factors, upper, EPSILON.near)
+        if solutions.converged.all() and joint_distance(subject.task, q, solutions.x).max() <= STAY:
+            return solutions
     return None

@@ -36,26 +36,26 @@ class Solved:
 def race_rows(subject: Subject) -> list[Row]:
     """Return what peers better, and our seconds: a point's beside theirs, a solve's beside theirs."""
     peers = {"IPOPT": subject.peer} | ({"FATROP": subject.staged} if subject.staged is not None else {})
-    own = [solved_by_us(subject, point) for point in range(len(subject.q))]
-    return [row for name, peer in peers.items() for row in _against(subject, name, peer, own)]
+    own_solves = [solved_by_us(subject, point) for point in range(len(subject.q))]
+    return [row for name, peer in peers.items() for row in _against(subject, name, peer, own_solves)]
 
 
-def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram, own: list[Solved]) -> list[Row]:
+def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram, own_solves: list[Solved]) -> list[Row]:
     tries = [solve_by(peer, subject, point) for point in range(len(subject.q))]
     ours, theirs = subject.seconds / len(subject.q), sum(one.seconds for one in tries)
     note = (
         f"{len(subject.q)} points in {subject.seconds:.1f} s (processor {subject.cpu:.1f} s); {name} {theirs:.1f} s, "
         f"reaches {_points_reached(tries)} of them"
     )
-    solves = f"ours reach {_points_reached(own)} of {len(own)}"
-    compared = (
+    solves = f"ours reach {_points_reached(own_solves)} of {len(own_solves)}"
+    comparisons = (
         ("seconds a point", f"beside {name}'s median", ours, _median(tries), GOAL, note),
         ("seconds a point", f"beside {name}'s all over points reached", ours, _seconds_a_point(tries), GOAL, note),
-        ("one solve from a neighbour", f"beside {name}, medians", _median(own), _median(tries), None, solves),
+        ("one solve from a neighbour", f"beside {name}, medians", _median(own_solves), _median(tries), None, solves),
         (
             "one solve from a neighbour",
             f"beside {name}, all over points reached",
-            _seconds_a_point(own),
+            _seconds_a_point(own_solves),
             _seconds_a_point(tries),
             None,
             "",
@@ -71,8 +71,8 @@ def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram, ow
             note=f"{sum(one.gain > DOMINATED for one in tries)} points beaten",
         ),
         *(
-            versus(table=subject.name, row=row, column=column, unit="s", ours=mine, theirs=other, goal=goal, note=said)
-            for row, column, mine, other, goal, said in compared
+            versus(table=subject.name, row=row, column=column, unit="s", ours=mine, theirs=other, goal=goal, note=text)
+            for row, column, mine, other, goal, text in comparisons
         ),
     ]
 
@@ -93,12 +93,12 @@ def _seconds_a_point(tries: list[Solved]) -> float:
 def solve_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -> Solved:
     """Return what a peer makes of a point's ε-problem, from the nearest other point and, should it fail, once more."""
     main, start, ceilings = _epsilon_problem(subject, point)
-    begun = time.perf_counter()
+    started = time.perf_counter()
     for warm in (True, False):
-        made, _ = peer.solve(start, main, ceilings, subject.ranges, warm=warm)
-        if made is not None:
+        motion, _ = peer.solve(start, main, ceilings, subject.ranges, warm=warm)
+        if motion is not None:
             break
-    return _record(subject, point, made, time.perf_counter() - begun)
+    return _record(subject, point, motion, time.perf_counter() - started)
 
 
 def solved_by_us(subject: Subject, point: int) -> Solved:
@@ -109,29 +109,29 @@ def solved_by_us(subject: Subject, point: int) -> Solved:
     factors[0, main] = 1.0
     caps[:] = np.inf
     caps[0, :count] = ceilings / subject.ranges
-    begun, made = time.perf_counter(), None
+    started, motion = time.perf_counter(), None
     for rules in (EPSILON.warm, EPSILON.cold):
-        got = minimise(program, start[None], factors, caps, rules)
-        if got.converged[0]:
-            made = got.x[0]
+        solutions = minimise(program, start[None], factors, caps, rules)
+        if solutions.converged[0]:
+            motion = solutions.x[0]
             break
-    return _record(subject, point, made, time.perf_counter() - begun)
+    return _record(subject, point, motion, time.perf_counter() - started)
 
 
 def _epsilon_problem(subject: Subject, point: int) -> tuple[int, np.ndarray, np.ndarray]:
     """Return (objective to minimise, motion to start from, ceilings) of a point's ε-problem."""
     shares = subject.values / subject.ranges
-    apart = np.linalg.norm(shares - shares[point], axis=1)
-    apart[point] = np.inf
+    distances = np.linalg.norm(shares - shares[point], axis=1)
+    distances[point] = np.inf
     main = int(subject.said.weights[point].argmax())
     ceilings = np.where(np.arange(len(subject.ranges)) == main, np.inf, subject.values[point])
-    return main, subject.q[int(apart.argmin())], ceilings
+    return main, subject.q[int(distances.argmin())], ceilings
 
 
-def _record(subject: Subject, point: int, made: np.ndarray | None, seconds: float) -> Solved:
-    found = None if made is None else led_back(subject.task, made)
-    if found is None or violation(subject.task, found) > HOLDS:
+def _record(subject: Subject, point: int, end: np.ndarray | None, seconds: float) -> Solved:
+    motion = None if end is None else led_back(subject.task, end)
+    if motion is None or violation(subject.task, motion) > HOLDS:
         return Solved(seconds=seconds, reached=False, gain=0.0)
-    rise = (objectives(subject.task, found) - subject.values[point]) / subject.ranges
+    rise = (objectives(subject.task, motion) - subject.values[point]) / subject.ranges
     gain = -float(rise.min()) if rise.max() <= 0 else 0.0
     return Solved(seconds=seconds, reached=bool(rise.max() <= REACHED), gain=gain)

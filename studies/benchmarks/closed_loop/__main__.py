@@ -59,10 +59,10 @@ def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
         contestants["pygmo's NSGA-II"] = pygmo_nsga2(loop, step), GENERATIONS
     for run, _ in contestants.values():
         run(0, 2)
-    taken = {name: seconds(run, many, rounds) / many for name, (run, many) in contestants.items()}
+    seconds_taken = {name: seconds(run, many, rounds) / many for name, (run, many) in contestants.items()}
     rows = []
-    for name, one in taken.items():
-        ratio, goal = one / taken["ours"], GOALS.get(name)
+    for name, one in seconds_taken.items():
+        ratio, goal = one / seconds_taken["ours"], GOALS.get(name)
         lost = "LOSS: " if goal is not None and ratio < goal else ""
         note = "" if name == "ours" else f"{lost}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
         rows.append(
@@ -86,20 +86,20 @@ def exact_rows(rounds: int) -> list[Row]:
             loop = loop_of(links, blocked=blocked)
             follow = partial(exact_steps, loop.task.truncate(EXACT), loop.start, weight=0.5)
             follow()
-            taken = []
+            seconds_taken = []
             for _ in range(rounds):
-                begun = time.thread_time()
+                started = time.thread_time()
                 follow()
-                taken.append((time.thread_time() - begun) / (EXACT - 1))
+                seconds_taken.append((time.thread_time() - started) / (EXACT - 1))
             goal = GOAL_EXACT if links == 3 and not blocked else None
-            lost = "LOSS" if goal is not None and min(taken) > goal else ""
+            lost = "LOSS" if goal is not None and min(seconds_taken) > goal else ""
             rows.append(
                 Row(
                     table="an exact step, processor time",
                     row=f"{links}R",
                     column="with two obstacles" if blocked else "no obstacles",
                     unit="µs",
-                    ours=1e6 * min(taken),
+                    ours=1e6 * min(seconds_taken),
                     paper=None if goal is None else 1e6 * goal,
                     note=lost,
                 )
@@ -113,9 +113,9 @@ def first_call_rows() -> list[Row]:
     with tempfile.TemporaryDirectory() as cache:
         for name in ("compiled anew", "from the cache"):
             environment = os.environ | {"NUMBA_CACHE_DIR": cache}
-            said = subprocess.run([sys.executable, "-c", FIRST], env=environment, check=True, capture_output=True)
+            process = subprocess.run([sys.executable, "-c", FIRST], env=environment, check=True, capture_output=True)
             rows.append(
-                Row(table="first search of a process", row="3R", column=name, unit="s", ours=float(said.stdout))
+                Row(table="first search of a process", row="3R", column=name, unit="s", ours=float(process.stdout))
             )
     return rows
 

@@ -49,7 +49,7 @@ class PostureProblem(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         task = self.task
-        error, _ = task_errors(task.arm, task.tasks, X, np.tile(task.targets[0], (len(X), 1)))
+        error = task_errors(task.arm, task.tasks, X, task.targets[0])[0].T
         rotations = rotation_rows(task)
         out["F"] = (np.linalg.norm(error[~rotations], axis=0) + np.linalg.norm(error[rotations], axis=0))[:, None]
         out["G"] = np.full((len(X), 1), -1.0)

@@ -37,7 +37,7 @@ def steps_to(step: ControlStep, q: Float[np.ndarray, "points dof"]) -> Step:
         obstacles=task.obstacles,
         link_radius=task.link_radius,
     )
-    error, _ = task_errors(task.arm, task.tasks, q, np.tile(step.target, (count, 1)))
+    error = task_errors(task.arm, task.tasks, q, step.target)[0].T
     rotations = rotation_rows(task)
     return Step(
         motion=motion,

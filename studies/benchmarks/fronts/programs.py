@@ -46,10 +46,10 @@ class JointProgram:
         upper[-count:] = ceilings / ranges
         solver = self.solvers[warm]
         x0, p = pack(self.task, q), np.concatenate([weights, ranges])
-        found = solver(x0=x0, p=p, **{**self.sides, "ubg": upper})
+        end = solver(x0=x0, p=p, **{**self.sides, "ubg": upper})
         stats = solver.stats()
-        made = unpack(self.task, np.asarray(found["x"]).ravel())
-        return (made if stats["success"] else None), int(stats["iter_count"])
+        motion = unpack(self.task, np.asarray(end["x"]).ravel())
+        return (motion if stats["success"] else None), int(stats["iter_count"])
 
 
 def pack(task: MotionTask, q: np.ndarray) -> np.ndarray:
@@ -76,24 +76,28 @@ def slacks(task: MotionTask) -> int:
 
 def joint_program(task: MotionTask, library: str = "") -> JointProgram:
     """Return the program of a task with backward differences and limits on joints alone, compiled where it is."""
-    asked, sides = state_program(task)
+    program, sides = state_program(task)
     options = {warm: _options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
     return JointProgram(
-        task, {warm: casadi.nlpsol("peer", "ipopt", library or asked, given) for warm, given in options.items()}, sides
+        task,
+        {warm: casadi.nlpsol("peer", "ipopt", library or program, settings) for warm, settings in options.items()},
+        sides,
     )
 
 
 def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
     """Return the library that a task's program and its derivatives were compiled into."""
-    asked, _ = state_program(task)
-    return compiled_library(asked, casadi.nlpsol("peer", "ipopt", asked, _options(warm=False)), name, folder)
+    program, _ = state_program(task)
+    return compiled_library(program, casadi.nlpsol("peer", "ipopt", program, _options(warm=False)), name, folder)
 
 
-def compiled_library(asked: dict[str, Any], solver: Any, name: str, folder: Path) -> str:
+def compiled_library(program: dict[str, Any], solver: Any, name: str, folder: Path) -> str:
     """Return the library that a program and what its solver derives from it were compiled into."""
     assert COMPILER is not None
     generator = casadi.CodeGenerator(f"{name}.c")
-    generator.add(casadi.Function("nlp", [asked["x"], asked["p"]], [asked["f"], asked["g"]], ["x", "p"], ["f", "g"]))
+    generator.add(
+        casadi.Function("nlp", [program["x"], program["p"]], [program["f"], program["g"]], ["x", "p"], ["f", "g"])
+    )
     for part in solver.get_function():
         generator.add(solver.get_function(part))
     source, library = generator.generate(f"{folder}{os.sep}"), folder / f"{name}.so"

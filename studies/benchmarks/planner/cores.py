@@ -35,8 +35,8 @@ class Cores:
 
     def compiled(self, questions: Sequence[Question], folder: Path) -> list[tuple[Question, float]]:
         """Return questions compiled into libraries, and the seconds of each."""
-        asked = [self._workers[i % CORES].submit(compiled, one, folder) for i, one in enumerate(questions)]
-        return [future.result() for future in asked]
+        futures = [self._workers[i % CORES].submit(compiled, one, folder) for i, one in enumerate(questions)]
+        return [future.result() for future in futures]
 
     def solve(
         self,
@@ -65,8 +65,8 @@ class Cores:
         starts: Sequence[np.ndarray],
         caps: Sequence[np.ndarray | None],
     ) -> list[list[Solved]]:
-        asked = [
+        futures = [
             worker.submit(solved, question, settings, masses, q, cap)
             for worker, q, cap in zip(self._workers, starts, caps, strict=True)
         ]
-        return [future.result() for future in asked]
+        return [future.result() for future in futures]

@@ -9,7 +9,7 @@ import numpy as np
 
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.trajectory.initial_motions import initial_motions
+from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
 from studies.benchmarks.planner.verdicts import tell, timed, versus
@@ -46,14 +46,14 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
             assert any(both), f"growth wants a start of {name} that leads both to an optimum"
             chosen = both.index(True)
         start = q[chosen]
-        taken = []
+        seconds_taken = []
         for _ in range(repeats):
-            found, ours, _ = timed(partial(minimise, program, start[None], np.ones((1, 1)), options=RULES))
+            solutions, ours, _ = timed(partial(minimise, program, start[None], np.ones((1, 1)), options=RULES))
             other = theirs.solve(start)
-            taken.append((ours, other.seconds))
-        seconds.append(np.median(taken, axis=0))
-        iterations.append((int(found.iterations[0]), other.iterations))
-        ended = "" if found.converged[0] and other.solved else "; NOT converged"
+            seconds_taken.append((ours, other.seconds))
+        seconds.append(np.median(seconds_taken, axis=0))
+        iterations.append((int(solutions.iterations[0]), other.iterations))
+        ended = "" if solutions.converged[0] and other.solved else "; NOT converged"
         rows.append(
             versus(
                 table=TABLE,

@@ -31,8 +31,8 @@ def optima(
     """Return the best objectives, the optima of one basin side by side, and how many there are."""
     rows = []
     program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
-    for asked, each in found.items():
-        label = LABELS[asked.solver]
+    for question, each in found.items():
+        label = LABELS[question.solver]
         ended = distinct(task, [s for s in each if s.solved])
         theirs = [s for s in ended if np.abs(np.diff(s.q, axis=0)).max() <= STARTS.longest_jump]
         if not theirs:
@@ -49,7 +49,7 @@ def optima(
                 note=(LOSS if below > BELOW else "") + f"relative gap {below:.1e}, goal {BELOW:g}",
             )
         )
-        tight = peer(asked, TIGHT)
+        tight = peer(question, TIGHT)
         basins = [optimum.motion.q for optimum in plan.optima] + [s.q for s in theirs]
         gaps = []
         for start in basins:
@@ -90,12 +90,12 @@ def optima(
 
 def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
     """Return our best beside the best that the grid oracle's ways lead to."""
-    found, seconds, _ = timed(lambda: grid_oracle(task))
+    grid, seconds, _ = timed(lambda: grid_oracle(task))
     program = motion_program(task, np.array([plan.best.objective]))
-    led = minimise(program, found.q, np.ones((1, 1)), options=OPTIONS.cold[1])
-    theirs = float(led.objectives[led.converged, 0].min(initial=np.inf)) * plan.best.objective
+    solutions = minimise(program, grid.q, np.ones((1, 1)), options=OPTIONS.cold[1])
+    theirs = float(solutions.objectives[solutions.converged, 0].min(initial=np.inf)) * plan.best.objective
     below = plan.best.objective / theirs - 1
-    proven = f"proven within {1 - found.lower_bound / plan.best.objective:.1%} of the best of all motions"
+    proven = f"proven within {1 - grid.lower_bound / plan.best.objective:.1%} of the best of all motions"
     return Row(
         table="best optimum",
         row=row,
@@ -104,16 +104,16 @@ def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
         ours=plan.best.objective,
         paper=theirs,
         note=(LOSS if below > BELOW else "")
-        + f"relative gap {below:.1e}, goal {BELOW:g}; on the grid {found.best:.6g}, "
-        + (proven if found.exact else "a source of starts")
+        + f"relative gap {below:.1e}, goal {BELOW:g}; on the grid {grid.best:.6g}, "
+        + (proven if grid.exact else "a source of starts")
         + f"; {seconds:.2g} s",
     )
 
 
-def distinct(task: MotionTask, found: Sequence[Solved]) -> list[Solved]:
+def distinct(task: MotionTask, solved: Sequence[Solved]) -> list[Solved]:
     """Return one of every optimum, best first, told apart as ``plan`` does."""
-    kept: list[Solved] = []
-    for one in sorted(found, key=lambda s: s.value):
-        if not kept or joint_distance(task, one.q, np.stack([other.q for other in kept])).min() > OPTIONS.distinct:
-            kept.append(one)
-    return kept
+    chosen: list[Solved] = []
+    for one in sorted(solved, key=lambda s: s.value):
+        if not chosen or joint_distance(task, one.q, np.stack([other.q for other in chosen])).min() > OPTIONS.distinct:
+            chosen.append(one)
+    return chosen

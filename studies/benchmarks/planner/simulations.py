@@ -12,9 +12,9 @@ import paretoik as pk
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.levels import OPTIONS, objective_scales
 from paretoik.trajectory.plan import Plan
+from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores

@@ -17,8 +17,8 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.initial_motions import initial_motions
 from paretoik.trajectory.levels import OPTIONS
+from paretoik.trajectory.plan_starts import initial_motions
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.planner.cores import CORES, Cores
 from studies.benchmarks.planner.optima import distinct

@@ -30,7 +30,7 @@ def versus(
     """Return a row whose note has the ratio of ours to theirs and the goal, if there is one; less is better."""
     ratio = ours / theirs if np.isfinite(theirs) and theirs > 0 else (0.0 if np.isfinite(ours) else np.inf)
     lost = goal is not None and not ratio <= goal
-    said = [f"ratio {ratio:.3g}", *([f"goal {goal:g}"] if goal is not None else []), *([note] if note else [])]
+    parts = [f"ratio {ratio:.3g}", *([f"goal {goal:g}"] if goal is not None else []), *([note] if note else [])]
     beside = float(theirs) if np.isfinite(theirs) else None
     return Row(
         table=table,
@@ -39,7 +39,7 @@ def versus(
         unit=unit,
         ours=float(ours),
         paper=beside,
-        note=(LOSS if lost else "") + ", ".join(said),
+        note=(LOSS if lost else "") + ", ".join(parts),
     )
 
 
@@ -51,8 +51,8 @@ def losses_first(rows: Sequence[Row]) -> list[Row]:
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
     """Return what work returns, its seconds, and the processor's, of all threads."""
     started, cpu = time.perf_counter(), time.process_time()
-    found = work()
-    return found, time.perf_counter() - started, time.process_time() - cpu
+    result = work()
+    return result, time.perf_counter() - started, time.process_time() - cpu
 
 
 def tell(what: str) -> None:

@@ -76,7 +76,7 @@ def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
         quicker = end.each < ours.each
         better = end.best < ours.best - BETTER * abs(ours.best)
         lost = solver != default and (quicker or better)
-        found = (
+        outcome = (
             "no start counts" if not end.count else f"best {end.best:.8g}, median {np.nanmedian(end.objectives):.5g}"
         )
         ratio = "what auto takes" if solver == default else f"{end.each / ours.each:.3g} × what auto takes"
@@ -88,7 +88,7 @@ def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
                 column="for each start that counts",
                 unit="s",
                 ours=end.each,
-                note=(LOSS if lost else "") + "; ".join([ratio, counts, found]),
+                note=(LOSS if lost else "") + "; ".join([ratio, counts, outcome]),
             )
         )
     return rows

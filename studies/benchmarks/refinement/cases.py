@@ -18,7 +18,7 @@ from paretoik.nlp.solutions import CONVERGED
 from paretoik.nlp.subproblem import solve_with_cvxpy
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
-from paretoik.trajectory.initial_motions import sample_starts
+from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import kim_2021, panda, tringali_2020
 from studies.benchmarks.certified.staged import staged_program

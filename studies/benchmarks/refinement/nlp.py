@@ -140,7 +140,7 @@ def ipopt_solver(nlp: Nlp, x: Vector) -> Callable[[Vector], Vector | None]:
     size, count = nlp.bounds.shape[1], len(nlp.lower)
     rng = np.random.default_rng(0)
     near = [(x + 1e-3 * rng.normal(size=size), np.zeros(0), np.ones(1), rng.normal(size=count)) for _ in range(3)]
-    given = {"x": size, "p": 0}
+    inputs = {"x": size, "p": 0}
     value: Output = casadi.Sparsity.dense(1, 1), lambda z, *_: nlp.value(z)
     rows: Output = casadi.Sparsity.dense(count, 1), lambda z, *_: nlp.rows(z)
     gradient: Output = casadi.Sparsity.dense(size, 1), lambda z, *_: nlp.gradient(z)
@@ -149,9 +149,9 @@ def ipopt_solver(nlp: Nlp, x: Vector) -> Callable[[Vector], Vector | None]:
     parts = {
         "f": _Callback("f", {"x": size}, {"f": value}),
         "g": _Callback("g", {"x": size}, {"g": rows}),
-        "grad_f": _Callback("nlp_grad_f", given, {"f": value, "grad_f_x": gradient}),
-        "jac_g": _Callback("nlp_jac_g", given, {"g": rows, "jac_g_x": jacobian}),
-        "hess_lag": _Callback("nlp_hess_l", {**given, "lam_f": 1, "lam_g": count}, {"triu_hess_gamma_x_x": hessian}),
+        "grad_f": _Callback("nlp_grad_f", inputs, {"f": value, "grad_f_x": gradient}),
+        "jac_g": _Callback("nlp_jac_g", inputs, {"g": rows, "jac_g_x": jacobian}),
+        "hess_lag": _Callback("nlp_hess_l", {**inputs, "lam_f": 1, "lam_g": count}, {"triu_hess_gamma_x_x": hessian}),
     }
     symbol = casadi.MX.sym("x", size)
     statement: Any = {"x": symbol, "f": parts["f"](symbol), "g": parts["g"](symbol)}

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.optimize import check_grad
 
 import paretoik as pk
-from paretoik.trajectory.initial_motions import sample_starts
+from paretoik.trajectory.plan_starts import sample_starts
 from problems import kim_2021, tringali_2020
 from studies.benchmarks.fronts.programs import pack, unpack
 from studies.benchmarks.planner.verdicts import LOSS

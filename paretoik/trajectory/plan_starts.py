@@ -1,45 +1,99 @@
-"""Restart policies: which starts to add to those of a plan, given the solutions so far."""
+"""Motions that a plan starts from, and restart policies: which starts to add, given the solutions so far.
+
+Source: Tringali & Cocuzza 2020, sections 3.1.2 and 3.1.3.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.arrays import JointPaths
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
-from paretoik.self_motion.motion_starts import perturbed_starts, travelling_starts
+from paretoik.self_motion.branches import branch_labels
+from paretoik.self_motion.motion_starts import perturbed_starts, rollout_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.initial_motions import grid_starts
+from paretoik.task.objectives import objective
+from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS as LEVELS
-from paretoik.trajectory.levels import distinct_rows
+from paretoik.trajectory.levels import coarsest_level, distinct_rows
 from paretoik.trajectory.program import MotionProgram, joint_distance
 
 
 @dataclass(frozen=True, kw_only=True)
-class RestartOptions:
-    """When more starts are tried.
+class StartOptions:
+    """How many starts there are, and when more are tried: rare optima for one degree of redundancy, else hops."""
 
-    With one degree of redundancy: an optimum that at most ``rare`` starts reached is rare, and others are likely that
-    none has reached; with ``many`` optima likely too. At most ``rounds`` batches are added until none is rare. With
-    more degrees (basin hopping) the best ``hop_centers`` are perturbed, at most ``hops`` times, until ``patience``
-    rounds in turn brought nothing better. At the end the best ``disturbed`` are minimised from high barriers again, at
-    most as often. A value better by less than the share ``gain`` is no better.
+    rollouts: int = 4  # that are tried for each start
+    spacing: float = 0.15  # rad or m: of a grid's nodes, so that it takes as long as many starts
+    classes: int = 8  # of a grid's paths, at most
+    rare: int = 2  # starts at most that reached an optimum, so that others are likely that none has reached
+    many: int = 6  # optima, so that others are likely too
+    rounds: int = 4  # batches at most that are added while an optimum is rare
+    hop_centers: int = 4  # best optima that are perturbed in a hop (basin hopping)
+    patience: int = 2  # hops in turn that brought nothing better
+    hops: int = 12  # at most
+    disturbed: int = 3  # best optima that are minimised from high barriers again at the end, and how often at most
+    gain: float = 1e-6  # share of a value by which another is better
+
+
+OPTIONS = StartOptions()
+
+
+@objective(unit="rad²/s", form="integral")
+def _squared_velocity(motion: Any) -> Any:
+    return np.sum(motion.dq**2, axis=-1)
+
+
+def initial_motions(task: MotionTask, *, starts: int, seed: int) -> Float[np.ndarray, "starts samples dof"]:
+    """Return starts over the coarsest level, ``starts`` for every degree of redundancy.
+
+    Half are the most promising of many roll-outs, half travel along the self-motion, which roll-outs hardly do.
     """
-
-    rare: int = 2
-    many: int = 6
-    rounds: int = 4
-    hop_centers: int = 4
-    patience: int = 2
-    hops: int = 12
-    disturbed: int = 3
-    gain: float = 1e-6
+    count = starts * max(task.redundancy, 1)
+    return sample_starts(coarsest_level(task), count, np.random.default_rng(seed))
 
 
-OPTIONS = RestartOptions()
+def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "starts samples dof"]:
+    """Return at most so many motions on the path of a level."""
+    rollouts = rollout_starts(level, OPTIONS.rollouts * count, rng)
+    travelling = travelling_starts(level, count, rng)[: count // 2]
+    others = count - len(travelling)
+    return np.concatenate([_most_promising(level, rollouts[: OPTIONS.rollouts * others], others), travelling])
+
+
+def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples dof"]:
+    """Return the best paths of every class through a coarse grid of postures; none where that would take long.
+
+    Where the objective asks for accelerations, as torques do, what moves least is taken for the best instead.
+    """
+    for objectives in (level.objectives, (_squared_velocity,)):
+        with suppress(InvalidInput, Infeasible):  # there is no grid of such a task, or no path through one so coarse
+            grid_task = replace(level, objectives=objectives)
+            return grid_oracle(grid_task, resolution=OPTIONS.spacing, classes=OPTIONS.classes, quick=True).q
+    return np.empty((0, len(level.times), dof))
+
+
+def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.ndarray, "chosen time dof"]:
+    """Return the motions to start from: in every branch the best by objectives and limits, the branches in turn."""
+    motions = task.motion(q)
+    values = np.stack([o(motions) * o.sign for o in task.objectives])
+    merit = np.sum(values / np.maximum(np.abs(values).mean(axis=1, keepdims=True), 1e-300), axis=0)
+    violation = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(q))
+    order = np.lexsort((merit, np.round(violation, 2)))
+    branch = np.array(branch_labels(task.motion(q[order])))
+    turn = np.empty(len(order), dtype=int)
+    for name in np.unique(branch):
+        members = np.flatnonzero(branch == name)
+        turn[members] = np.arange(len(members))
+    return q[order[np.argsort(turn, kind="stable")[:limit]]]
 
 
 class RestartPolicy:

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.resolution.quartic_spline import quartic_spline
+from paretoik.resolution.horizon import quartic_spline
 
 
 @given(pieces=st.integers(1, 6), seed=st.integers(0, 1000))

@@ -1,0 +1,109 @@
+"""Formulations whose program is small and dense: points with genes, driven by motors or sliders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+from pymoo.core.problem import Problem
+
+from paretoik.arrays import Genes, Points
+from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.errors import InvalidInput
+from paretoik.formulations.protocol import Individuals, decode
+from paretoik.front.front import Front
+from paretoik.nlp.program import Solver
+from paretoik.pareto.cold_search import StartSearch
+
+OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
+
+
+class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """A pymoo problem with a ``DenseProgram``: the first gene is a place among ``base_count`` bases.
+
+    Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``.
+    """
+
+    def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
+        """Return the violation between samples; 0 where there are none."""
+        return np.zeros(len(genes))
+
+    def front_points(self, front: Front) -> Points:
+        """Return the points of a front's genes; raises InvalidInput where it has none."""
+        if front.genes is None:
+            raise InvalidInput(f"refine: a front of {', '.join(self.names)} with its genes wanted, got one without")
+        return self.points(np.array(front.genes))
+
+    def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
+        """Return points as individuals: what is certified is what is reported.
+
+        A point whose genes miss its objectives becomes the point of its genes.
+        """
+        rows = self.genes(x) if genes is None else genes
+        F, G = self.evaluate(rows, return_values_of=["F", "G"])
+        objectives = np.array([self.program().evaluate(one)[0] for one in x])
+        tolerance = OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)
+        deviates = (np.abs(F - objectives) > tolerance).any(axis=1)
+        return Individuals(
+            x=np.where(deviates[:, None], self.points(rows), x),
+            objectives=F,
+            genes=rows,
+            motions=decode(self, rows),
+            violation_between=np.maximum(self.violation_between(rows), G.max(axis=1)),
+        )
+
+    def branches(self, x: Points) -> list[str]:
+        """Return the number of the base that each point is nearest to."""
+        return [str(int(place * self.base_count)) for place in self.genes(x)[:, 0]]
+
+    def base_indices(self, genes: Genes) -> np.ndarray:
+        """Return the base that genes (points, n_var) lie around."""
+        return np.minimum((genes[:, 0] * self.base_count).astype(int), self.base_count - 1)
+
+    def cold_search(
+        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+    ) -> StartSearch:
+        """Return how optima are found from nothing: from so many starts that motors can hold, each by itself.
+
+        Starts are drawn up to ten times, since in some postures no motor can hold the arm.
+        """
+        rng = np.random.default_rng(seed)
+        x = self.points(self.sample_starts(starts, rng))
+        for _ in range(10):
+            if np.isfinite(x).all(axis=1).sum() >= starts:
+                break
+            x = np.concatenate([x, self.points(self.sample_starts(starts, rng))])
+        x = x[np.isfinite(x).all(axis=1)][:starts]
+        return StartSearch(program_of=self.program, starts=x, n_obj=self.n_obj, solver=solver, observe=observe)
+
+    def explain(self, genes: Genes) -> list[str]:
+        """Return for each individual which limit is violated most, with its unit; "" where none is."""
+        G = self.evaluate(genes, return_values_of=["G"])
+        return [
+            f"{self.constraint_names[k]} violated by {row[k]:.3g} {self.constraint_units[k]}".rstrip()
+            if row[k] > 0
+            else ""
+            for row, k in zip(G, G.argmax(axis=1), strict=True)
+        ]
+
+    def arm_fingerprint(self) -> list[object]:
+        """Return what of the arm makes genes mean what they mean."""
+        bodies = [np.concatenate([[body.mass], body.center]) for body in self.arm.bodies]
+        return [self.arm.position_limits, self.arm.joint_names, self.arm.gravity, self.arm.tool.position, *bodies]
+
+
+def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
+    """Return front sliders [m] at shares (..., dof) of their way; 0 where motors are at the joints."""
+    if not isinstance(actuation, DistributedActuation):
+        return np.zeros((*shares.shape[:-1], actuation.dof))
+    low, high = actuation.front_bounds.T
+    places: np.ndarray = low + shares * (high - low)
+    return places
+
+
+def slider_shares(actuation: DistributedActuation, front: np.ndarray) -> np.ndarray:
+    """Return the shares of their way that front sliders [m] (..., dof) are at."""
+    low, high = actuation.front_bounds.T
+    shares: np.ndarray = (front - low) / np.where(high > low, high - low, 1.0)
+    return shares
