@@ -16,6 +16,7 @@ from jaxtyping import Float
 from paretoik.nlp.linear_program import furthest
 
 PARALLEL_TOLERANCE = 1e-9  # cosine of a column with a normal, and of a range, below which there is none
+ROUNDING = 8 * np.finfo(float).eps  # of a sum of products of vectors, relative to their lengths
 CROSSING_TOLERANCE = 1e-14  # of its length: a normal that has less of a direction does not bound it
 
 
@@ -40,8 +41,8 @@ def highest_speeds(
 
     ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
     """
-    _, bound = _facets(columns, low, high, directions)
-    return _where_known(low, high, bound.min(axis=-2))
+    _, bound, nearest = _facets(columns, low, high, directions)
+    return _where_known(low, high, np.take_along_axis(bound, nearest[..., None, :], axis=-2)[..., 0, :])
 
 
 def greatest_forces(
@@ -75,8 +76,8 @@ def facet_joint_speeds(
 
     On a facet all joints but those whose columns span it are at one of their ends; these follow from the velocity.
     """
-    faces, bound = _facets(columns, low, high, vertices[:, None])
-    nearest = faces[np.arange(len(faces)), bound[..., 0].argmin(axis=-1)]
+    faces, _, index = _facets(columns, low, high, vertices[:, None])
+    nearest = faces[np.arange(len(faces)), index[..., 0]]
     nearest = nearest * np.where((nearest * vertices).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     shares = np.einsum("ba,baj->bj", nearest, columns)
     size = np.linalg.norm(nearest, axis=1)[:, None] * np.linalg.norm(columns, axis=1)
@@ -95,14 +96,22 @@ def facet_joint_speeds(
 
 def _facets(
     columns: np.ndarray, low: np.ndarray, high: np.ndarray, directions: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normals (*batch, normals, task) and how far each lets one go, (*batch, normals, directions)."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the normals, how far each lets one go (*batch, normals, directions), and which does least.
+
+    The rounding of a normal that is nearly orthogonal to a direction counts against it: it must not do least.
+    """
     faces = normals(columns)
     shares = faces @ columns
     one, other = shares * low[..., None, :], shares * high[..., None, :]
     ahead, behind = np.maximum(one, other).sum(axis=-1), -np.minimum(one, other).sum(axis=-1)
     along = faces @ np.swapaxes(directions, -1, -2)
-    size = np.linalg.norm(faces, axis=-1)[..., None] * np.linalg.norm(directions, axis=-1)[..., None, :]
+    length = np.linalg.norm(faces, axis=-1)
+    reach = np.sum(np.linalg.norm(columns, axis=-2) * np.maximum(-low, high), axis=-1)
+    size = length[..., None] * np.linalg.norm(directions, axis=-1)[..., None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(along > 0, ahead[..., None], behind[..., None]) / np.abs(along)
-    return faces, np.where(np.abs(along) > CROSSING_TOLERANCE * size, bound, np.inf)
+        rounding = ROUNDING * (length * reach[..., None])[..., None] / np.abs(along)
+    crosses = np.abs(along) > CROSSING_TOLERANCE * size
+    nearest = np.where(crosses, bound + rounding, np.inf).argmin(axis=-2)
+    return faces, np.where(crosses, bound, np.inf), nearest

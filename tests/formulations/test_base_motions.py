@@ -22,7 +22,7 @@ LIMITED = task(limits=pk.Limits(velocity=2.0), objectives=[pk.kinetic_energy, pk
 
 @pytest.fixture(scope="module")
 def rollouts():
-    return sample_rollouts(LIMITED, np.random.default_rng(0), count=48)
+    return sample_rollouts(LIMITED, np.random.default_rng(0))
 
 
 def test_those_that_violate_limits_less_come_first_then_those_that_fewer_are_as_good_as(rollouts):

@@ -129,7 +129,7 @@ def test_it_looks_ahead_when_the_paper_does():
 def test_what_is_added_leaves_the_task_alone():
     motion = pk.resolve(tringali_3r(), straight(0.1), pk.methods.PredictiveKineticEnergy(), start=START)
     task = task_of(tringali_3r(), straight(0.1), pk.kinetic_energy)
-    slopes = np.moveaxis(task_errors(task.arm, task.tasks, motion.q[:-1], task.targets[:-1])[1], -1, 0)
+    _, slopes = task_errors(task.arm, task.tasks, motion.q[:-1], task.targets[:-1])
     assert np.abs(motion.traces.projected).max() > 0.01
     assert np.abs(slopes @ motion.traces.projected[:, 0, :, None]).max() < 1e-14
 
@@ -200,7 +200,7 @@ def test_an_arm_without_masses_has_no_kinetic_energy_to_look_ahead_for():
         (lambda: {"prediction_step": 8.0}, "a horizon within the path's 10 s wanted, got 2 times 8 s"),
         (lambda: {"objective": pk.peak_velocity}, "objective peak_velocity: form 'integral' wanted, got 'peak'"),
         (lambda: {"objective": pk.jerk}, "objective jerk: wants a function of positions, velocities and accelerations"),
-        (lambda: {"horizon": np.array([2, 3, 4])}, "starts of shape (2,) and its numbers do not fit each other"),
+        (lambda: {"horizon": np.array([2, 3, 4])}, "starts of shape (2,) and numbers of (3,) do not fit each other"),
         (lambda: {"terminal": -1.0}, "PredictiveKineticEnergy: terminal of 0 or more wanted, got -1.0"),
         (lambda: {"feedback": -1.0}, "feedback of 0 or more wanted, got -1.0"),
     ],
