@@ -13,8 +13,6 @@ from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
 
-OPTIMISATION_LEVEL = 1  # of 3: code as fast, in two thirds of the time
-
 
 class _Library(JITCodeLibrary):
     def _optimize_functions(self, ll_module: Any) -> None:
@@ -90,7 +88,7 @@ class EntryLibrary(_Library):
 
     def _optimize_final_module(self) -> None:
         """Run LLVM's passes once; numba runs them twice, to remove reference counts that inner code has few of."""
-        passes, builder = self._codegen._module_pass_manager(opt=OPTIMISATION_LEVEL)
+        passes, builder = self._codegen._module_pass_manager(opt=1)  # of 3: code as fast, in two thirds of the time
         passes.run(self._final_module, builder)
 
 

@@ -16,7 +16,6 @@ from jaxtyping import Float
 from paretoik.nlp.linear_program import furthest
 
 PARALLEL_TOLERANCE = 1e-9  # cosine of a column with a normal, and of a range, below which there is none
-ROUNDING = 8 * np.finfo(float).eps  # of a sum of products of vectors, relative to their lengths
 CROSSING_TOLERANCE = 1e-14  # of its length: a normal that has less of a direction does not bound it
 
 
@@ -111,7 +110,7 @@ def _facets(
     size = length[..., None] * np.linalg.norm(directions, axis=-1)[..., None, :]
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(along > 0, ahead[..., None], behind[..., None]) / np.abs(along)
-        rounding = ROUNDING * (length * reach[..., None])[..., None] / np.abs(along)
+        rounding = 8 * np.finfo(float).eps * (length * reach[..., None])[..., None] / np.abs(along)
     crosses = np.abs(along) > CROSSING_TOLERANCE * size
     nearest = np.where(crosses, bound + rounding, np.inf).argmin(axis=-2)
     return faces, np.where(crosses, bound, np.inf), nearest
