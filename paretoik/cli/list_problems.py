@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.summary import columns
+from paretoik.api.result_text import columns
 from paretoik.cli.console import JsonFlag, print_json, print_message
 from paretoik.errors import InvalidInput, ParetoikError
 

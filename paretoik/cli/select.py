@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.summary import choice_text, entries
+from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json
 from paretoik.cli.progress_display import show_progress
 from paretoik.errors import InvalidInput

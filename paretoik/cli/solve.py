@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from paretoik.api.summary import entries, result_text
+from paretoik.api.result_text import entries, result_text
 from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json
 from paretoik.cli.progress_display import show_progress
 

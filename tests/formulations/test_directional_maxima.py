@@ -34,9 +34,9 @@ def refined(front):
 
 
 def evaluated(problem, genes):
-    found = {}
-    problem._evaluate(genes, found)
-    return found["F"], found["G"]
+    out = {}
+    problem._evaluate(genes, out)
+    return out["F"], out["G"]
 
 
 def test_individuals_stand_at_the_position_and_move_along_the_directions(problem, front):
@@ -52,9 +52,9 @@ def test_individuals_stand_at_the_position_and_move_along_the_directions(problem
 
 
 def test_no_individual_is_faster_than_the_directional_maximum(problem, refined):
-    most = pk.directional_maxima(problem.arm, problem.actuation, PLACE, WAYS).values
-    assert (refined.objectives[:, :2] <= most * (1 + 1e-9)).all()
-    assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * most).all()
+    maxima = pk.directional_maxima(problem.arm, problem.actuation, PLACE, WAYS).values
+    assert (refined.objectives[:, :2] <= maxima * (1 + 1e-9)).all()
+    assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * maxima).all()
 
 
 def test_genes_and_the_smooth_program_say_the_same(problem, front):
@@ -84,21 +84,21 @@ def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refine
 
 def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
     """Ask a little more of one speed, and a little less, the other held: the power that it costs tells both ends."""
-    program, known, step = problem.program(), refined.certificates, 1e-5
+    program, rates, step = problem.program(), refined.certificates, 1e-5
     ranges, z = np.ptp(refined.minimised, axis=0), problem.points(refined.genes)
-    finite = np.isfinite(known.exchange_intervals[:, 0, 2]).all(axis=1)
-    good = np.flatnonzero((known.weights.min(axis=1) > 0.05) & (known.status == "minimum") & finite)
+    finite = np.isfinite(rates.exchange_intervals[:, 0, 2]).all(axis=1)
+    good = np.flatnonzero((rates.weights.min(axis=1) > 0.05) & (rates.status == "minimum") & finite)
     assert len(good) >= 3
     for i in good[:5]:
         power = []
         for change in (-step, 0.0, step):
-            most = (program.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
-            upper = np.append(most, np.inf)[None]
+            bounds = (program.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
+            upper = np.append(bounds, np.inf)[None]
             end = minimise(problem.program(ranges), z[i : i + 1], np.array([[0.0, 0.0, 1.0]]), upper, solver="sqp")
             assert end.converged.all()
             power.append(end.objectives[0, 2] * ranges[2])
         more, less = -np.diff(power) / (step * ranges[0])
-        low, high = known.exchange_intervals[i, 0, 2]
+        low, high = rates.exchange_intervals[i, 0, 2]
         assert (more + less) / 2 == pytest.approx((low + high) / 2, rel=2e-2)
         assert less >= low - 0.05 * high
         assert more <= high * 1.05
@@ -111,11 +111,11 @@ def test_the_same_seed_gives_the_same_front(problem, front):
 
 def test_it_is_a_pymoo_problem_of_any_number_of_directions():
     one = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
-    found = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
+    result = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
     assert one.n_obj == 1
-    most = pk.directional_maxima(one.arm, one.actuation, PLACE, [[0.0, 1.0]]).values[0]
-    assert -found.F.min() == pytest.approx(most, rel=0.05)
-    assert -found.F.min() <= most * (1 + 1e-9)
+    maximum = pk.directional_maxima(one.arm, one.actuation, PLACE, [[0.0, 1.0]]).values[0]
+    assert -result.F.min() == pytest.approx(maximum, rel=0.05)
+    assert -result.F.min() <= maximum * (1 + 1e-9)
 
 
 def test_spatial_arms_are_served():
@@ -125,8 +125,8 @@ def test_spatial_arms_are_served():
     )
     front = pk.solve(problem, population=24, generations=10, seed=0, points=4)
     refined = pk.refine(front)
-    most = pk.directional_maxima(arm, problem.actuation, [0.5, 0.3, -0.2], np.eye(3)[:2], starts=100).values
-    assert (refined.objectives <= most * (1 + 1e-6)).all()
+    maxima = pk.directional_maxima(arm, problem.actuation, [0.5, 0.3, -0.2], np.eye(3)[:2], starts=100).values
+    assert (refined.objectives <= maxima * (1 + 1e-6)).all()
     assert refined.certificates.violation.max() <= 1e-8
 
 

@@ -111,14 +111,14 @@ def test_other_motor_curves_are_polished_too(shape):
     problem = pk.PointToPoint(
         pk.arms.kim_3r(), pk.capability.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4
     )
-    found = pk.solve(problem, population=40, generations=20, seed=1, points=4)
-    refined = pk.refine(found)
-    before = dict(zip(found.ids, found.minimised, strict=True))
-    assert (refined.minimised.min(axis=0) <= found.minimised.min(axis=0) + 1e-5).all()
+    polished = pk.solve(problem, population=40, generations=20, seed=1, points=4)
+    refined = pk.refine(polished)
+    before = dict(zip(polished.ids, polished.minimised, strict=True))
+    assert (refined.minimised.min(axis=0) <= polished.minimised.min(axis=0) + 1e-5).all()
     for number, row in zip(refined.ids, refined.minimised, strict=True):
         assert (row <= before[number] + 1e-5).all()
     assert refined.certificates.violation.max() <= 1e-8
-    gained = 1.0 - refined.minimised.min(axis=0) / found.minimised.min(axis=0)
+    gained = 1.0 - refined.minimised.min(axis=0) / polished.minimised.min(axis=0)
     assert (gained > [0.004, 0.05]).all()
     wide = pk.epsilon_front(problem, points=3, starts=8)  # from other basins, too
     assert (wide.minimised.min(axis=0) < 0.95 * refined.minimised.min(axis=0)).all()
@@ -130,11 +130,11 @@ def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
     tool = kinematics.forward_kinematics(problem.arm, fine[0])[1][:, :2]
     steps = np.diff(tool, axis=0)
     middle = (tool[1:] + tool[:-1]) / 2
-    least = sum(
+    fastest = sum(
         np.linalg.norm(step) / pk.directional_maxima(problem.arm, problem.actuation, place, step[None]).values[0]
         for place, step in zip(middle, steps, strict=True)
     )
-    assert refined.objectives[0, 0] >= least * (1 - 2e-3)
+    assert refined.objectives[0, 0] >= fastest * (1 - 2e-3)
 
 
 def test_between_samples_motors_are_nearly_as_fast_as_they_need_to_be(problem, refined):
@@ -162,10 +162,10 @@ def test_spatial_arms_are_served():
         coefficients=4,
         bases=4,
     )
-    found = pk.solve(problem, population=20, generations=5, seed=0, points=2)
-    tool = kinematics.forward_kinematics(arm, found.motions.q)[1]
-    assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(found), 1)), abs=1e-9)
-    assert (found.objectives[:, 0] > 0).all()
+    front = pk.solve(problem, population=20, generations=5, seed=0, points=2)
+    tool = kinematics.forward_kinematics(arm, front.motions.q)[1]
+    assert tool[:, -1] == pytest.approx(np.tile([0.4, 0.35, -0.1], (len(front), 1)), abs=1e-9)
+    assert (front.objectives[:, 0] > 0).all()
 
 
 @pytest.mark.usefixtures("unchecked")

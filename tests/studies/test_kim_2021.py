@@ -42,7 +42,7 @@ def models():
 
 @pytest.fixture(scope="module")
 def trajectories(models):
-    return {name: trajectory(found, period=0.01, samples=20) for name, found in models.items()}
+    return {name: trajectory(model, period=0.01, samples=20) for name, model in models.items()}
 
 
 @pytest.fixture(scope="module")
@@ -72,13 +72,13 @@ def test_the_text_s_positions_are_in_the_grid():
 
 def test_where_sliders_are_slower_is_said(corners):
     rows = polygon_rows(corners)
-    found = {row.row: row for row in rows if row.column == "directions in which DAM is faster"}
-    assert [found[one.name].ours for one in corners] == [np.count_nonzero(one.gain > 1e-9) for one in corners]
-    assert found["all nine"].ours == sum(found[one.name].ours for one in corners)
-    assert found["p6"].paper == 16
-    assert found["p6"].note.startswith("LOSS")
-    assert "22.5°" in found["p6"].note
-    assert "faster in all" in found["p5"].note
+    counts = {row.row: row for row in rows if row.column == "directions in which DAM is faster"}
+    assert [counts[one.name].ours for one in corners] == [np.count_nonzero(one.gain > 1e-9) for one in corners]
+    assert counts["all nine"].ours == sum(counts[one.name].ours for one in corners)
+    assert counts["p6"].paper == 16
+    assert counts["p6"].note.startswith("LOSS")
+    assert "22.5°" in counts["p6"].note
+    assert "faster in all" in counts["p5"].note
 
 
 def test_the_usual_assumptions_are_the_librarys(corners):
@@ -130,10 +130,16 @@ def test_arrivals_stand_beside_the_papers(trajectories):
         assert one.run.arrival == pytest.approx(one.geodesic.duration, rel=0.02)
         np.testing.assert_allclose(one.path[[0, -1]], [START, TARGET])
     assert rows["DAM", "sag at x = 150 mm"].note.startswith("LOSS")
-    told = {(row.row, row.column): row.ours for row in cheating(trajectories)}
+    arrivals = {(row.row, row.column): row.ours for row in cheating(trajectories)}
     for name, one in trajectories.items():
-        assert told[f"{name}, printed", "claimed"] < 0.95 * one.geodesic.duration < told[f"{name}, printed", "re-timed"]
-        assert told[f"{name}, midpoint", "claimed"] == pytest.approx(told[f"{name}, midpoint", "re-timed"], rel=0.01)
+        assert (
+            arrivals[f"{name}, printed", "claimed"]
+            < 0.95 * one.geodesic.duration
+            < arrivals[f"{name}, printed", "re-timed"]
+        )
+        assert arrivals[f"{name}, midpoint", "claimed"] == pytest.approx(
+            arrivals[f"{name}, midpoint", "re-timed"], rel=0.01
+        )
 
 
 def test_the_possible_time_of_a_short_piece_is_its_length_over_the_maximum():
@@ -146,19 +152,19 @@ def test_the_possible_time_of_a_short_piece_is_its_length_over_the_maximum():
 
 def test_points_are_spread_evenly():
     corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]])
-    found = evenly(corner, 8)
-    np.testing.assert_allclose(found[[0, 2, 6, 8]], [[0, 0], [1, 0], [3, 0], [3, 1]], atol=1e-12)
+    spread = evenly(corner, 8)
+    np.testing.assert_allclose(spread[[0, 2, 6, 8]], [[0, 0], [1, 0], [3, 0], [3, 1]], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_postures_follow_the_path_and_no_joint_is_hurried(name, ways):
-    known = ways[name].soonest
+    profile = ways[name].soonest
     arm = pk.arms.kim_3r()
-    tool = forward_kinematics(arm, known.q)[1][..., :2]
-    np.testing.assert_allclose(tool, known.points, atol=1e-12)
-    assert np.all(np.diff(known.times) > 0)
-    assert np.abs(known.turned).max() < np.deg2rad(10)
-    assert known.times[-1] >= ways[name].maxima.lasting.sum() * (1 - 1e-3)
+    tool = forward_kinematics(arm, profile.q)[1][..., :2]
+    np.testing.assert_allclose(tool, profile.points, atol=1e-12)
+    assert np.all(np.diff(profile.times) > 0)
+    assert np.abs(profile.turned).max() < np.deg2rad(10)
+    assert profile.times[-1] >= ways[name].maxima.lasting.sum() * (1 - 1e-3)
 
 
 def test_no_other_postures_are_sooner():
@@ -173,9 +179,9 @@ def test_no_other_postures_are_sooner():
 
 def test_between_its_samples_a_profile_takes_as_long():
     path = np.stack([START, TARGET])
-    known = resolved(mechanism("JAM"), path, pieces=8, cell=0.5)
-    finer = refine_profile(mechanism("JAM"), known, evenly(path, 8 * (len(known.times) - 1)))
-    assert finer.times[-1] == pytest.approx(known.times[-1], rel=0.01)
+    coarse = resolved(mechanism("JAM"), path, pieces=8, cell=0.5)
+    finer = refine_profile(mechanism("JAM"), coarse, evenly(path, 8 * (len(coarse.times) - 1)))
+    assert finer.times[-1] == pytest.approx(coarse.times[-1], rel=0.01)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
@@ -213,8 +219,8 @@ def test_the_whole_program_finds_nothing_better(name):
     way = unit_directions(16, 2)[3]
     starts = program.starts(place, 4, np.random.default_rng(0))
     assert np.all((starts >= program.lower) & (starts <= program.upper))
-    found = [program.solved(start, place, way) for start in starts]
-    best = max(value for value, success in found if success)
+    maxima = [program.solved(start, place, way) for start in starts]
+    best = max(value for value, success in maxima if success)
     assert best == pytest.approx(speeds(name, place, way[None])[0], rel=1e-6)
 
 

@@ -106,12 +106,12 @@ def test_times_are_those_of_a_generation(followed):
 
 
 def test_figures_are_drawn_of_what_is_there(tmp_path):
-    found = [
+    runs = [
         follow(Cell(links=4, distance=0.7, blocked=False, weight=w), posture(4), steps=4, seed=0, generations=5)
         for w in (0.0, 1.0)
     ]
-    assert [file.name for file in draw(tmp_path, found)] == ["figure_2.png", "figure_3.png", "figure_4.png"]
-    assert all(file.stat().st_size > 5000 for file in draw(tmp_path, found))
+    assert [file.name for file in draw(tmp_path, runs)] == ["figure_2.png", "figure_3.png", "figure_4.png"]
+    assert all(file.stat().st_size > 5000 for file in draw(tmp_path, runs))
 
 
 def test_quick_writes_strict_json(tmp_path, monkeypatch):

@@ -29,7 +29,7 @@ FIGURES = (1, 3, 4, 5, 10, 11, 14)  # those of simulations 1 and 4 and of what h
 
 
 @dataclass
-class Found:
+class Study:
     """What a short study finds."""
 
     rows: list
@@ -45,19 +45,19 @@ class Found:
 
 
 @pytest.fixture(scope="module")
-def found():
+def study():
     """Study in short."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "bound_row", lambda simulation, **_: bound_row(simulation, resolution=0.06))
-        return Found(*command.run_study(starts=12, points=3, candidates=300, seeds=2, finer=None, rehearsed=False))
+        return Study(*command.run_study(starts=12, points=3, candidates=300, seeds=2, finer=None, rehearsed=False))
 
 
 @pytest.fixture(scope="module")
-def pictures(found, tmp_path_factory):
+def pictures(study, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pictures") / "made"
-    names = match_optima(found.simulations["fitted"][0])
-    some = {"fitted": [found.simulations["fitted"][k] for k in (0, 3)]}
-    return draw(folder, some, found.falling[:1], found.trades[:1], names)
+    names = match_optima(study.simulations["fitted"][0])
+    some = {"fitted": [study.simulations["fitted"][k] for k in (0, 3)]}
+    return draw(folder, some, study.falling[:1], study.trades[:1], names)
 
 
 def reported():
@@ -65,23 +65,23 @@ def reported():
         return list(csv.DictReader(file))
 
 
-def test_every_table_has_rows_for_both_arms(found):
-    tables = {row.table for row in found.rows}
+def test_every_table_has_rows_for_both_arms(study):
+    tables = {row.table for row in study.rows}
     assert tables == {f"{table}, {masses} masses" for table in TABLES for masses in ("fitted", "printed")}
 
 
-def test_every_number_is_finite(found):
-    assert [row for row in found.rows if not np.isfinite(row.ours)] == []
+def test_every_number_is_finite(study):
+    assert [row for row in study.rows if not np.isfinite(row.ours)] == []
 
 
-def test_no_two_rows_say_the_same(found):
-    places = [(row.table, row.row, row.column) for row in found.rows]
+def test_no_two_rows_say_the_same(study):
+    places = [(row.table, row.row, row.column) for row in study.rows]
     assert len(set(places)) == len(places)
 
 
 @pytest.mark.parametrize("masses", ["fitted", "printed"])
-def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(found, masses):
-    ours = {(row.table, row.row, row.column, row.unit): row.paper for row in found.rows}
+def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(study, masses):
+    ours = {(row.table, row.row, row.column, row.unit): row.paper for row in study.rows}
     missing = [
         line
         for line in reported()
@@ -104,50 +104,50 @@ def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(fo
         ("Table 6", "simulation 5", "peak power"),
     ],
 )
-def test_fitted_masses_bring_the_papers_numbers_within_two_percent(found, table, row, column):
-    assert found.value(table, row, column) == pytest.approx(paper()[table, row, column], rel=0.02)
+def test_fitted_masses_bring_the_papers_numbers_within_two_percent(study, table, row, column):
+    assert study.value(table, row, column) == pytest.approx(paper()[table, row, column], rel=0.02)
 
 
-def test_as_printed_masses_give_a_quarter_less_energy_than_the_paper(found):
+def test_as_printed_masses_give_a_quarter_less_energy_than_the_paper(study):
     for number in (1, 2):
-        ours = found.value("Table 5", f"simulation {number}", "kinetic energy", "printed")
+        ours = study.value("Table 5", f"simulation {number}", "kinetic energy", "printed")
         assert 0.70 < ours / paper()["Table 5", f"simulation {number}", "kinetic energy"] < 0.76
 
 
-def test_limits_never_help(found):
-    for one in found.simulations.values():
+def test_limits_never_help(study):
+    for one in study.simulations.values():
         first, second, third, fourth, _ = (simulation.plan.best.objective for simulation in one)
         assert first <= second * (1 + 1e-9)
         assert third <= fourth * (1 + 1e-9)
 
 
-def test_simulation_1_has_the_three_optima_of_the_paper_and_more(found):
+def test_simulation_1_has_the_three_optima_of_the_paper_and_more(study):
     for masses in ("fitted", "printed"):
-        assert found.value("Table 5", "simulation 1", "distinct optima", masses) > 3
-        energies = [found.value("Table 4", f"optimum {number}", "planner", masses) for number in (1, 2, 3)]
+        assert study.value("Table 5", "simulation 1", "distinct optima", masses) > 3
+        energies = [study.value("Table 4", f"optimum {number}", "planner", masses) for number in (1, 2, 3)]
         assert energies == sorted(energies)
 
 
-def test_the_calculus_of_variations_starts_where_an_optimum_does_and_stays_near(found):
+def test_the_calculus_of_variations_starts_where_an_optimum_does_and_stays_near(study):
     for number in (1, 2, 3):
-        planner, theirs = (found.value("Table 4", f"optimum {number}", by) for by in ("planner", "Nedungadi"))
+        planner, theirs = (study.value("Table 4", f"optimum {number}", by) for by in ("planner", "Nedungadi"))
         assert planner <= theirs < 1.03 * planner
-        assert 0 < found.value("Table 4", f"optimum {number}", "mean |Δq|") < 0.03
+        assert 0 < study.value("Table 4", f"optimum {number}", "mean |Δq|") < 0.03
 
 
-def test_the_sign_as_printed_costs_energy(found):
-    right, wrong = (found.value("Table 4", "optimum 1", f"Nedungadi{sign}") for sign in ("", ", sign as printed"))
+def test_the_sign_as_printed_costs_energy(study):
+    right, wrong = (study.value("Table 4", "optimum 1", f"Nedungadi{sign}") for sign in ("", ", sign as printed"))
     assert wrong > 2 * right
 
 
-def test_no_limit_is_used_beyond_all_of_it(found):
-    used = [row for row in found.rows if row.column == "worst limit use"]
+def test_no_limit_is_used_beyond_all_of_it(study):
+    used = [row for row in study.rows if row.column == "worst limit use"]
     assert len(used) == 8
     assert all(1 - 1e-6 < row.ours < 1 + 1e-7 for row in used)
 
 
-def test_limit_use_is_the_largest_share_of_any_limit(found):
-    simulation = found.simulations["fitted"][3]
+def test_limit_use_is_the_largest_share_of_any_limit(study):
+    simulation = study.simulations["fitted"][3]
     motion, bounds = simulation.motion, simulation.problem.task.bounds
     values = {"position": motion.q, "velocity": motion.dq, "torque": motion.torque, "power": motion.power}
     shares = [np.abs(values[kind] / bounds[kind][..., 1]).max() for kind in bounds]
@@ -156,28 +156,28 @@ def test_limit_use_is_the_largest_share_of_any_limit(found):
     assert "velocity of joint2" in which.split(", ")
 
 
-def test_the_ends_of_the_front_are_the_best_of_simulations_2_and_3(found):
+def test_the_ends_of_the_front_are_the_best_of_simulations_2_and_3(study):
     for masses in ("fitted", "printed"):
-        energy = found.value("Figure 14", "energy end", "kinetic energy", masses)
-        torque = found.value("Figure 14", "torque end", "torque norm", masses)
-        assert energy == pytest.approx(found.value("Table 5", "simulation 2", "kinetic energy", masses), rel=1e-5)
-        assert torque == pytest.approx(found.value("Table 5", "simulation 3", "torque norm", masses), rel=1e-5)
+        energy = study.value("Figure 14", "energy end", "kinetic energy", masses)
+        torque = study.value("Figure 14", "torque end", "torque norm", masses)
+        assert energy == pytest.approx(study.value("Table 5", "simulation 2", "kinetic energy", masses), rel=1e-5)
+        assert torque == pytest.approx(study.value("Table 5", "simulation 3", "torque norm", masses), rel=1e-5)
 
 
-def test_every_point_of_the_front_is_certified(found):
+def test_every_point_of_the_front_is_certified(study):
     for masses in ("fitted", "printed"):
-        points = found.value("Figure 14", "front", "points", masses)
-        assert found.value("Figure 14", "front", "certified minima", masses) == points >= 3
-        assert found.value("Figure 14", "front", "worst criticality", masses) <= 1e-6
-        assert found.value("Figure 14", "front", "worst violation", masses) <= 1e-8
+        points = study.value("Figure 14", "front", "points", masses)
+        assert study.value("Figure 14", "front", "certified minima", masses) == points >= 3
+        assert study.value("Figure 14", "front", "worst criticality", masses) <= 1e-6
+        assert study.value("Figure 14", "front", "worst violation", masses) <= 1e-8
 
 
-def test_json_is_strict(found, tmp_path, capsys):
-    report(found.rows, json_file=tmp_path / "rows.json")
+def test_json_is_strict(study, tmp_path, capsys):
+    report(study.rows, json_file=tmp_path / "rows.json")
     constants = []
     read = json.loads((tmp_path / "rows.json").read_text(), parse_constant=constants.append)
     assert constants == []
-    assert len(read) == len(found.rows)
+    assert len(read) == len(study.rows)
     assert "Table 4, printed masses" in capsys.readouterr().out
 
 
@@ -253,23 +253,23 @@ def test_a_number_says_how_far_it_is_from_the_papers():
 
 
 @pytest.mark.parametrize(("quick", "starts"), [(True, 24), (False, 48)])
-def test_the_command_reports_its_rows_and_draws(found, monkeypatch, tmp_path, capsys, quick, starts):
+def test_the_command_reports_its_rows_and_draws(study, monkeypatch, tmp_path, capsys, quick, starts):
     asked = {}
 
     def run_study(**settings):
         asked.update(settings)
-        return found.rows, found.simulations, found.falling, found.trades
+        return study.rows, study.simulations, study.falling, study.trades
 
     monkeypatch.setattr(command, "run_study", run_study)
     monkeypatch.setattr(command, "draw", lambda folder, *shown: [folder / "one.png"])
     command.main(["--json", str(tmp_path / "rows.json"), "--out", str(tmp_path), *(["--quick"] if quick else [])])
     assert asked["starts"] == starts
-    assert len(json.loads((tmp_path / "rows.json").read_text())) == len(found.rows)
+    assert len(json.loads((tmp_path / "rows.json").read_text())) == len(study.rows)
     assert f"1 pictures in {tmp_path}" in capsys.readouterr().err
 
 
-def test_both_arms_are_those_of_the_library(found):
-    for masses, one in found.simulations.items():
+def test_both_arms_are_those_of_the_library(study):
+    for masses, one in study.simulations.items():
         assert [simulation.number for simulation in one] == [1, 2, 3, 4, 5]
         for simulation in one:
             assert [b.mass for b in simulation.problem.task.arm.bodies] == [

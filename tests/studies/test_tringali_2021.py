@@ -76,9 +76,9 @@ def test_the_spectral_radius_is_twice_the_most_energy_of_a_unit_velocity():
     ways = rng.normal(size=(5000, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     moving = pk.Motion(arm=arm, time=np.arange(3.0), q=1e-6 * np.arange(3.0)[:, None] * ways[:, None])
-    most = 2e12 * moving.kinetic_energy[:, 1].max()
+    largest = 2e12 * moving.kinetic_energy[:, 1].max()
     radius = spectral_radius(pk.Motion(arm=arm, time=np.arange(3.0), q=np.zeros((3, 3))))[0]
-    assert 0.99 * radius < most < radius * (1 + 1e-4)
+    assert 0.99 * radius < largest < radius * (1 + 1e-4)
 
 
 @pytest.mark.parametrize("generations", [1, pytest.param(5, marks=pytest.mark.slow)])
@@ -89,10 +89,10 @@ def test_a_search_finds_a_schedule_no_worse_than_the_papers(generations):
 
 
 def test_another_solver_may_look_ahead():
-    given = tringali_2021.problem(1, samples=201).task, pk.kinetic_energy, 2, 1.0
-    ours, slow = make_solver("ours")(*given), make_solver("SLSQP, exact derivatives")(*given)
+    arguments = tringali_2021.problem(1, samples=201).task, pk.kinetic_energy, 2, 1.0
+    ours, slow = make_solver("ours")(*arguments), make_solver("SLSQP, exact derivatives")(*arguments)
     assert isinstance(slow, Slsqp)
-    start, targets = np.array(tringali_2021.START), given[0].targets[[20, 40]]
+    start, targets = np.array(tringali_2021.START), arguments[0].targets[[20, 40]]
     guess = np.tile(start, (2, 1))
     one, other = (solver.solve(guess, start, np.zeros(3), targets) for solver in (ours, slow))
     np.testing.assert_allclose(one.q, other.q, atol=1e-5)

@@ -91,13 +91,13 @@ def test_certificates_are_the_same_whatever_the_unit(name, plain, scaled):
 @pytest.mark.parametrize("name", FORMS)
 def test_the_criticality_of_a_motion_that_is_not_optimal_is_the_same_whatever_the_unit(name):
     make, factor, scale = FORMS[name]
-    found = []
+    criticalities = []
     for unit, natural in ((1.0, 1.0), (factor, scale)):
         problem = tracking(make(unit))
         q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
-        found.append(certify_motions(problem.task, q, np.array([0.05, 0.05 * natural])).kkt_residual[0])
-    assert found[0] > 1e-3
-    assert found[1] == pytest.approx(found[0], rel=1e-6)
+        criticalities.append(certify_motions(problem.task, q, np.array([0.05, 0.05 * natural])).kkt_residual[0])
+    assert criticalities[0] > 1e-3
+    assert criticalities[1] == pytest.approx(criticalities[0], rel=1e-6)
 
 
 @pytest.mark.parametrize("name", FORMS)

@@ -58,9 +58,9 @@ def solved(task, q, **settings):
 def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     problem = getattr(tringali_2020, name)()
     best = pk.plan(problem, starts=12).best
-    found = solved(problem.task, best.motion.q, radius=0.01)
-    assert found.status == 0
-    assert found.objectives[0] == pytest.approx(best.objective, rel=1e-8)
+    solution = solved(problem.task, best.motion.q, radius=0.01)
+    assert solution.status == 0
+    assert solution.objectives[0] == pytest.approx(best.objective, rel=1e-8)
 
 
 @pytest.mark.parametrize("name", ["simulation_1", pytest.param("simulation_4", marks=pytest.mark.slow)])
@@ -75,9 +75,9 @@ def test_both_solvers_agree_on_a_spatial_arm():
     task = replace(whole, objectives=whole.objectives[:1]).subsample(26)
     best = find_optima(task, starts=4, seed=0).best
     program = motion_program(task, [best.objective])
-    found = batches.minimise(program, best.motion.q[None], np.ones((1, 1)), solver="sqp")
-    assert found.converged.all()
-    assert found.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
+    solution = batches.minimise(program, best.motion.q[None], np.ones((1, 1)), solver="sqp")
+    assert solution.converged.all()
+    assert solution.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
 
 
 def test_interior_points_refuse_kinks_by_name_before_any_work():
@@ -99,9 +99,9 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
     problem = problem_of(objective)
     best = pk.plan(problem, starts=2).best
     task, q = problem.task, best.motion.q
-    known = certify_motions(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
-    assert known.kkt_residual[0] <= 1e-6
-    assert known.violation[0] <= 1e-8
+    certificate = certify_motions(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
+    assert certificate.kkt_residual[0] <= 1e-6
+    assert certificate.violation[0] <= 1e-8
     for motion in nearby(task, q, 200):
         if task.violations(motion).max() <= 0:
             assert float(objective(motion)) >= best.objective - 1e-7 * (1 + abs(best.objective))
@@ -145,7 +145,7 @@ def first_order(at, along):
     columns = at.gradients.shape[1]
     slopes, gaps = at.jacobian[ties:].toarray(), at.inequalities[ties:]
     tight = gaps < 1e-9
-    found = []
+    solution = []
     if unknowns == columns:
         return at.gradients @ along
     for gradient in at.gradients:
@@ -158,8 +158,8 @@ def first_order(at, along):
         cones = 0.0
         for cone in at.cones:
             cones += gradient[cone.column] * (cone.values @ (cone.rows @ along) / np.linalg.norm(cone.values) + 1e3)
-        found.append(gradient[:unknowns] @ along[:unknowns] + extra.fun + cones)
-    return np.array(found)
+        solution.append(gradient[:unknowns] @ along[:unknowns] + extra.fun + cones)
+    return np.array(solution)
 
 
 def test_a_motion_that_should_stop_ends_without_self_motion():
@@ -187,10 +187,12 @@ def test_a_motion_keeps_clear_of_obstacles_and_pays_for_it(obstacle):
 
 
 def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_just_above_it_holds():
-    least = pk.plan(problem_of(pk.peak_torque), starts=4).best.objective
+    smallest_peak = pk.plan(problem_of(pk.peak_torque), starts=4).best.objective
 
     def limited(share):
-        limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * least)
+        limits = pk.Limits(
+            position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=share * smallest_peak
+        )
         path = tringali_2020.straight(26)
         return pk.plan(
             pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=2
@@ -198,7 +200,7 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
 
     with pytest.raises(pk.Infeasible, match=r"torque of joint\d .*at sample \d+"):
         limited(0.999)
-    assert np.abs(limited(1.001).best.motion.torque).max() <= 1.001 * least * (1 + 1e-7)
+    assert np.abs(limited(1.001).best.motion.torque).max() <= 1.001 * smallest_peak * (1 + 1e-7)
 
 
 def test_the_least_violation_is_found_where_limits_cannot_hold():
@@ -230,9 +232,9 @@ def test_constraints_of_every_form_hold():
 
     free = pk.plan(problem_of(pk.kinetic_energy), starts=4).best  # the best of all, whatever the others find
     for limit in (drift, swing, bent, slow):
-        found = pk.plan(problem_of(pk.kinetic_energy, constraints=[limit]), starts=2).best
-        assert limit.violation(found.motion) <= 1e-8
-        assert found.objective >= free.objective - 1e-9
+        solution = pk.plan(problem_of(pk.kinetic_energy, constraints=[limit]), starts=2).best
+        assert limit.violation(solution.motion) <= 1e-8
+        assert solution.objective >= free.objective - 1e-9
 
 
 def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_solved():
@@ -247,8 +249,8 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     with pytest.raises(pk.InvalidInput, match=r"jumping: jumps where the condition"):
         motion_program(problem_of(jumping).task)
     best = pk.plan(problem_of(bent), starts=2).best
-    known = certify_motions(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
-    assert known.kkt_residual[0] <= 1e-6
+    certificate = certify_motions(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))
+    assert certificate.kkt_residual[0] <= 1e-6
 
 
 def test_a_limit_that_holds_is_not_left_for_a_better_objective():
@@ -256,8 +258,8 @@ def test_a_limit_that_holds_is_not_left_for_a_better_objective():
     def travel(motion):
         return np.sum(np.abs(motion.dq), axis=-1)
 
-    found = pk.plan(problem_of(pk.torque_norm, constraints=[travel]), starts=3).best
-    assert travel.violation(found.motion) <= 1e-8
+    solution = pk.plan(problem_of(pk.torque_norm, constraints=[travel]), starts=3).best
+    assert travel.violation(solution.motion) <= 1e-8
 
 
 def test_central_differences_and_a_stop_are_refused_together():

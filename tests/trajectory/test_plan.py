@@ -11,20 +11,20 @@ from problems import tringali_2020, tringali_2021
 
 
 def test_the_printed_arm_has_five_unconstrained_energy_optima():
-    found = pk.plan(tringali_2020.simulation_1())
-    values = [optimum.objective for optimum in found.optima]
+    planned = pk.plan(tringali_2020.simulation_1())
+    values = [optimum.objective for optimum in planned.optima]
     assert len(values) == 5
     assert values == sorted(values)
-    assert len({optimum.label for optimum in found.optima}) == 5
+    assert len({optimum.label for optimum in planned.optima}) == 5
 
 
 def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
     free = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
     tried = []
-    found = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
+    planned = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
     assert tried[0][0] == 26
     assert tried[0][1] > 48
-    assert found.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
+    assert planned.best.objective <= pk.plan(free, seed=1, starts=240).best.objective * (1 + 1e-9)
     tried.clear()
     pk.plan(
         tringali_2020.simulation_5(), observe=lambda level: tried.append((level.done, int(level.summary.split()[0])))
@@ -35,8 +35,8 @@ def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_no_way_through_the_grid_beats_the_plan_from_a_given_start(number):
     problem = tringali_2021.problem(number, samples=51)
-    found, grid = pk.plan(problem), grid_oracle(problem.task, resolution=0.05, quick=True)
-    assert found.best.objective < grid.best
+    planned, grid = pk.plan(problem), grid_oracle(problem.task, resolution=0.05, quick=True)
+    assert planned.best.objective < grid.best
     assert np.isnan(grid.lower_bound)
 
 
@@ -69,17 +69,19 @@ def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_
             raise ValueError("nan given")
         return motion.kinetic_energy
 
-    given = tringali_2021.problem(4, samples=51)
-    problem = pk.Tracking(given.task.arm, given.task.tasks, objectives=[strict], start=tringali_2021.START)
+    original = tringali_2021.problem(4, samples=51)
+    problem = pk.Tracking(original.task.arm, original.task.tasks, objectives=[strict], start=tringali_2021.START)
     with pytest.raises(InvalidInput, match="functions that bear NaN in rates wanted, got ValueError: nan given"):
         grid_oracle(problem.task, quick=True)
-    assert pk.plan(problem).best.objective < 1.001 * pk.plan(given).best.objective
+    assert pk.plan(problem).best.objective < 1.001 * pk.plan(original).best.objective
 
 
 def test_a_grid_lets_a_joint_rest_that_may_not_move():
     limits = pk.Limits(velocity=[0.0, 9.0, 9.0])
-    given = tringali_2021.problem(1, samples=26).task
-    task = pk.Tracking(given.arm, given.tasks, objectives=[pk.kinetic_energy], limits=limits, start=given.start).task
+    original = tringali_2021.problem(1, samples=26).task
+    task = pk.Tracking(
+        original.arm, original.tasks, objectives=[pk.kinetic_energy], limits=limits, start=original.start
+    ).task
     assert np.isfinite(step_windows(task, 0.1)).all()
     assert (step_windows(task, 0.1) > 0).all()
     assert step_windows(task, 0.1)[:, 0].max() < 1e-6
@@ -88,14 +90,14 @@ def test_a_grid_lets_a_joint_rest_that_may_not_move():
 @pytest.mark.parametrize("name", [f"simulation_{i}" for i in range(1, 6)])
 def test_optima_follow_the_path_within_the_limits_and_are_apart(name):
     problem = getattr(tringali_2020, name)()
-    found = pk.plan(problem, seed=3)
-    for i, optimum in enumerate(found.optima):
+    planned = pk.plan(problem, seed=3)
+    for i, optimum in enumerate(planned.optima):
         motion = optimum.motion
         assert optimum.status == "converged"
         assert motion.tracking_error.max() <= 1e-10
         assert problem.task.violations(motion).max(initial=-1.0) <= 1e-8
         assert optimum.objective == pytest.approx(float(problem.task.objectives[0](motion)), rel=1e-12)
-        for other in found.optima[:i]:
+        for other in planned.optima[:i]:
             assert joint_distance(problem.task, motion.q, other.motion.q) > 0.01
 
 
@@ -128,8 +130,8 @@ def test_a_given_start_stays_and_given_motions_are_starts():
     held = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], start=start))
     assert np.array_equal(held.best.motion.q[0], start)
     problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy])
-    found = pk.plan(problem, starts=1, initial=free.motion)
-    assert any(optimum.objective == pytest.approx(free.objective, rel=1e-9) for optimum in found.optima)
+    planned = pk.plan(problem, starts=1, initial=free.motion)
+    assert any(optimum.objective == pytest.approx(free.objective, rel=1e-9) for optimum in planned.optima)
 
 
 def test_a_users_own_objective_is_planned_for_and_units_do_not_matter():
@@ -141,12 +143,12 @@ def test_a_users_own_objective_is_planned_for_and_units_do_not_matter():
     def million(motion):
         return 1e6 * np.linalg.norm(motion.dq, axis=-1) ** 2
 
-    found = [
+    planned = [
         pk.plan(pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[o]))
         for o in (effort, million)
     ]
-    assert found[1].best.objective == pytest.approx(1e6 * found[0].best.objective, rel=1e-9)
-    assert len(found[0].optima) == len(found[1].optima)
+    assert planned[1].best.objective == pytest.approx(1e6 * planned[0].best.objective, rel=1e-9)
+    assert len(planned[0].optima) == len(planned[1].optima)
 
 
 @pytest.mark.parametrize(

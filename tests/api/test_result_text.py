@@ -12,7 +12,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.load_front import load_front
-from paretoik.api.summary import choice_text, entries
+from paretoik.api.result_text import choice_text, entries
 from paretoik.cli import main
 from problems import tringali_2020
 
