@@ -67,28 +67,28 @@ def within(grid, q):
 def test_no_way_through_the_grid_is_better(monkeypatch, resolution):
     grids = captured(monkeypatch, "_node_graph")
     task = task_of(short(3))
-    found = grid_oracle(task, resolution=resolution)
+    oracle = grid_oracle(task, resolution=resolution)
     q = every_motion(grids[0])
     q = q[within(grids[0], q)]
     assert len(q) > 20
-    assert found.best == pytest.approx(kinetic_energy(task.motion(q)).min(), rel=1e-12)
+    assert oracle.best == pytest.approx(kinetic_energy(task.motion(q)).min(), rel=1e-12)
 
 
 def test_no_way_is_better_where_accelerations_count(monkeypatch):
     grids = captured(monkeypatch, "_pair_graph")
     task = task_of(short(3), objectives=[torque_norm])
-    found = grid_oracle(task, resolution=0.15)
+    oracle = grid_oracle(task, resolution=0.15)
     q = every_motion(grids[0])
     second = np.abs(np.diff(q, n=2, axis=1)) <= grids[0].windows[2:] / 2
     q = q[within(grids[0], q) & second.all(axis=(1, 2))]
     assert len(q) > 20
-    assert found.best == pytest.approx(torque_norm(task.motion(q)).min(), rel=1e-12)
+    assert oracle.best == pytest.approx(torque_norm(task.motion(q)).min(), rel=1e-12)
 
 
 def test_the_best_value_sinks_as_nodes_move_together():
     task = task_of(short(11))
-    found = [grid_oracle(task, resolution=h) for h in (0.08, 0.04, 0.02)]
-    assert found[0].best > found[1].best > found[2].best
+    oracles = [grid_oracle(task, resolution=h) for h in (0.08, 0.04, 0.02)]
+    assert oracles[0].best > oracles[1].best > oracles[2].best
 
 
 @pk.objective(unit="rad", form="integral")
@@ -122,9 +122,9 @@ BOUNDED = [
 def test_no_finer_grid_comes_below_the_lower_bound(changed):
     begin = task_of().motion(np.tile(START, (26, 1))).links[0, -1, :2]
     task = task_of(line(begin, [0.3, 0.1], duration=1.0, samples=11), **changed)
-    found, finer = (grid_oracle(task, resolution=h) for h in (0.04, 0.02))
-    assert found.lower_bound < min(found.best, finer.best)
-    assert found.lower_bound < finer.lower_bound
+    oracle, finer = (grid_oracle(task, resolution=h) for h in (0.04, 0.02))
+    assert oracle.lower_bound < min(oracle.best, finer.best)
+    assert oracle.lower_bound < finer.lower_bound
 
 
 @pytest.mark.parametrize(
@@ -132,17 +132,17 @@ def test_no_finer_grid_comes_below_the_lower_bound(changed):
 )
 def test_the_lower_bound_comes_near_as_nodes_move_together(limits, samples, resolution):
     task = task_of(line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=samples), limits=limits)
-    found = [grid_oracle(task, resolution=h) for h in (resolution, resolution / 2)]
-    gaps = [1 - one.lower_bound / one.best for one in found]
+    oracles = [grid_oracle(task, resolution=h) for h in (resolution, resolution / 2)]
+    gaps = [1 - one.lower_bound / one.best for one in oracles]
     assert gaps[1] < 0.4 * gaps[0] < 0.02
 
 
 def test_the_planner_finds_nothing_that_the_oracle_does_not_know_of():
-    found = along_the_line()
+    oracle = along_the_line()
     plan = pk.plan(pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy]), starts=24)
-    assert found.exact
-    assert found.lower_bound < plan.best.objective < found.best < 1.02 * plan.best.objective
-    assert found.labels[0] == plan.best.label
+    assert oracle.exact
+    assert oracle.lower_bound < plan.best.objective < oracle.best < 1.02 * plan.best.objective
+    assert oracle.labels[0] == plan.best.label
 
 
 def test_polishing_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
@@ -154,12 +154,12 @@ def test_polishing_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
 
 
 def test_motions_follow_the_path_and_are_worth_what_is_said():
-    found, task = along_the_line(), task_of()
-    motions = task.motion(found.q)
+    oracle, task = along_the_line(), task_of()
+    motions = task.motion(oracle.q)
     assert motions.tracking_error.max() < 1e-9
-    np.testing.assert_allclose(kinetic_energy(motions), found.values, rtol=1e-12)
-    assert (np.diff(found.values) >= 0).all()
-    assert len(set(found.labels)) > 3
+    np.testing.assert_allclose(kinetic_energy(motions), oracle.values, rtol=1e-12)
+    assert (np.diff(oracle.values) >= 0).all()
+    assert len(set(oracle.labels)) > 3
 
 
 def test_the_oracle_hardly_depends_on_its_first_postures():
@@ -171,13 +171,13 @@ def test_the_oracle_hardly_depends_on_its_first_postures():
 
 def test_limits_on_positions_and_velocities_are_kept_and_cost():
     limits = Limits(position=POSITION, velocity=3.2)
-    found = grid_oracle(task_of(limits=limits))
-    assert found.exact
-    assert found.violations.max() <= 1e-9
-    motion = task_of(limits=limits).motion(found.q)
+    oracle = grid_oracle(task_of(limits=limits))
+    assert oracle.exact
+    assert oracle.violations.max() <= 1e-9
+    motion = task_of(limits=limits).motion(oracle.q)
     assert np.abs(motion.dq).max() <= 3.2 * (1 + 1e-8)
     assert (np.abs(motion.q) <= POSITION + 1e-9).all()
-    assert found.best > along_the_line().best
+    assert oracle.best > along_the_line().best
 
 
 def test_obstacles_and_own_limits_are_kept():
@@ -186,35 +186,35 @@ def test_obstacles_and_own_limits_are_kept():
         return motion.links[..., 2, 1]
 
     task = task_of(short(11), constraints=[low_elbow], obstacles=[Circle([0.1, -0.12], 0.03)])
-    free, found = grid_oracle(task_of(short(11)), resolution=0.05), grid_oracle(task, resolution=0.05)
+    free, oracle = grid_oracle(task_of(short(11)), resolution=0.05), grid_oracle(task, resolution=0.05)
     assert task.violations(task.motion(free.q)).max() > 0.01
-    assert task.violations(task.motion(found.q)).max() <= 1e-9
+    assert task.violations(task.motion(oracle.q)).max() <= 1e-9
 
 
 def test_a_limit_on_torques_holds_at_the_grids_samples_and_makes_it_inexact():
     task = task_of(short(11), limits=Limits(torque=0.03))
-    found = grid_oracle(task, resolution=0.02)
-    assert not found.exact
-    assert np.isnan(found.lower_bound)
-    assert found.samples == 11
-    assert np.abs(task.motion(found.q).torque).max() <= 0.03 * (1 + 1e-8)
+    oracle = grid_oracle(task, resolution=0.02)
+    assert not oracle.exact
+    assert np.isnan(oracle.lower_bound)
+    assert oracle.samples == 11
+    assert np.abs(task.motion(oracle.q).torque).max() <= 0.03 * (1 + 1e-8)
 
 
 def test_motions_come_back_on_all_samples_where_accelerations_count():
     task = task_of(line([0.35, 0.05], [0.3, 0.1], duration=1.0, samples=51), objectives=[torque_norm])
-    found = grid_oracle(task, resolution=0.03)
-    assert found.samples == 26
-    assert found.q.shape[1:] == (51, 3)
-    assert task.motion(found.q).tracking_error.max() < 1e-9
+    oracle = grid_oracle(task, resolution=0.03)
+    assert oracle.samples == 26
+    assert oracle.q.shape[1:] == (51, 3)
+    assert task.motion(oracle.q).tracking_error.max() < 1e-9
 
 
 @pytest.mark.parametrize("measure", [kinetic_energy, torque_norm])
 def test_a_cycle_closes_to_the_bit(measure):
     task = task_of(ROUND, cyclic=True, objectives=[measure], limits=Limits(position=POSITION, velocity=3.8))
-    found = grid_oracle(task, resolution=0.03)
-    np.testing.assert_array_equal(found.q[:, 0], found.q[:, -1])
-    assert task.motion(found.q).tracking_error.max() < 1e-9
-    assert found.violations[0] <= 1e-9
+    oracle = grid_oracle(task, resolution=0.03)
+    np.testing.assert_array_equal(oracle.q[:, 0], oracle.q[:, -1])
+    assert task.motion(oracle.q).tracking_error.max() < 1e-9
+    assert oracle.violations[0] <= 1e-9
 
 
 def test_the_best_cycle_is_no_better_than_the_best_motion_that_need_not_close():
@@ -231,36 +231,36 @@ def test_a_cycle_around_the_base_has_no_closed_motion():
 
 def test_motions_begin_at_the_given_start_to_the_bit():
     start = sample_postures(task_of(), 40, np.random.default_rng(0))[0] + [2 * np.pi, 0.0, 0.0]
-    found = grid_oracle(task_of(start=start))
-    np.testing.assert_array_equal(found.q[:, 0], np.tile(start, (len(found.q), 1)))
-    assert found.best >= along_the_line().best * (1 - 1e-3)
+    oracle = grid_oracle(task_of(start=start))
+    np.testing.assert_array_equal(oracle.q[:, 0], np.tile(start, (len(oracle.q), 1)))
+    assert oracle.best >= along_the_line().best * (1 - 1e-3)
 
 
 def test_turns_within_wide_limits_are_told_apart():
     task = task_of(short(11), limits=Limits(position=([np.pi, -4.0, -4.0], [3 * np.pi, 4.0, 4.0])))
-    found = grid_oracle(task, resolution=0.05)
-    assert found.q[..., 0].min() >= np.pi
-    assert found.violations.max() <= 1e-9
-    assert found.best == pytest.approx(grid_oracle(task_of(short(11)), resolution=0.05).best, rel=0.01)
+    oracle = grid_oracle(task, resolution=0.05)
+    assert oracle.q[..., 0].min() >= np.pi
+    assert oracle.violations.max() <= 1e-9
+    assert oracle.best == pytest.approx(grid_oracle(task_of(short(11)), resolution=0.05).best, rel=0.01)
 
 
 def test_a_spatial_arm_follows_poses_within_its_own_limits():
     path = line(*(Pose.from_rpy((0.45, y, 0.3), (np.pi, 0, 0)) for y in (-0.05, 0.05)), duration=1.0, samples=6)
     task = task_of(path, panda(), limits=Limits(torque=np.inf))
-    found = grid_oracle(task, resolution=0.08)
-    assert task.motion(found.q).tracking_error.max() < 1e-9
-    assert found.violations.max() <= 1e-9
+    oracle = grid_oracle(task, resolution=0.08)
+    assert task.motion(oracle.q).tracking_error.max() < 1e-9
+    assert oracle.violations.max() <= 1e-9
     rolled = task.motion(rollout_starts(task, 60, np.random.default_rng(0)))
-    kept = task.violations(rolled).max(axis=1) <= 0
-    assert kept.sum() > 3
-    assert found.best < kinetic_energy(rolled)[kept].min()
+    feasible = task.violations(rolled).max(axis=1) <= 0
+    assert feasible.sum() > 3
+    assert oracle.best < kinetic_energy(rolled)[feasible].min()
 
 
 def test_the_sum_of_objectives_counts():
     task = task_of(short(11), objectives=[kinetic_energy, joint_travel])
-    found = grid_oracle(task, resolution=0.1)
-    motions = task.motion(found.q)
-    np.testing.assert_allclose(found.values, kinetic_energy(motions) + joint_travel(motions), rtol=1e-12)
+    oracle = grid_oracle(task, resolution=0.1)
+    motions = task.motion(oracle.q)
+    np.testing.assert_allclose(oracle.values, kinetic_energy(motions) + joint_travel(motions), rtol=1e-12)
 
 
 def test_more_redundancy_than_one_is_refused_by_name():
