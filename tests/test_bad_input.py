@@ -12,21 +12,21 @@ PANDA = "problems/robots/panda.urdf"
 HUGE = 10**400
 
 
-def arm(**given):
-    return pk.Arm.planar(**{"lengths": [0.2, 0.2, 0.1], **given})
+def arm(**settings):
+    return pk.Arm.planar(**{"lengths": [0.2, 0.2, 0.1], **settings})
 
 
-def own(**given):
-    return pk.objective(**{"unit": "m", "form": "integral", **given})(lambda motion: motion.dq[..., 0] ** 2)
+def own(**settings):
+    return pk.objective(**{"unit": "m", "form": "integral", **settings})(lambda motion: motion.dq[..., 0] ** 2)
 
 
-def solve(**given):
-    return pk.solve(tracking(), **{"population": 8, "generations": 1, **given})
+def solve(**settings):
+    return pk.solve(tracking(), **{"population": 8, "generations": 1, **settings})
 
 
-def loop(**given):
+def loop(**settings):
     path = pk.circle([0.3, 0.0], 0.05, duration=1.0, samples=11, timing="uniform")
-    return pk.ClosedLoop(pk.arms.tringali_3r(), path, **given)
+    return pk.ClosedLoop(pk.arms.tringali_3r(), path, **settings)
 
 
 def raising():

@@ -47,9 +47,9 @@ _hidden = ZDT1(n_var=7)
 def as_before(monkeypatch, tmp_path):
     """Forget what a test puts on sys.path, and the modules of its own files."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    known = set(sys.modules)
+    modules_before = set(sys.modules)
     yield
-    for name in set(sys.modules) - known:
+    for name in set(sys.modules) - modules_before:
         module = sys.modules[name]
         places = [getattr(module, "__file__", None) or "", *getattr(module, "__path__", ())]
         if any(Path(place).is_relative_to(tmp_path) for place in places):

@@ -18,8 +18,8 @@ STEPS = 12
 
 
 def short(**settings):
-    given = {"start": posture(3), "steps": STEPS, "population": 20, "generations": 10}
-    return marcos_2012.loop(3, 0.7, **{**given, **settings})
+    defaults = {"start": posture(3), "steps": STEPS, "population": 20, "generations": 10}
+    return marcos_2012.loop(3, 0.7, **{**defaults, **settings})
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +60,11 @@ def test_a_run_folder_has_a_row_and_a_front_of_every_step(finished):
 def test_other_weights_follow_the_loop_anew_from_where_it_began(finished):
     front, out = finished
     loaded = pk.load_front(out, short())
-    for given in (front, loaded):
-        choice = given.select(pk.Weights(position_error=1.0))
-        wanted = short(seed=3).changed(weights=[0.0, 1.0]).run()
-        np.testing.assert_array_equal(choice.motion.q, wanted.q)
-        assert choice.objectives == pytest.approx(wanted.values.mean(axis=0))
+    for either_front in (front, loaded):
+        choice = either_front.select(pk.Weights(position_error=1.0))
+        expected = short(seed=3).changed(weights=[0.0, 1.0]).run()
+        np.testing.assert_array_equal(choice.motion.q, expected.q)
+        assert choice.objectives == pytest.approx(expected.values.mean(axis=0))
         assert "position_error 100%" in choice.reason
     own = front.select(pk.Weights(joint_displacement=2.0, position_error=2.0))
     np.testing.assert_array_equal(own.motion.q, front.motions.q[0])
@@ -141,10 +141,10 @@ def test_position_and_velocity_limits_hold_at_every_step():
         generations=20,
     )
     front = pk.solve(loop)
-    found = front.motions.q[0]
-    assert (found >= limit[:, 0] - 1e-9).all()
-    assert (found <= limit[:, 1] + 1e-9).all()
-    assert np.abs(np.diff(found, axis=0)).max() <= 1.5e-3 * fastest * (1 + 1e-9)
+    limited_q = front.motions.q[0]
+    assert (limited_q >= limit[:, 0] - 1e-9).all()
+    assert (limited_q <= limit[:, 1] + 1e-9).all()
+    assert np.abs(np.diff(limited_q, axis=0)).max() <= 1.5e-3 * fastest * (1 + 1e-9)
     assert front.violation[0] < 1e-8
 
 

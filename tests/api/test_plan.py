@@ -9,12 +9,12 @@ from tests.api.problems import PATH, tracking
 
 def test_levels_are_shown_coarse_to_fine_with_starts_and_optima():
     seen = []
-    found = pk.plan(tracking(pk.kinetic_energy), starts=6, observe=seen.append)
+    plan = pk.plan(tracking(pk.kinetic_energy), starts=6, observe=seen.append)
     samples = len(PATH.times)
     assert {(progress.stage, progress.total) for progress in seen} == {("sample", samples)}
     assert [progress.done for progress in seen] == sorted(progress.done for progress in seen)
     assert seen[-1].done == samples
-    assert seen[-1].summary.endswith(f"{len(found.optima)} distinct optima")
+    assert seen[-1].summary.endswith(f"{len(plan.optima)} distinct optima")
 
 
 @pytest.mark.parametrize(

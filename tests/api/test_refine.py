@@ -50,8 +50,8 @@ def test_what_is_suggested_is_better_than_where_it_came_from():
     improver = SearchImprover(search)
     for _ in range(10):
         asked = search.ask()
-        found = problem.evaluate(asked.X, return_as_dictionary=True)
-        search.tell(asked.ids, found["F"], found["G"])
+        evaluation = problem.evaluate(asked.X, return_as_dictionary=True)
+        search.tell(asked.ids, evaluation["F"], evaluation["G"])
     from paretoik.search.evolution import _progress
 
     before = search.archive.F.min(axis=0)
@@ -111,22 +111,22 @@ def walk():
 
 @pytest.mark.parametrize("made", [problem_of, walk])
 def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path):
-    told = []
+    counts = []
 
     def interrupt(progress):
         if progress.stage != "refinement":
             return
-        done, wanted = progress.done, progress.total
-        told.append((done, wanted))
-        assert pk.load_front(tmp_path / "run").objectives.shape == (wanted, 2)  # kept before it is polished
+        done, total = progress.done, progress.total
+        counts.append((done, total))
+        assert pk.load_front(tmp_path / "run").objectives.shape == (total, 2)  # kept before it is polished
         os.kill(os.getpid(), signal.SIGINT)
 
     settings = {**SMALL, "generations": 6, "points": 40}
     front = pk.solve(made(), **settings, out=tmp_path / "run", observe=interrupt)
     assert front.provenance["status"] == "SIGINT"
-    assert len(told) == 1
+    assert len(counts) == 1
     assert len(front.certificates) == len(front)
-    assert 0 < front.provenance["refined"]["converged"] <= told[0][0]
+    assert 0 < front.provenance["refined"]["converged"] <= counts[0][0]
     assert np.array_equal(pk.load_front(tmp_path / "run").objectives, front.objectives)
 
 
@@ -174,6 +174,6 @@ def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
 
     with pytest.raises(RuntimeError, match="looked away"):
         pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe=fail)
-    kept = pk.load_front(tmp_path / "run", walk())
-    assert len(kept) > 1
-    assert kept.provenance["status"] == "RuntimeError"
+    stored_front = pk.load_front(tmp_path / "run", walk())
+    assert len(stored_front) > 1
+    assert stored_front.provenance["status"] == "RuntimeError"

@@ -45,9 +45,13 @@ def test_a_run_says_that_it_is_running_until_it_has_a_front(tmp_path):
     with session(tmp_path, reference="mine.py:problem") as run:
         assert stored(tmp_path)["status"] == "running"
         run.finish(front({**run.provenance, "status": "generations"}))
-    kept = Front.load(tmp_path).provenance
-    assert (kept["status"], kept["problem"], kept["settings"]) == ("generations", "mine.py:problem", {"seed": 1})
-    assert set(kept["versions"]) == {"paretoik", "pymoo", "numpy"}
+    provenance = Front.load(tmp_path).provenance
+    assert (provenance["status"], provenance["problem"], provenance["settings"]) == (
+        "generations",
+        "mine.py:problem",
+        {"seed": 1},
+    )
+    assert set(provenance["versions"]) == {"paretoik", "pymoo", "numpy"}
 
 
 def test_a_failure_stands_in_the_folder(tmp_path):

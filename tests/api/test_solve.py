@@ -58,11 +58,11 @@ def test_failures_are_counted_and_named_and_stay_out_of_the_front():
         last = motion.q[..., -1, 0]
         return np.where(last > -1.05, np.nan, last)
 
-    found = solve(tracking(pk.kinetic_energy, touchy), **QUICK, seed=1)
-    counts = found.provenance["counts"]
+    valid_front = solve(tracking(pk.kinetic_energy, touchy), **QUICK, seed=1)
+    counts = valid_front.provenance["counts"]
     assert 0 < counts["failed"] < counts["evaluations"] == 72
     assert counts["first_cause"] == "objective touchy is nan"
-    assert (found.motions.q[:, -1, 0] <= -1.05).all()
+    assert (valid_front.motions.q[:, -1, 0] <= -1.05).all()
 
 
 def test_when_every_evaluation_fails_the_first_cause_is_named():

@@ -16,18 +16,18 @@ TIME = np.linspace(0.0, 1.0, SAMPLES)
 TURNS = RNG.normal(size=(SAMPLES, 3, 3))
 
 
-def traced(*given, samples=SAMPLES):
+def traced(*arrays, samples=SAMPLES):
     """Return a trace and a traced array for each of the given ones, (time, ...)."""
     trace = Trace(samples)
-    return trace, [trace.inputs(*(array.shape[1:] if samples else array.shape)) for array in given]
+    return trace, [trace.inputs(*(array.shape[1:] if samples else array.shape)) for array in arrays]
 
 
-def numbers(trace, array, *given):
+def numbers(trace, array, *sources):
     """Return the numbers that a traced array stands for, where those that were traced are the given ones."""
     lanes = SAMPLES if trace.samples else 1
     rows = np.zeros((len(trace.tape.inputs), lanes))
     begun = 0
-    for source in given:
+    for source in sources:
         flat = source.reshape(lanes, -1).T
         rows[begun : begun + len(flat)] = flat
         begun += len(flat)

@@ -84,7 +84,7 @@ def test_multipliers_of_active_constraints_give_the_gradient(function):
     tape, entry, result = reformulation(function)
     inputs = inputs_with_nodes(tape, result, PROBES[:, :20])
     variables = [*tape.inputs[:3], *result.epigraph_variables]
-    wanted = compile_evaluator(tape, gradient(tape, entry, tape.inputs[:3]))(inputs)
+    expected = compile_evaluator(tape, gradient(tape, entry, tape.inputs[:3]))(inputs)
     of_function = compile_evaluator(tape, gradient(tape, result.functions[0], variables))(inputs)
     slopes = np.array([compile_evaluator(tape, gradient(tape, c, variables))(inputs) for c in result.constraints])
     values = compile_evaluator(tape, result.constraints)(inputs)
@@ -92,8 +92,8 @@ def test_multipliers_of_active_constraints_give_the_gradient(function):
         active = values[:, point] <= 1e-12
         multipliers = np.linalg.solve(slopes[active, 3:, point].T, of_function[3:, point])
         assert np.all(multipliers >= 0)
-        found = of_function[:3, point] - multipliers @ slopes[active, :3, point]
-        np.testing.assert_allclose(found, wanted[:, point], rtol=1e-10, atol=1e-10)
+        lagrangian_gradient = of_function[:3, point] - multipliers @ slopes[active, :3, point]
+        np.testing.assert_allclose(lagrangian_gradient, expected[:, point], rtol=1e-10, atol=1e-10)
 
 
 def test_at_a_kink_the_multipliers_span_the_subgradients():
@@ -119,11 +119,11 @@ def test_excluded_entries_stay():
     tape = Tape()
     x, y = tape.input(), tape.input()
     tape.input()
-    kept = np.abs(x)
-    total = kept + np.abs(y)
-    result = reformulate_kinks(tape, [total.index], [1], PROBES, [kept.index])
+    excluded = np.abs(x)
+    total = excluded + np.abs(y)
+    result = reformulate_kinks(tape, [total.index], [1], PROBES, [excluded.index])
     assert [tape.entries[node][1] for node in result.nodes] == [y.index]
-    assert kept.index in dependencies(tape, result.functions)
+    assert excluded.index in dependencies(tape, result.functions)
 
 
 def test_a_kink_that_two_functions_share_has_one_variable():

@@ -28,8 +28,8 @@ def test_every_function_is_numpys_at_numbers_and_at_expressions(name):
         expected = function(*(pairs.astype(bool) if name in OF_BOOLEANS else pairs)).astype(float)
     tape = Tape()
     operands = [tape.input() for _ in range(count)]
-    found = evaluated(tape, [function(*operands).index], pairs)[0]
-    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)
+    values = evaluated(tape, [function(*operands).index], pairs)[0]
+    np.testing.assert_allclose(values, expected, rtol=1e-13, atol=1e-15)
     for numbers, value in zip(pairs.T, expected, strict=True):
         folded = function(*(operands[0] * 0.0 + number for number in numbers))
         assert tape.values[folded.index] == pytest.approx(value, rel=1e-13, abs=1e-15, nan_ok=True)

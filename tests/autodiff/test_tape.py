@@ -19,9 +19,9 @@ from tests.autodiff.trees import KINKED, SMOOTH, evaluated, points, seeds, taped
 def test_any_expression_has_the_value_that_numpy_gives_it(tree, seed):
     tape, value, _ = taped(tree)
     at = points(seed)
-    wanted = np.broadcast_to(tree(*at), at.shape[1:])
-    scale = max(1.0, np.abs(wanted).max())
-    np.testing.assert_allclose(evaluated(tape, [value], at)[0], wanted, rtol=1e-9, atol=1e-11 * scale)
+    expected = np.broadcast_to(tree(*at), at.shape[1:])
+    scale = max(1.0, np.abs(expected).max())
+    np.testing.assert_allclose(evaluated(tape, [value], at)[0], expected, rtol=1e-9, atol=1e-11 * scale)
 
 
 def test_equal_expressions_are_one_entry():

@@ -280,7 +280,7 @@ def test_gradients_through_arrays_are_those_of_the_sample_alone():
     value = np.linalg.norm(np.cross(r @ ROW, q), axis=-1) + np.linalg.det(r) * TIME
     (value,) = value.entries.ravel()
     slopes = [Expression(trace.tape, i) for i in gradient(trace.tape, value.index, trace.tape.inputs[:12])]
-    found = numbers(trace, TracedArray(trace, slopes), Q, R)
+    gradients = numbers(trace, TracedArray(trace, slopes), Q, R)
 
     def real(flat):
         q, r = flat[:, :3], flat[:, 3:].reshape(-1, 3, 3)
@@ -288,4 +288,6 @@ def test_gradients_through_arrays_are_those_of_the_sample_alone():
 
     flat = np.concatenate([Q, R.reshape(SAMPLES, 9)], axis=1)
     for k, step in enumerate(np.eye(12) * 1e-6):
-        np.testing.assert_allclose(found[:, k], (real(flat + step) - real(flat - step)) / 2e-6, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(
+            gradients[:, k], (real(flat + step) - real(flat - step)) / 2e-6, rtol=1e-6, atol=1e-8
+        )

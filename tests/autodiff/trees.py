@@ -42,13 +42,13 @@ KINKED = {
 
 def trees(functions):
     """Draw functions of (x, y, z) made of these functions, the variables and a few numbers."""
-    variables = [lambda *given, i=i: given[i] for i in range(VARIABLES)]
-    numbers = [lambda *given, c=c: c for c in (0.0, 1.0, -1.0, 0.5, 3.0)]
+    variables = [lambda *coordinates, i=i: coordinates[i] for i in range(VARIABLES)]
+    numbers = [lambda *coordinates, c=c: c for c in (0.0, 1.0, -1.0, 0.5, 3.0)]
     leaves = st.sampled_from([*variables, *variables, *numbers])
 
     def joined(children):
         return st.builds(
-            lambda f, one, other: lambda *given: f(one(*given), other(*given)),
+            lambda f, one, other: lambda *coordinates: f(one(*coordinates), other(*coordinates)),
             st.sampled_from(list(functions.values())),
             children,
             children,
@@ -65,8 +65,8 @@ def taped(function):
     return tape, value.index, [variable.index for variable in variables]
 
 
-def evaluated(tape, outputs, given):
-    return compile_evaluator(tape, list(outputs))(np.atleast_2d(np.asarray(given, dtype=float)))
+def evaluated(tape, outputs, inputs):
+    return compile_evaluator(tape, list(outputs))(np.atleast_2d(np.asarray(inputs, dtype=float)))
 
 
 def points(seed, lanes=7):

@@ -83,13 +83,13 @@ def test_a_motor_that_bears_any_load_is_the_limit_of_a_very_strong_one(dof, join
     one, other = (
         pk.directional_maxima(
             arm,
-            motors(np.where(np.arange(dof) == joint, most, stall)),
+            motors(np.where(np.arange(dof) == joint, joint_stall, stall)),
             [0.5, 0.2],
             UNIT[:2],
             quantity=quantity,
             starts=60,
         )
-        for most in (np.inf, 1e9)
+        for joint_stall in (np.inf, 1e9)
     )
     assert np.isfinite(one.values).all()
     assert one.values == pytest.approx(other.values, rel=1e-6)

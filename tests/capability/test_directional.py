@@ -51,8 +51,8 @@ def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(
         program = DenseProgram(rows=unscaled.program(PLACE, direction[None], value), costs=cost[None])
         starts = np.array([unscaled.initial_point(q) for q in held])
         ends = minimise(program, starts, np.ones((1, 1)), options=OPTIONS.sqp, solver="sqp")
-        found = ends.x[ends.violation <= 1e-9][:, unscaled.slices["values"]]
-        assert max(found) == pytest.approx(1.0, abs=1e-7)
+        shares = ends.x[ends.violation <= 1e-9][:, unscaled.slices["values"]]
+        assert max(shares) == pytest.approx(1.0, abs=1e-7)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -122,8 +122,8 @@ def test_without_gravity_forces_bound_what_any_power_can_do():
     ways = pk.directional_maxima(arm, actuation, PLACE).directions
     speed = values_at(arm, actuation, ways, "velocity", q)[:, None] * ways
     force = values_at(arm, actuation, ways, "force", q)[:, None] * ways
-    most = np.sum(actuation.motors.stall * actuation.motors.fastest)
-    assert (force @ speed.T).max() <= most * (1 + 1e-12)
+    maximum_power = np.sum(actuation.motors.stall * actuation.motors.fastest)
+    assert (force @ speed.T).max() <= maximum_power * (1 + 1e-12)
     columns = kinematics.jacobian(arm, q)[:2]
     assert np.abs(force @ columns).max(axis=0) == pytest.approx(actuation.motors.stall, rel=0.2)
 
@@ -150,10 +150,10 @@ def test_joint_limits_are_kept_and_can_only_slow():
         inertias=[0.0] * 3,
         position_limits=([-2.0, 0.2, 0.2], [0.5, 1.9, 1.9]),
     ).mounted(gravity=[0.0, -9.81, 0.0])
-    free, kept = (pk.directional_maxima(arm, DRIVES["motors"], PLACE) for arm in (ARM, limited))
-    assert (kept.values <= free.values * (1 + 1e-12)).all()
-    assert (kept.q >= limited.position_limits[:, 0] - 1e-9).all()
-    assert (kept.q <= limited.position_limits[:, 1] + 1e-9).all()
+    free, bounded = (pk.directional_maxima(arm, DRIVES["motors"], PLACE) for arm in (ARM, limited))
+    assert (bounded.values <= free.values * (1 + 1e-12)).all()
+    assert (bounded.q >= limited.position_limits[:, 0] - 1e-9).all()
+    assert (bounded.q <= limited.position_limits[:, 1] + 1e-9).all()
 
 
 def test_planar_arms_of_any_length_and_spatial_arms_are_served():

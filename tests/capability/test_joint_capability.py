@@ -26,7 +26,7 @@ def test_no_slider_turns_a_joint_faster_than_the_best(seed, shape):
     actuation = sliders(shape, bend=rng.choice([-1.0, 1.0], 2), least_angle=0.05)
     q = actuation.zero + actuation.bend * rng.uniform(0.0, 2.2, (6, 2))
     torque = rng.normal(size=(6, 2)) * rng.choice([0.05, 0.5, 2.0])
-    found, able = joint_speeds(actuation, q, torque), torque_capacity(actuation, q)[0]
+    speed_ranges, able = joint_speeds(actuation, q, torque), torque_capacity(actuation, q)[0]
     front = np.linspace(*actuation.front_bounds[0], 4001)[:, None, None] + np.zeros_like(q)
     q = np.broadcast_to(q, front.shape)
     with np.errstate(invalid="ignore"):
@@ -38,10 +38,10 @@ def test_no_slider_turns_a_joint_faster_than_the_best(seed, shape):
         low, high = sum(each[0] for each in limits), sum(each[1] for each in limits)
         hold = np.minimum(actuation.front.stall / abs(a), actuation.back.stall / abs(b))
     held = fits & ~np.isnan(high)
-    assert (held <= ~np.isnan(found.high)).all()
+    assert (held <= ~np.isnan(speed_ranges.high)).all()
     high, low, hold = (np.where(held, high, 0.0), np.where(held, low, 0.0), np.where(fits, hold, 0.0))
-    assert (high <= np.nan_to_num(found.high) * (1 + 1e-9)).all()
-    assert (low >= np.nan_to_num(found.low) * (1 + 1e-9)).all()
+    assert (high <= np.nan_to_num(speed_ranges.high) * (1 + 1e-9)).all()
+    assert (low >= np.nan_to_num(speed_ranges.low) * (1 + 1e-9)).all()
     assert (hold <= np.nan_to_num(able) * (1 + 1e-9)).all()
 
 
@@ -52,11 +52,11 @@ def test_the_best_slider_gives_the_speed_that_is_said_of_it(seed, shape):
     actuation = sliders(shape, bend=-1.0)
     q = actuation.zero - rng.uniform(0.2, 2.0, (8, 2))
     torque = rng.normal(size=(8, 2))
-    found = joint_speeds(actuation, q, torque)
-    can = ~np.isnan(found.high)
-    back, a, b = actuation.gears(q, np.where(can, found.front_high, 0.05))
+    speed_ranges = joint_speeds(actuation, q, torque)
+    can = ~np.isnan(speed_ranges.high)
+    back, a, b = actuation.gears(q, np.where(can, speed_ranges.front_high, 0.05))
     speeds = [np.where(g > 0, *reversed(c.speeds(g * torque))) for g, c in ((a, actuation.front), (b, actuation.back))]
-    assert np.allclose((a * speeds[0] + b * speeds[1])[can], found.high[can], rtol=1e-12)
+    assert np.allclose((a * speeds[0] + b * speeds[1])[can], speed_ranges.high[can], rtol=1e-12)
     assert (back[can] >= actuation.back_bounds[0, 0] - 1e-12).all()
     assert (back[can] <= actuation.back_bounds[0, 1] + 1e-12).all()
 

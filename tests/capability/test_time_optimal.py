@@ -48,10 +48,10 @@ def test_a_plan_of_ten_pieces_claims_nearly_what_its_path_takes(seed):
 )
 def test_plans_and_control_take_as_long_as_the_best_way_along_a_lattice(model, start, target, columns):
     """Plans begin at a fastest path, so that they cannot tell whether it is one; a lattice knows nothing of it."""
-    found = lattice_time(model, start, target, 41, columns)
+    duration = lattice_time(model, start, target, 41, columns)
     ends = [model.lower + np.divide(end, (40, columns - 1)) * (model.upper - model.lower) for end in (start, target)]
     plan, run = fastest_plan(model, *ends), time_optimal_control(model, *ends, period=5e-3)
-    assert [path_time(model, plan.points), plan.time_to_go, run.arrival] == pytest.approx([found] * 3, rel=0.01)
+    assert [path_time(model, plan.points), plan.time_to_go, run.arrival] == pytest.approx([duration] * 3, rel=0.01)
 
 
 def test_as_printed_a_plan_jumps_over_what_is_slow():

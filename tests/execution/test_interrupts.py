@@ -21,7 +21,8 @@ def test_the_first_signal_is_noted_and_the_run_goes_on(number, code):
 
 
 def test_a_second_ctrl_c_raises():
-    found = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a job that runs in the background
+    # SIGINT is ignored in a job that runs in the background
+    previous_handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with interruptible() as interruption:
             os.kill(os.getpid(), signal.SIGINT)
@@ -29,7 +30,7 @@ def test_a_second_ctrl_c_raises():
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGINT)
     finally:
-        signal.signal(signal.SIGINT, found)
+        signal.signal(signal.SIGINT, previous_handler)
 
 
 def test_the_handlers_found_are_put_back():

@@ -21,8 +21,8 @@ STEPS = 25
 
 
 def small(links, weight=0.5, **settings):
-    given = {"start": posture(links), "steps": STEPS, "population": 60, "generations": 40, "as_printed": True}
-    return marcos_2012.loop(links, 0.7, weight=weight, **{**given, **settings})
+    defaults = {"start": posture(links), "steps": STEPS, "population": 60, "generations": 40, "as_printed": True}
+    return marcos_2012.loop(links, 0.7, weight=weight, **{**defaults, **settings})
 
 
 @pytest.mark.parametrize("weight", [0.3, 1.0])

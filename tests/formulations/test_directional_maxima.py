@@ -70,14 +70,14 @@ def test_genes_and_the_smooth_program_say_the_same(problem, front):
 
 
 def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refined):
-    known = refined.certificates
+    certificates = refined.certificates
     before = dict(zip(front.ids, front.minimised, strict=True))
     for number, row in zip(refined.ids, refined.minimised, strict=True):
         assert (row <= before[number] + 1e-7 * np.abs(before[number]).max()).all()
     assert refined.minimised.sum() < front.minimised.sum()
-    assert known.violation.max() <= 1e-8
-    assert np.median(known.kkt_residual) <= 1e-7
-    assert (known.status == "minimum").mean() >= 0.8
+    assert certificates.violation.max() <= 1e-8
+    assert np.median(certificates.kkt_residual) <= 1e-7
+    assert (certificates.status == "minimum").mean() >= 0.8
     F, _ = evaluated(problem, np.array(refined.genes))
     assert pytest.approx(refined.minimised, abs=1e-12) == F
 

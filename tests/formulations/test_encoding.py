@@ -34,10 +34,10 @@ def test_encoding_a_decoded_motion_gives_its_genes_back(name):
     problem = built(name)
     genes = genes_of(problem, 30)
     on_path = problem.encoding.decode(problem.task, genes)[1].all(axis=1)
-    found, residual = problem.encode(problem.decode(genes[on_path]))
+    encoded, residual = problem.encode(problem.decode(genes[on_path]))
     assert on_path.sum() > 15
-    np.testing.assert_allclose(found[:, 1:], genes[on_path, 1:], atol=1e-9)
-    np.testing.assert_array_equal(problem.species(found), problem.species(genes[on_path]))
+    np.testing.assert_allclose(encoded[:, 1:], genes[on_path, 1:], atol=1e-9)
+    np.testing.assert_array_equal(problem.species(encoded), problem.species(genes[on_path]))
     assert residual.max() < 1e-9
 
 
@@ -75,8 +75,8 @@ def test_a_gene_moves_only_the_support_of_its_spline(settings):
     if settings.get("start"):
         settings = {"start": problem.decode(genes_of(problem, 1)).q[0, 0]}
     problem = along_a_line(samples=81, coefficients=12, bases=2, **settings)
-    given = len(settings)
-    knots = np.linspace(0, 1, 12 + given - 2)
+    end_conditions = len(settings)
+    knots = np.linspace(0, 1, 12 + end_conditions - 2)
     genes = genes_of(problem, 1, seed=4) * np.r_[1, np.full(12, 0.5)]
     before = problem.decode(genes).q[0]
     for gene in range(12):
@@ -84,7 +84,7 @@ def test_a_gene_moves_only_the_support_of_its_spline(settings):
         changed[0, 1 + gene] += 0.2
         moved = np.flatnonzero((problem.decode(changed).q[0] != before).any(axis=1))
         first = gene + ("start" in settings) - 3
-        last = 12 + given - 1 if "end_velocity" in settings and gene == 11 else first + 4
+        last = 12 + end_conditions - 1 if "end_velocity" in settings and gene == 11 else first + 4
         low, high = knots[max(first, 0)], knots[min(last, len(knots) - 1)]
         times = problem.task.times[moved]
         assert len(moved) > 3

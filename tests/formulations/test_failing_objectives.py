@@ -89,6 +89,6 @@ def test_an_objective_that_writes_into_its_input_cannot():
     problem = paper_3r(objectives=[kinetic_energy, vandal])
     genes = genes_of(problem, 13)
     motions = problem.decode(genes)
-    found = evaluate(problem, genes)["F"]
-    np.testing.assert_allclose(found[:, 0], kinetic_energy(motions), rtol=1e-12)
-    np.testing.assert_array_equal(found[:, 1], motions.q[:, -1, 0])
+    values = evaluate(problem, genes)["F"]
+    np.testing.assert_allclose(values[:, 0], kinetic_energy(motions), rtol=1e-12)
+    np.testing.assert_array_equal(values[:, 1], motions.q[:, -1, 0])

@@ -98,9 +98,9 @@ def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
     for number, row in zip(refined.ids, refined.minimised, strict=True):
         assert (row <= before[number] + 1e-7).all()
     assert refined.minimised.sum() < 0.99 * front.minimised.sum()
-    known = refined.certificates
-    assert known.violation.max() <= 1e-8
-    assert np.median(known.kkt_residual) <= 1e-6
+    certificates = refined.certificates
+    assert certificates.violation.max() <= 1e-8
+    assert np.median(certificates.kkt_residual) <= 1e-6
     assert refined.motions.time[:, -1] == pytest.approx(refined.objectives[:, 0])
 
 

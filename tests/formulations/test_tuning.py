@@ -110,13 +110,13 @@ def test_objectives_are_the_worst_or_the_mean_over_the_starts(method, judged_by)
         for start in problem.starts[problem.start_indices(genes)[i]]:
             motions.append(pk.resolve(ARM, PATH, problem.method(one[None]), start=start, unreachable="track")[0])
         margins = [np.minimum(m.q - ARM.position_limits[:, 0], ARM.position_limits[:, 1] - m.q) / span for m in motions]
-        wanted = [
+        expected = [
             reduce([np.abs(m.traces.errors).max() for m in motions]),
             reduce([-margin.min() for margin in margins]),
             reduce([(np.abs(m.dq) / [3.0, 3.0, 1.0]).max() for m in motions]),
             reduce([pk.jerk(m) for m in motions]),
         ]
-        np.testing.assert_allclose(F[i], wanted, rtol=1e-9)
+        np.testing.assert_allclose(F[i], expected, rtol=1e-9)
 
 
 def test_genes_decode_to_the_motion_from_their_own_start():
@@ -254,9 +254,9 @@ def test_the_fields_of_predictive_control_are_searched_as_well():
 def test_no_motion_beats_the_optimum_and_a_front_trades_work_for_energy(predictive, optimum):
     front = pk.solve(predictive, population=12, generations=5, seed=0)
     assert front.names == ("kinetic_energy", "evaluations", "distance")
-    least = float(pk.kinetic_energy(optimum))
-    assert (front.objectives[:, 0] > 0.999 * least).all()
-    assert front.objectives[0, 0] < 1.2 * least
+    lowest_energy = float(pk.kinetic_energy(optimum))
+    assert (front.objectives[:, 0] > 0.999 * lowest_energy).all()
+    assert front.objectives[0, 0] < 1.2 * lowest_energy
     assert len(front) > 1
     assert front.motions.q.shape[1:] == (101, 3)
 
@@ -316,10 +316,10 @@ def test_a_control_that_fails_is_infeasible_beside_others(monkeypatch):
 
     original = time_optimal.time_optimal_control
 
-    def fail_first(*given, horizon, **settings):
+    def fail_first(*arguments, horizon, **settings):
         if horizon == int(problem.method(genes).horizon[0]):
             raise pk.EvaluationFailed("no plan")
-        return original(*given, horizon=horizon, **settings)
+        return original(*arguments, horizon=horizon, **settings)
 
     assert len(set(problem.method(genes).horizon.tolist())) == 2
     monkeypatch.setattr(time_optimal, "time_optimal_control", fail_first)

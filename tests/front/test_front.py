@@ -14,14 +14,14 @@ from paretoik.front.preferences import Weights
 def plain(objectives, **changes) -> Front:
     objectives = np.asarray(objectives, dtype=float)
     n_obj = objectives.shape[1] if objectives.ndim == 2 else 1
-    given = {
+    fields = {
         "ids": np.arange(len(objectives)),
         "objectives": objectives,
         "names": [f"f{axis}" for axis in range(n_obj)],
         "units": [""] * n_obj,
         "maximised": [False] * n_obj,
     }
-    return Front(**(given | changes))
+    return Front(**(fields | changes))
 
 
 def test_points_are_sorted_by_the_first_objective_and_everything_moves_with_them(front):

@@ -124,8 +124,8 @@ def test_provenance_that_would_hide_an_entry_of_the_format_is_refused(front, tmp
 
 
 def test_tuples_and_numbered_keys_in_provenance_come_back_as_json_has_them(front, tmp_path):
-    told = replace(front, provenance={"path": (1, 2), "by": {10: "a", 9: "b"}})
-    told.save(tmp_path)
+    with_provenance = replace(front, provenance={"path": (1, 2), "by": {10: "a", 9: "b"}})
+    with_provenance.save(tmp_path)
     assert Front.load(tmp_path).provenance == {"path": [1, 2], "by": {"10": "a", "9": "b"}}
 
 

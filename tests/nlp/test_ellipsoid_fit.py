@@ -63,12 +63,12 @@ def test_nothing_else_has_smaller_errors(samples, bound):
         fit_inverse_squares(design, directions, radii, design, floor=FLOOR, bound=bound),
         np.random.default_rng(1),
     )
-    least = error(design, fitted, directions, radii)
+    lowest_error = error(design, fitted, directions, radii)
     for size in np.geomspace(1e-4, 0.1, 40):
         other = fitted + size * rng.normal(size=fitted.shape)
         if bound is not None:  # lifted to where all radii are below the samples
             other = other * np.max((radii_of(design, other, directions) / radii) ** 2)
-        assert error(design, other, directions, radii) > least
+        assert error(design, other, directions, radii) > lowest_error
 
 
 def test_matrices_stay_above_the_floor():

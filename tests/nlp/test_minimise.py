@@ -18,7 +18,7 @@ from problems.tringali_2020 import simulation_4
 def dense():
     """The least x + y² above a parabola, x and y no more than 2."""
 
-    def rows(z, known):
+    def rows(z, parameters):
         return [], [z[2] - z[0] - z[1] * z[1], z[0] - z[1] * z[1] + 1.0, 2.0 - z[0], 2.0 - z[1]]
 
     return DenseProgram(rows=trace_rows(3, 0, rows).at(), costs=np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
@@ -76,14 +76,14 @@ def test_bounds_on_dense_objectives_hold_and_raise_the_other():
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_where_a_point_cannot_be_solved_is_in_its_status_and_the_others_go_on():
-    rows = trace_rows(2, 0, lambda z, known: ([z[0] - z[1]], [np.log(z[0])])).at()
+    rows = trace_rows(2, 0, lambda z, parameters: ([z[0] - z[1]], [np.log(z[0])])).at()
     ends = minimise(DenseProgram(rows=rows, costs=np.eye(2)[:1]), np.array([[-1.0, -1.0], [3.0, 3.0]]), np.ones((1, 1)))
     assert ends.status.tolist() == [NOT_FINITE, CONVERGED]
     assert ends.violation[0] == np.inf
 
 
 def test_equalities_without_a_solution_are_said_with_what_is_left_of_them():
-    rows = trace_rows(2, 0, lambda z, known: ([z[0] * z[0] + 1.0], [z[1]])).at()
+    rows = trace_rows(2, 0, lambda z, parameters: ([z[0] * z[0] + 1.0], [z[1]])).at()
     end = minimise(DenseProgram(rows=rows, costs=np.eye(2)[1:]), np.array([[0.5, 1.0]]), np.ones((1, 1)))
     assert end.status.tolist() == [VIOLATED]
     assert end.violation[0] == pytest.approx(1.0, abs=1e-6)

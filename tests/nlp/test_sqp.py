@@ -27,7 +27,7 @@ def bowl(seed, *, kinked=False):
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(2, 4, 4))
 
-    def rows(z, known):
+    def rows(z, parameters):
         sphere = sum(x * x for x in z[:4]) - 2.0
         waves = [sum(a[i, j] * z[j] for j in range(4)) + 0.3 * np.sin(z[i]) + 1.0 for i in range(4)]
         pieces = [sum(b[i, j] * z[j] for j in range(4)) + 0.2 * z[i] * z[i] for i in range(4)]
@@ -93,7 +93,7 @@ def test_ipopt_stays_at_the_optimum_of_a_largest_value(seed):
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, size=3)
 
-    def rows(z, known):
+    def rows(z, parameters):
         waves = [np.sin(2 * z[0] + phase[i]) + z[1] for i in range(3)]
         return [z[0] * z[0] + z[1] * z[1] - 1.0], [z[2] - wave for wave in waves]
 
@@ -138,7 +138,7 @@ def test_a_bound_that_does_not_bind_changes_nothing():
 
 def test_the_least_violation_is_found_and_given_up_where_constraints_contradict_each_other():
     program = DenseProgram(
-        rows=trace_rows(1, 0, lambda z, known: ([], [z[0] - 1.0, -1.0 - z[0]])).at(), costs=np.eye(1)
+        rows=trace_rows(1, 0, lambda z, parameters: ([], [z[0] - 1.0, -1.0 - z[0]])).at(), costs=np.eye(1)
     )
     goal = Goal(weights=np.ones(1), rows=np.zeros((0, 1)), upper=np.zeros(0))
     end = minimise(program, np.array([0.3]), goal, OPTIONS)
@@ -148,7 +148,7 @@ def test_the_least_violation_is_found_and_given_up_where_constraints_contradict_
 
 
 def test_equalities_that_cannot_hold_are_given_up_soon_while_the_objective_falls():
-    rows = trace_rows(2, 0, lambda z, known: ([z[0] * z[0] + 1.0], [])).at()
+    rows = trace_rows(2, 0, lambda z, parameters: ([z[0] * z[0] + 1.0], [])).at()
     program = DenseProgram(rows=rows, costs=np.eye(2)[1:])
     goal = Goal(weights=np.ones(1), rows=np.zeros((0, 1)), upper=np.zeros(0))
     end = minimise(program, np.array([0.5, 0.0]), goal, SqpOptions(radius=0.1, iterations=200))
@@ -165,7 +165,7 @@ def test_no_iterations_leave_the_start():
 
 
 def test_a_program_that_is_not_finite_is_an_error_by_name():
-    rows = trace_rows(2, 0, lambda z, known: ([z[0] - z[1]], [np.log(z[0])])).at()
+    rows = trace_rows(2, 0, lambda z, parameters: ([z[0] - z[1]], [np.log(z[0])])).at()
     goal = Goal(weights=np.ones(1), rows=np.zeros((0, 1)), upper=np.zeros(0))
     with np.errstate(invalid="ignore"), pytest.raises(EvaluationFailed, match="finite rows and derivatives"):
         minimise(DenseProgram(rows=rows, costs=np.eye(2)[:1]), np.array([-1.0, -1.0]), goal)

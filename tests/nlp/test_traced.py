@@ -20,8 +20,8 @@ def minimise_by_sqp(program, cost, start):
     return minimise(dense, start[None], np.ones((1, 1)), options=OPTIONS, solver="sqp")
 
 
-def sphere(z, known):
-    return [z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - known[0]], [z[2] - 0.1]
+def sphere(z, parameters):
+    return [z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - parameters[0]], [z[2] - 0.1]
 
 
 def test_the_lowest_point_of_a_sphere_above_a_plane():
@@ -32,8 +32,8 @@ def test_the_lowest_point_of_a_sphere_above_a_plane():
 
 
 def test_derivatives_are_those_of_the_rows():
-    def rows(z, known):
-        return [np.sin(z[0]) * z[1] - known[0]], [np.exp(z[1]) / z[0], z[0] ** 3 - z[1]]
+    def rows(z, parameters):
+        return [np.sin(z[0]) * z[1] - parameters[0]], [np.exp(z[1]) / z[0], z[0] ** 3 - z[1]]
 
     program, z, weights = trace_rows(2, 1, rows).at([0.0]), np.array([0.7, -0.4]), np.array([1.3, -0.2, 0.8])
     step = 1e-6 * np.eye(2)
@@ -50,7 +50,7 @@ def test_no_worse_than_slsqp_from_the_same_start(seed):
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(2, 4, 4))
 
-    def rows(z, known):
+    def rows(z, parameters):
         circle = sum(x * x for x in z) - 2.0
         bent = [sum(a[i, j] * z[j] for j in range(4)) + 0.3 * np.sin(z[i]) + 1.0 for i in range(4)]
         return [circle], bent
@@ -77,7 +77,7 @@ def test_no_worse_than_slsqp_from_the_same_start(seed):
 
 
 def test_what_cannot_be_met_is_said():
-    program = trace_rows(1, 0, lambda z, known: ([], [z[0] - 1.0, -1.0 - z[0]])).at()
+    program = trace_rows(1, 0, lambda z, parameters: ([], [z[0] - 1.0, -1.0 - z[0]])).at()
     solution = minimise_by_sqp(program, np.array([1.0]), np.array([0.3]))
     assert solution.status != [CONVERGED]
     assert solution.violation[0] == pytest.approx(1.0, abs=1e-6)

@@ -15,11 +15,11 @@ from paretoik.pareto.epsilon import epsilon_points
 def sketched(unknowns, values, within=lambda x: ([], [])):
     """Objectives are the last unknowns, each no less than its value; ``within`` gives further rows."""
 
-    def rows(z, known):
+    def rows(z, parameters):
         x = z[:unknowns]
-        found = values(x)
+        objectives = values(x)
         equal, slack = within(x)
-        return equal, [*(z[unknowns + k] - value for k, value in enumerate(found)), *slack]
+        return equal, [*(z[unknowns + k] - value for k, value in enumerate(objectives)), *slack]
 
     count = len(values(np.zeros(unknowns)))
     program = trace_rows(unknowns + count, 0, rows).at()

@@ -36,10 +36,10 @@ def test_the_optima_of_one_objective_come_best_first():
 
 
 def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypatch):
-    known = search().optima(0)
+    optima = search().optima(0)
     lost = replace(cold_search.OPTIONS, barrier=InteriorPointOptions(barrier=1e-2, iterations=1))
     monkeypatch.setattr(cold_search, "OPTIONS", lost)
-    assert search().optima(0)[0] == pytest.approx(known[0], abs=1e-5)
+    assert search().optima(0)[0] == pytest.approx(optima[0], abs=1e-5)
     monkeypatch.setattr(cold_search, "OPTIONS", replace(lost, second_barrier=lost.barrier))
     with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
         search().optima(0)

@@ -41,7 +41,7 @@ def test_between_two_places_the_front_is_the_line_that_joins_them(limit):
     assert np.linalg.norm(np.diff(values[np.argsort(values[:, 0])], axis=0), axis=1).max() <= 0.4
     assert seen
     assert seen == sorted(seen)
-    assert {wanted for _, wanted in seen} == {9}
+    assert {total for _, total in seen} == {9}
     assert seen[-1][0] >= 9
 
 
@@ -149,11 +149,11 @@ def way(request):
 
 def test_ways_of_the_front_are_certified_minima(way):
     problem, points, front = way
-    known = front.certificates
+    certificates = front.certificates
     assert 2 <= len(front) <= points
-    assert known.kkt_residual.max() <= 1e-6
-    assert known.violation.max() <= 1e-8
-    assert set(known.status) == {"minimum"}
+    assert certificates.kkt_residual.max() <= 1e-6
+    assert certificates.violation.max() <= 1e-8
+    assert set(certificates.status) == {"minimum"}
     assert problem.timing(np.array(front.genes)).duration == pytest.approx(front.objectives[:, 0], rel=1e-6)
     better = np.all(front.minimised[:, None] <= front.minimised[None], axis=2) & ~np.eye(len(front), dtype=bool)
     assert not better.any()
@@ -161,8 +161,8 @@ def test_ways_of_the_front_are_certified_minima(way):
 
 def test_its_ends_are_no_worse_than_what_a_short_search_and_polishing_find(way):
     problem, _, front = way
-    found = pk.refine(pk.solve(problem, population=24, generations=12, seed=0, points=3))
-    assert (front.minimised.min(axis=0) <= found.minimised.min(axis=0) * (1 + 1e-5)).all()
+    polished = pk.refine(pk.solve(problem, population=24, generations=12, seed=0, points=3))
+    assert (front.minimised.min(axis=0) <= polished.minimised.min(axis=0) * (1 + 1e-5)).all()
 
 
 def test_it_is_the_same_again_bit_for_bit(way):

@@ -56,12 +56,12 @@ def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_fro
         assert np.abs(one - other).max() > POINT_TOLERANCE
 
 
-@given(seed=seeds, n_obj=st.integers(2, 3), most=st.integers(3, 20))
-def test_what_is_thinned_out_is_nearer_to_what_is_left_than_that_is_to_each_other(seed, n_obj, most):
+@given(seed=seeds, n_obj=st.integers(2, 3), count=st.integers(3, 20))
+def test_what_is_thinned_out_is_nearer_to_what_is_left_than_that_is_to_each_other(seed, n_obj, count):
     rng = np.random.default_rng(seed)
     shares = rng.uniform(size=(rng.integers(1, 16), n_obj))
-    rows = spread_rows(shares, most)
-    assert len(rows) == min(most, len(shares))
+    rows = spread_rows(shares, count)
+    assert len(rows) == min(count, len(shares))
     assert np.array_equal(rows, np.unique(rows))
     ends = set(shares.argmin(axis=0).tolist())
     assert ends <= set(rows.tolist())
@@ -103,10 +103,10 @@ class Filled:
 
     def __init__(self, shape, hidden=()):
         self.places = np.linspace(0.0, 1.0, 100001)
-        kept = np.ones(len(self.places), dtype=bool)
+        visible = np.ones(len(self.places), dtype=bool)
         for low, high in hidden:
-            kept &= (self.places <= low) | (self.places >= high)
-        self.every = np.stack([self.places, shape(self.places)], axis=1)[kept]
+            visible &= (self.places <= low) | (self.places >= high)
+        self.every = np.stack([self.places, shape(self.places)], axis=1)[visible]
         self.points, self.asked = self.every[[0, -1]], []
 
     def front(self):
@@ -116,10 +116,10 @@ class Filled:
         assert np.isposinf(caps).tolist() == [main == k for k in range(2)]
         self.asked.append((main, *caps))
         below = self.every[(self.every <= caps).all(axis=1)]
-        found = below[below[:, main].argmin()]
-        if is_duplicate(found, self.points):
+        point = below[below[:, main].argmin()]
+        if is_duplicate(point, self.points):
             return False
-        self.points = np.concatenate([self.points, found[None]])
+        self.points = np.concatenate([self.points, point[None]])
         return True
 
 

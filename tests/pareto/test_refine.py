@@ -56,15 +56,15 @@ def test_refining_leads_to_the_front_and_gains_in_everything():
     program, rng, ranges = sketched(2, ellipses), np.random.default_rng(0), np.array([2.0, 25.0])
     z = beside(8, seed=0)
     z[:, 2:] += ranges * rng.uniform(0.0, 0.02, (8, 2))
-    found, good = refined(program, z, ranges)
+    refined_points, good = refined(program, z, ranges)
     assert good.all()
-    assert (found[:, 2:] <= z[:, 2:] + 1e-8).all()
-    known = certificates(program, found, ranges)
-    assert known.kkt_residual.max() <= 1e-6
-    assert set(known.status) == {"minimum"}
-    shares = known.weights / ranges
+    assert (refined_points[:, 2:] <= z[:, 2:] + 1e-8).all()
+    certified = certificates(program, refined_points, ranges)
+    assert certified.kkt_residual.max() <= 1e-6
+    assert set(certified.status) == {"minimum"}
+    shares = certified.weights / ranges
     shares = shares[:, 0] / shares.sum(axis=1)
-    assert found[:, :2] == pytest.approx(np.array([ellipses_best(share) for share in shares]), abs=1e-4)
+    assert refined_points[:, :2] == pytest.approx(np.array([ellipses_best(share) for share in shares]), abs=1e-4)
 
 
 def test_points_go_straight_ahead_as_far_as_that_goes():
@@ -75,8 +75,8 @@ def test_points_go_straight_ahead_as_far_as_that_goes():
 
     program, ranges = sketched(2, bowls), np.array([1.0, 2.0])
     z = placed(bowls, [[0.4, 0.5], [0.6, -0.3], [0.5, 0.2]])
-    found, good = refined(program, z, ranges)
-    gains = (z[:, 2:] - found[:, 2:]) / ranges
+    refined_points, good = refined(program, z, ranges)
+    gains = (z[:, 2:] - refined_points[:, 2:]) / ranges
     assert good.all()
     assert gains[:, 0] == pytest.approx(gains[:, 1], abs=1e-6)
     assert gains.min() > 0.01
@@ -85,9 +85,9 @@ def test_points_go_straight_ahead_as_far_as_that_goes():
 def test_points_that_are_critical_stay_bit_for_bit():
     program = sketched(2, ellipses)
     z = placed(ellipses, [ellipses_best(share) for share in SHARES])
-    found, good = refined(program, z, np.array([2.0, 25.0]))
+    refined_points, good = refined(program, z, np.array([2.0, 25.0]))
     assert good.all()
-    assert np.array_equal(found, z)
+    assert np.array_equal(refined_points, z)
 
 
 @pytest.mark.parametrize("last", [1, 3, 8])
@@ -95,15 +95,15 @@ def test_where_observe_returns_true_later_points_stay_as_they_were(last):
     program, ranges, seen = sketched(2, ellipses), np.array([2.0, 25.0]), []
     z = beside(8, seed=0)
 
-    def observe(done, wanted):
-        seen.append((done, wanted))
+    def observe(done, total):
+        seen.append((done, total))
         return done == last
 
-    found, good = refined(program, z, ranges, observe)
+    refined_points, good = refined(program, z, ranges, observe)
     every, _ = refined(program, z, ranges)
     assert seen == [(done, 8) for done in range(1, last + 1)]
-    assert np.array_equal(found[:last], every[:last])
-    assert np.array_equal(found[last:], z[last:])
+    assert np.array_equal(refined_points[:last], every[:last])
+    assert np.array_equal(refined_points[last:], z[last:])
     assert good.tolist() == [True] * last + [False] * (8 - last)
     assert not (every == z).all(axis=1).any()
 
@@ -111,7 +111,7 @@ def test_where_observe_returns_true_later_points_stay_as_they_were(last):
 def test_a_point_that_nothing_can_be_done_for_stays_and_is_said_to():
     nowhere = sketched(2, ellipses, lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
     z = placed(ellipses, [[1.5, 0.0]])
-    found, good = refined(nowhere, z, ONES)
-    assert np.array_equal(found, z)
+    refined_points, good = refined(nowhere, z, ONES)
+    assert np.array_equal(refined_points, z)
     assert good.tolist() == [False]
     assert certificates(nowhere, z).violation == pytest.approx([0.5])

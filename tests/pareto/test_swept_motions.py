@@ -35,11 +35,11 @@ def test_few_points_too_lie_on_the_best_branch_where_neither_end_does(seed):
 
 
 def test_every_point_is_a_certified_minimum_on_the_path(front):
-    known = front.certificates
+    certificates = front.certificates
     assert len(front) >= 12
-    assert known.kkt_residual.max() <= 1e-6
-    assert known.violation.max() <= 1e-8
-    assert set(known.status) == {"minimum"}
+    assert certificates.kkt_residual.max() <= 1e-6
+    assert certificates.violation.max() <= 1e-8
+    assert set(certificates.status) == {"minimum"}
     assert front.motions.tracking_error.max() <= 1e-9
 
 
@@ -73,10 +73,10 @@ def test_three_objectives_make_a_front_of_certified_points():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm, pk.joint_limit_distance]
     problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
-    found = pk.epsilon_front(problem, points=8, starts=16)
-    assert len(found) >= 5
-    assert found.certificates.kkt_residual.max() <= 1e-6
-    assert found.certificates.exchange_rates.shape == (len(found), 3, 3)
+    swept_front = pk.epsilon_front(problem, points=8, starts=16)
+    assert len(swept_front) >= 5
+    assert swept_front.certificates.kkt_residual.max() <= 1e-6
+    assert swept_front.certificates.exchange_rates.shape == (len(swept_front), 3, 3)
 
 
 def test_refinement_worsens_nothing_keeps_ids_and_certifies():

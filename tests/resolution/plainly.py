@@ -24,7 +24,7 @@ def weights_of_clamping(q, lower, upper, buffer):
     return weights
 
 
-def repulsions(q, lower, upper, buffer, most):
+def repulsions(q, lower, upper, buffer, maximum_speed):
     """Return t_r of every joint (Eq. 20), no more than at its limit past it."""
     speeds = np.zeros(len(q))
     for i, place in enumerate(q):
@@ -33,7 +33,7 @@ def repulsions(q, lower, upper, buffer, most):
             speeds[i] = min(max(place - high, 0) / (upper[i] - high), 1) - min(
                 max(low - place, 0) / (low - lower[i]), 1
             )
-    return most * speeds
+    return maximum_speed * speeds
 
 
 def coefficient(value, band):
@@ -41,10 +41,10 @@ def coefficient(value, band):
     return 1 - 3 * s**2 + 2 * s**3
 
 
-def damping(matrix, region, most):
+def damping(matrix, region, maximum_damping):
     """Return ρ² (Eq. 4)."""
     smallest = np.linalg.svd(matrix)[1].min()
-    return max(0.0, most**2 * (1 - (smallest / region) ** 2)) if region > 0 else 0.0
+    return max(0.0, maximum_damping**2 * (1 - (smallest / region) ** 2)) if region > 0 else 0.0
 
 
 class Plainly:
@@ -75,9 +75,9 @@ class Plainly:
         return np.concatenate([later[:size] - now[:size], turn])
 
     def followed(self):
-        q, dq, found = self.motion.q[0], np.zeros(self.motion.arm.dof), [self.motion.q[0]]
+        q, dq, postures = self.motion.q[0], np.zeros(self.motion.arm.dof), [self.motion.q[0]]
         for k, dt in enumerate(np.diff(self.motion.time)):
             dq = self.rates(self, q, self.at(q, k)[1], self.wanted(q, k), dq)
             q = q + dt * dq
-            found.append(q)
-        return np.array(found)
+            postures.append(q)
+        return np.array(postures)

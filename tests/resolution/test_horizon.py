@@ -13,12 +13,15 @@ from paretoik.resolution.horizon import quartic_spline
 def test_the_spline_goes_through_all_points_and_keeps_rates(pieces, seed):
     rng = np.random.default_rng(seed)
     points, rate, second = rng.normal(size=(pieces + 1, 2)), rng.normal(size=2), rng.normal(size=2)
-    found = quartic_spline(points, rate, second)
+    coefficients = quartic_spline(points, rate, second)
 
     def at(piece, u, order):
         part = np.polynomial.Polynomial
         return np.array(
-            [part(found[piece, :, j]).deriv(order)(u) if order else part(found[piece, :, j])(u) for j in (0, 1)]
+            [
+                part(coefficients[piece, :, j]).deriv(order)(u) if order else part(coefficients[piece, :, j])(u)
+                for j in (0, 1)
+            ]
         )
 
     for piece in range(pieces):

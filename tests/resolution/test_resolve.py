@@ -58,8 +58,8 @@ def pseudoinverse(self, q, jacobian, v, dq):
     return np.linalg.pinv(jacobian) @ v
 
 
-def damped_inverse(jacobian, region, most):
-    squared = damping(jacobian, region, most)
+def damped_inverse(jacobian, region, maximum_damping):
+    squared = damping(jacobian, region, maximum_damping)
     return jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + squared * np.eye(len(jacobian)))
 
 
@@ -388,9 +388,9 @@ def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
 
 
 def test_criteria_may_be_one_objective_or_come_from_a_generator():
-    given = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
+    forms = [pk.manipulability, (one for one in [pk.manipulability]), [Criterion(objective=pk.manipulability)]]
     motions = [
-        pk.resolve(tringali_3r(), DOWN, pk.methods.GradientProjection(criteria=each), start=START) for each in given
+        pk.resolve(tringali_3r(), DOWN, pk.methods.GradientProjection(criteria=each), start=START) for each in forms
     ]
     for motion in motions:
         np.testing.assert_array_equal(motion.traces.projected, motions[0].traces.projected)

@@ -10,12 +10,12 @@ from paretoik.review.chart import _spread_labels
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))
-def test_ticks_are_even_round_and_inside(low, span, wanted):
+def test_ticks_are_even_round_and_inside(low, span, count):
     high = low + span
-    ticks = nice_ticks(low, high, count=wanted)
+    ticks = nice_ticks(low, high, count=count)
     slack = 1e-8 * span + 1e-12 * abs(low)
     assert ((ticks >= low - slack) & (ticks <= high + slack)).all()
-    assert len(ticks) <= wanted + 2
+    assert len(ticks) <= count + 2
     if len(ticks) > 1:
         step = ticks[1] - ticks[0]
         leading = step / 10 ** np.floor(np.log10(step * 1.0000001))

@@ -17,7 +17,7 @@ def certified(front, statuses):
     rates = np.full((points, n_obj, n_obj), -0.5)
     rates[::3] = np.nan
     rng = np.random.default_rng(0)
-    known = Certificates(
+    certificates = Certificates(
         violation=np.zeros(points),
         violation_between=rng.uniform(1e-6, 1e-3, points),
         kkt_residual=rng.uniform(1e-12, 1e-8, points),
@@ -26,7 +26,7 @@ def certified(front, statuses):
         exchange_intervals=np.stack([rates, rates], axis=-1),
         status=np.resize(np.array(statuses), points),
     )
-    return replace(front, certificates=known)
+    return replace(front, certificates=certificates)
 
 
 @pytest.mark.parametrize("n_obj", [1, 2, 3, 5])

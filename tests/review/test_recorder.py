@@ -50,7 +50,7 @@ def read(file: Path) -> dict[str, list]:
 
 def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
     """Return what the last row logged at each time of `timeline` holds in `component`."""
-    found = {}
+    last_values = {}
     for batch in batches:
         names = batch.schema.names
         matching = [name for name in names if name.split(":")[-1] == component]
@@ -58,8 +58,8 @@ def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
             times = batch.column(timeline).cast("int64").to_pylist()
             for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
                 if value is not None:
-                    found[time] = np.array(value)
-    return found
+                    last_values[time] = np.array(value)
+    return last_values
 
 
 def timelines(batches: list) -> set[str]:
@@ -88,10 +88,10 @@ def test_the_best_value_of_each_objective_is_followed(tmp_path, make_front, make
     generations = make_generations(3)
     recorded(tmp_path / "review.rrd", make_front(3), generations)
     entities = read(tmp_path / "review.rrd")
-    least = rows(entities["/search/best/kinetic_energy"], "generation", "scalars")
-    most = rows(entities["/search/best/manipulability"], "generation", "scalars")
-    assert least[2][0] == generations[2].front[:, 0].min()
-    assert most[2][0] == generations[2].front[:, 2].max()
+    lowest_energy = rows(entities["/search/best/kinetic_energy"], "generation", "scalars")
+    highest_manipulability = rows(entities["/search/best/manipulability"], "generation", "scalars")
+    assert lowest_energy[2][0] == generations[2].front[:, 0].min()
+    assert highest_manipulability[2][0] == generations[2].front[:, 2].max()
 
 
 def test_the_end_stands_on_both_timelines(tmp_path, make_front, make_generations):

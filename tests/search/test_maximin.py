@@ -49,12 +49,12 @@ def brute_force(Z, count, nearest, starts):
     return np.array(order, dtype=int), np.array(distance)
 
 
-def objectives(n_obj, most=14):
+def objectives(n_obj, max_points=14):
     ties = st.integers(0, 6).map(float)
     smooth = st.floats(-1e3, 1e3, width=32)
     return st.one_of(ties, smooth).flatmap(
         lambda _: st.sampled_from([ties, smooth]).flatmap(
-            lambda values: hnp.arrays(float, st.tuples(st.integers(1, most), st.just(n_obj)), elements=values)
+            lambda values: hnp.arrays(float, st.tuples(st.integers(1, max_points), st.just(n_obj)), elements=values)
         )
     )
 

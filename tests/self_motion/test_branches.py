@@ -28,16 +28,16 @@ def test_joints_of_a_planar_arm_bend_with_the_sign_of_their_sine():
     places = np.array([-np.pi, -3.0, -np.pi / 2, -1e-6, 0.0, 1e-6, 1.0, np.pi, 4.0, 2 * np.pi, 7.0])
     q = np.stack(np.meshgrid([0.3], places, places, places), axis=-1).reshape(-1, 4)
     sines = np.sin(q[:, 1:])
-    wanted = np.where(np.abs(sines) < 1e-9, 0, np.sign(sines))
-    np.testing.assert_array_equal(bend_signs(marcos_nr(4), q), wanted)
+    expected_signs = np.where(np.abs(sines) < 1e-9, 0, np.sign(sines))
+    np.testing.assert_array_equal(bend_signs(marcos_nr(4), q), expected_signs)
 
 
 def test_the_sign_of_the_pandas_elbow_and_wrist_flips_where_their_sine_does():
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (2000, 7))
-    found = bend_signs(panda(), q)
-    assert found.shape == (2000, 5)
+    bends = bend_signs(panda(), q)
+    assert bends.shape == (2000, 5)
     for joint, outward in ((1, 1), (3, 1), (5, 1)):  # axes on either side meet this joint's at right angles
-        signs = found[:, joint - 1] * np.sign(np.sin(q[:, joint]))
+        signs = bends[:, joint - 1] * np.sign(np.sin(q[:, joint]))
         assert abs(signs.sum()) == 2000 * outward
 
 

@@ -111,16 +111,16 @@ def test_combinations_near_the_papers_are_counted():
 
 
 def test_ellipses_are_judged_where_they_were_not_fitted(models):
-    for name, found in models.items():
-        assert not set(map(tuple, found.seen.positions)) & set(map(tuple, found.unseen.positions))
-        rows = {(row.row, row.column): row.ours for row in surrogate_rows(found)}
+    for name, surrogates in models.items():
+        assert not set(map(tuple, surrogates.seen.positions)) & set(map(tuple, surrogates.unseen.positions))
+        rows = {(row.row, row.column): row.ours for row in surrogate_rows(surrogates)}
         assert rows[f"{name}: ellipsoids", "rms"] >= rows[f"{name}: an ellipse fitted at each position", "rms"] - 0.5
         assert (
             rows[f"{name}: ellipsoids, safe", "largest overestimate"]
             < rows[f"{name}: ellipsoids", "largest overestimate"]
         )
-        seen = found.models["ellipsoids, safe"].speeds(found.seen.positions, found.seen.directions)
-        assert np.all(seen <= found.seen.values)
+        seen = surrogates.models["ellipsoids, safe"].speeds(surrogates.seen.positions, surrogates.seen.directions)
+        assert np.all(seen <= surrogates.seen.values)
 
 
 def test_arrivals_stand_beside_the_papers(trajectories):

@@ -182,9 +182,9 @@ def test_a_constraint_that_returns_something_else_is_refused_by_name():
 
 def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
     arm = pk.arms.tringali_3r()
-    given = pk.Limits(position=([-1.0, -2.0, -3.0], [1.0, 2.0, np.inf]), velocity=4.0, margin=0.1).bounds(arm, 5)
-    assert given["position"][0] == pytest.approx(np.array([[-0.8, 0.8], [-1.6, 1.6], [-2.7, np.inf]]))
-    assert given["velocity"][0] == pytest.approx(np.tile([-3.2, 3.2], (3, 1)))
+    bounds = pk.Limits(position=([-1.0, -2.0, -3.0], [1.0, 2.0, np.inf]), velocity=4.0, margin=0.1).bounds(arm, 5)
+    assert bounds["position"][0] == pytest.approx(np.array([[-0.8, 0.8], [-1.6, 1.6], [-2.7, np.inf]]))
+    assert bounds["velocity"][0] == pytest.approx(np.tile([-3.2, 3.2], (3, 1)))
 
 
 @pytest.mark.parametrize("margin", [-0.1, 0.5, np.nan])

@@ -17,8 +17,8 @@ UNNAMED = pk.objective(unit="", form="integral", name="kinetic_energy")(lambda m
 
 
 def test_a_path_a_task_and_a_list_of_them_are_all_understood():
-    for given in (LINE, Task(LINE), [LINE], (Task(LINE, axes="xy"),)):
-        assert [one.axes for one in task(path=given).tasks] == ["xy"]
+    for path in (LINE, Task(LINE), [LINE], (Task(LINE, axes="xy"),)):
+        assert [one.axes for one in task(path=path).tasks] == ["xy"]
 
 
 def test_a_start_on_the_path_is_taken_as_it_is():

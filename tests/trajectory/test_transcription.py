@@ -38,9 +38,9 @@ def test_sums_and_rates_are_those_of_the_motion(make):
     inputs = sample_inputs(program, q, np.ones(program.sums), 0.0)
     values = program.evaluators.value(inputs)
     motion = task.motion(q)
-    found = values[: program.sums] @ task.weights
+    objectives = values[: program.sums] @ task.weights
     expected = [o(motion) * o.sign for o in task.objectives]
-    assert found == pytest.approx(expected, rel=1e-12)
+    assert objectives == pytest.approx(expected, rel=1e-12)
     n = task.arm.dof
     assert np.allclose(inputs[n : 2 * n].T, motion.dq, rtol=0, atol=1e-10 * np.abs(motion.dq).max())
     torque = [i for i, row in enumerate(program.rows) if row.startswith("torque")]

@@ -90,8 +90,8 @@ class Drawn:
         room = {"diamond": (1 - abs(share),) * 2, "box": (1 + 0 * share,) * 2}
         room["strip"] = np.minimum(1.0, 1 + share), np.minimum(1.0, 1 - share)
         low, high = (sign * each * self.fastest for sign, each in zip((-1, 1), room[self.shape], strict=True))
-        found = [self.fastest_along(columns, low, high, way) for way in self.directions]
-        return np.where(held[:, None], np.stack(found, axis=1), np.nan)
+        speeds = [self.fastest_along(columns, low, high, way) for way in self.directions]
+        return np.where(held[:, None], np.stack(speeds, axis=1), np.nan)
 
     @staticmethod
     def fastest_along(columns, low, high, way):
@@ -156,10 +156,10 @@ def test_what_is_found_can_be_done_by_other_formulae(compared):
 
 def test_where_none_holds_the_joint_is_named_with_the_least_that_would_do():
     drawn = Drawn(0)
-    most = np.abs(drawn.gravity_torques(drawn.postures())).max(axis=1).min()
+    needed_torque = np.abs(drawn.gravity_torques(drawn.postures())).max(axis=1).min()
     drawn.actuation = pk.capability.JointActuation(
-        motors=pk.capability.MotorCurve(stall=[0.5 * most] * 3, fastest=drawn.fastest)
+        motors=pk.capability.MotorCurve(stall=[0.5 * needed_torque] * 3, fastest=drawn.fastest)
     )
-    with pytest.raises(Infeasible, match=rf"joint\d: a torque of at most {0.5 * most:.4g} N m wanted") as said:
+    with pytest.raises(Infeasible, match=rf"joint\d: a torque of at most {0.5 * needed_torque:.4g} N m wanted") as said:
         drawn.maxima("velocity")
     assert said.value.violation == pytest.approx(1.0, abs=0.05)

@@ -55,14 +55,14 @@ def bowl(seed):
     """A convex program: the last unknown lies above exponentials and squares, in two balls and on a plane."""
     rng = np.random.default_rng(seed)
     a, p, plane = rng.normal(size=(3, 4)), 0.4 * rng.normal(size=(2, 4)), rng.normal(size=4)
-    most = rng.uniform(0.5, 2.0, 2)
+    squared_radii = rng.uniform(0.5, 2.0, 2)
 
     def rows(z, reference, exp=np.exp):
         x, above = [z[i] for i in range(4)], z[4]
         value = sum(exp(sum(one[i] * x[i] for i in range(4))) for one in a) + sum(
             (1 + i) * x[i] * x[i] for i in range(4)
         )
-        balls = [most[k] - sum((x[i] - p[k, i]) ** 2 for i in range(4)) for k in range(2)]
+        balls = [squared_radii[k] - sum((x[i] - p[k, i]) ** 2 for i in range(4)) for k in range(2)]
         return [sum(plane[i] * x[i] for i in range(4)) - 0.3], [above - value, *balls]
 
     return rows
@@ -250,7 +250,8 @@ def test_what_cannot_be_met_is_said(rows, violation):
 def test_too_few_iterations_are_said():
     program = trace_rows(5, 0, bowl(0)).at()
     few, enough = (
-        minimise_dense(program, LAST, np.full(5, 3.0), options=OPTIONS._replace(iterations=most)) for most in (3, 300)
+        minimise_dense(program, LAST, np.full(5, 3.0), options=OPTIONS._replace(iterations=iterations))
+        for iterations in (3, 300)
     )
     assert few.status == ITERATION_LIMIT
     assert few.iterations == 3

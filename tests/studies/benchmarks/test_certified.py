@@ -102,8 +102,8 @@ def test_what_ipopt_gains_costs_no_objective_anything(spoiled, monkeypatch):
     ended = []
     solve = type(spoiled.peer).solve
 
-    def watched(*given, **settings):
-        ended.append(solve(*given, **settings)[0])
+    def watched(*arguments, **settings):
+        ended.append(solve(*arguments, **settings)[0])
         return ended[-1], 0
 
     monkeypatch.setattr(type(spoiled.peer), "solve", watched)
@@ -152,9 +152,9 @@ def test_steps_that_leave_the_limits_are_bent_back(subject):
     at, rng, left = linearise(subject.program, subject.q[held]), np.random.default_rng(3), 0
     for _ in range(10):
         step = random_step(at, 1e-3, rng)
-        found = within(at, step, level=False)
-        assert found is not None
-        assert violation(subject.task, found) <= 1e-8
+        motion = within(at, step, level=False)
+        assert motion is not None
+        assert violation(subject.task, motion) <= 1e-8
         left += violation(subject.task, subject.task.motion(at.x + at.displacement(step)).at(subject.task.times)) > 1e-8
     assert left >= 3
 

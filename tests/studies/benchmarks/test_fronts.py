@@ -77,16 +77,16 @@ def test_contrasts_are_orthogonal_and_weigh_cells_alike():
 
 
 def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
-    found = judging.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
-    volume = {one.factors: one for one in found if one.indicator == "hypervolume"}
+    effects = judging.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
+    volume = {one.factors: one for one in effects if one.indicator == "hypervolume"}
     assert volume["MaxiMin"].mean == pytest.approx(0.1)
     assert volume["refinement"].mean == pytest.approx(-0.2)
     assert [volume[name].verdict for name in methods.FACTORS] == ["helps", "undecided", "HURTS"]
     for name in ("seeding", "MaxiMin × seeding", "MaxiMin × seeding × refinement"):
         assert abs(volume[name].mean) < 1e-12
-    distance = {one.factors: one.mean for one in found if one.indicator == "IGD+"}
+    distance = {one.factors: one.mean for one in effects if one.indicator == "IGD+"}
     assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better: still a help
-    assert judging.effect_rows(found)[0].note.startswith("HURTS")
+    assert judging.effect_rows(effects)[0].note.startswith("HURTS")
 
 
 def test_the_interval_of_an_effect_covers_it_about_nineteen_times_in_twenty():
@@ -180,10 +180,12 @@ def test_indicators_of_a_known_front():
 def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
     rng = np.random.default_rng(2)
     fronts = [rng.uniform(size=(20, 2)) for _ in range(3)]
-    every, kept = np.concatenate(fronts), judging.union(fronts)
-    better = np.all(every[:, None] <= kept[None], axis=2) & np.any(every[:, None] < kept[None], axis=2)
+    every, undominated = np.concatenate(fronts), judging.union(fronts)
+    better = np.all(every[:, None] <= undominated[None], axis=2) & np.any(every[:, None] < undominated[None], axis=2)
     assert not better.any()
-    assert len(kept) == sum(not np.any(np.all(every <= one, axis=1) & np.any(every < one, axis=1)) for one in every)
+    assert len(undominated) == sum(
+        not np.any(np.all(every <= one, axis=1) & np.any(every < one, axis=1)) for one in every
+    )
 
 
 def test_losses_come_first_and_are_counted():

@@ -42,10 +42,10 @@ def test_one_gene_is_replaced_by_a_number_within_its_bounds():
 
 
 def ranked(rank, distance):
-    found = Population.new("X", np.zeros((len(rank), 1)))
-    for individual, r, d in zip(found, rank, distance, strict=True):
+    individuals = Population.new("X", np.zeros((len(rank), 1)))
+    for individual, r, d in zip(individuals, rank, distance, strict=True):
         individual.data["rank"], individual.data["crowding"] = r, d
-    return found
+    return individuals
 
 
 def test_a_tournament_is_won_by_rank_then_by_distance():

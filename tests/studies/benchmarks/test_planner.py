@@ -181,12 +181,12 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
     with Cores() as cores:
         assert [one.value for one in cores.solve(question, (), "printed", starts)] == alone  # in order
         peers = simulations.forms(cores, "simulation_1", effort, tmp_path)
-        found = simulations.compare_simulation(cores, "simulation_1", "fitted", peers, effort)
-    assert set(found.theirs) == {one.name for one in peers} == {"FATROP", "IPOPT"}
-    agreed = [row.ours for row in found.rows if row.table == "optima of one basin"]
+        result = simulations.compare_simulation(cores, "simulation_1", "fitted", peers, effort)
+    assert set(result.theirs) == {one.name for one in peers} == {"FATROP", "IPOPT"}
+    agreed = [row.ours for row in result.rows if row.table == "optima of one basin"]
     assert len(agreed) == 2
     assert max(agreed) < AGREED
-    assert all(row.ours > 0 for row in found.rows)
+    assert all(row.ours > 0 for row in result.rows)
 
 
 def test_growth_has_an_exponent_of_each():

@@ -42,8 +42,8 @@ def test_its_objectives_are_ours_on_any_motion():
     symbol = casadi.SX.sym("q", 3, len(q))
     integrals = casadi.Function("F", [symbol], [model.integrals(symbol, model.PRINTED, time[1])])
     motion = Motion(arm=tringali_3r(), time=time, q=q[None])
-    wanted = np.concatenate([kinetic_energy(motion), torque_norm(motion)])
-    np.testing.assert_allclose(np.asarray(integrals(q.T)).ravel(), wanted, rtol=1e-11)
+    expected = np.concatenate([kinetic_energy(motion), torque_norm(motion)])
+    np.testing.assert_allclose(np.asarray(integrals(q.T)).ravel(), expected, rtol=1e-11)
 
 
 def test_its_jacobian_is_the_slope_of_the_tool_and_its_postures_start_on_the_path():

@@ -44,8 +44,8 @@ def test_losses_come_first_and_equals_are_called_so():
     same = study.compare("same", "IGD+", "peer", values(1.0, 0), values(1.0, 1))
     won = study.compare("won", "IGD+", "peer", values(1.0, 0), values(2.0, 1))
     lost = study.compare("lost", "IGD+", "peer", values(2.0, 0), values(1.0, 1))
-    found = study.decide([won, same, lost])
-    assert [(one.problem, one.verdict) for one in found] == [("lost", "loss"), ("same", "equal"), ("won", "win")]
+    comparisons = study.decide([won, same, lost])
+    assert [(one.problem, one.verdict) for one in comparisons] == [("lost", "loss"), ("same", "equal"), ("won", "win")]
 
 
 def test_the_union_itself_scores_best_and_units_do_not_matter():

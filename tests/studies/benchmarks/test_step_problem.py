@@ -48,8 +48,8 @@ def test_a_singular_system_fails(step):
 
 
 def test_any_pymoo_algorithm_solves_a_step(step):
-    found = minimize(step, step.algorithm(24), ("n_gen", 12), seed=1)
+    result = minimize(step, step.algorithm(24), ("n_gen", 12), seed=1)
     drawn = step.evaluate(np.random.default_rng(0).uniform(-1, 1, size=(500, step.n_var)), return_values_of=["F"])
-    assert found.F.shape[1] == 2
-    assert np.all(found.F.min(axis=0) < 0.1 * np.median(drawn, axis=0))
-    assert (found.G <= 0).all()
+    assert result.F.shape[1] == 2
+    assert np.all(result.F.min(axis=0) < 0.1 * np.median(drawn, axis=0))
+    assert (result.G <= 0).all()
