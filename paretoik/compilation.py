@@ -42,14 +42,15 @@ WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True}
 inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
 
 
-def compiled(function: Any = None, *, what: str = "", seconds: float | None = None) -> Any:
+def compiled(function: Any = None, *, what: str = "", seconds: float | None = None, level: int = 1) -> Any:
     """Return a function that is compiled at its first call for each combination of argument types.
 
-    ``what`` it is for, and about how many ``seconds`` that takes, are announced before.
+    ``what`` it is for, and about how many ``seconds`` that takes, are announced before; ``level`` is LLVM's, up to 3.
     """
     if function is None:
-        return lambda decorated: compiled(decorated, what=what, seconds=seconds)
+        return lambda decorated: compiled(decorated, what=what, seconds=seconds, level=level)
     entry = _Entry(function, targetoptions=dict(OPTIONS))
+    entry.level = level
     entry._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
     return entry
 
@@ -110,6 +111,8 @@ class _Inner(_Dispatcher):
 class _Entry(_Dispatcher):
     """The variant of a function that Python calls."""
 
+    level = 1
+
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **settings)
         self.inner = _Inner(self.py_func, targetoptions=dict(WITHOUT_WRAPPERS))
@@ -120,7 +123,7 @@ class _Entry(_Dispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Return the machine code for a signature."""
-        with _compiling(), compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__):
+        with _compiling(), compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level):
             return super().compile(sig)
 
 

@@ -72,6 +72,7 @@ class EntryLibrary(_Library):
     """Machine code of a function and of all that it calls."""
 
     _linking_libraries: list[Any]
+    level = 1
 
     def finalize(self) -> None:
         """Link, optimise and emit everything at once."""
@@ -88,7 +89,7 @@ class EntryLibrary(_Library):
 
     def _optimize_final_module(self) -> None:
         """Run LLVM's passes once; numba runs them twice, to remove reference counts that inner code has few of."""
-        passes, builder = self._codegen._module_pass_manager(opt=1)  # of 3: code as fast, in two thirds of the time
+        passes, builder = self._codegen._module_pass_manager(opt=self.level)
         passes.run(self._final_module, builder)
 
 
@@ -129,12 +130,19 @@ def _module_alone(library: Any) -> Any:
 
 
 @contextmanager
-def compilation_unit(codegen: Any, entry: str = "") -> Iterator[None]:
-    """Create inner libraries for all functions that are compiled meanwhile, except ``entry``."""
+def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterator[None]:
+    """Create inner libraries for all functions that are compiled meanwhile, except ``entry``.
+
+    LLVM optimises that one at a ``level`` of 3: 1 takes two thirds of the time, and most code is as fast.
+    """
     before = codegen.__dict__.get("_library_class")
 
     def create(codegen: Any, name: str) -> Any:
-        return EntryLibrary(codegen, name) if name == entry else InnerLibrary(codegen, name)
+        if name != entry:
+            return InnerLibrary(codegen, name)
+        library = EntryLibrary(codegen, name)
+        library.level = level
+        return library
 
     create._unserialize = JITCodeLibrary._unserialize  # what the cache loads
     codegen._library_class = create

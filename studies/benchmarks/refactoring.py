@@ -93,10 +93,10 @@ def run():
     return dict(zip(("joint 1", "joint 2", "joint 3"), follow().sum(axis=0)))
 """
 MAXIMA = """
-motors = capability.kim_{motors}()
+arm, motors = arms.kim_3r(), capability.kim_{motors}()
 def run():
     for _ in range(20):
-        maxima = pk.directional_maxima(arms.kim_3r(), motors, kim_2021.PLACE, directions)
+        maxima = pk.directional_maxima(arm, motors, kim_2021.PLACE, directions)
     return {{"sum of speeds": sum(maxima.values)}}
 """
 POINT_TO_POINT = """
