@@ -33,6 +33,8 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
 
+DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
+
 
 class ClosedLoop:
     """Follow ``path`` with ``arm`` step by step, each step found by an evolutionary search and chosen by weights.
@@ -255,7 +257,7 @@ class ClosedLoop:
             F.append(front[record.index])
             ranges.append(np.stack([front.min(axis=0), front.max(axis=0)], axis=1))
             state.update(front.tobytes() + record.q.tobytes())
-            if record.sample % 100 == 0:  # a digest now and then
+            if record.sample % DIGEST_INTERVAL == 0:
                 digests.append(state.hexdigest())
             if record.sample in fronts:
                 records[record.sample] = record

@@ -13,7 +13,6 @@ GOLDEN_GAMMA = np.uint64(0x9E3779B97F4A7C15)
 FIRST_FACTOR, SECOND_FACTOR = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 U11, U27, U30, U31, U32 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(32)
 LOWER_HALF = np.uint64(0xFFFFFFFF)
-UNIT = 2.0**-53
 
 
 @compiled
@@ -40,7 +39,7 @@ def next_bits(state):
 @compiled
 def uniform(state):
     """Return the next number of the uniform distribution on [0, 1)."""
-    return np.float64(next_bits(state) >> U11) * UNIT
+    return np.float64(next_bits(state) >> U11) * 2.0**-53
 
 
 @compiled
