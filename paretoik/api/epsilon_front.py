@@ -9,7 +9,7 @@ import numpy as np
 from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.api.refine import certified_front
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.protocol import require_program
+from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver

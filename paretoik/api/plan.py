@@ -6,7 +6,7 @@ from typing import Any
 
 from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.errors import check_size
-from paretoik.formulations.protocol import require_plan
+from paretoik.formulations.requirements import require_plan
 from paretoik.nlp.program import Solver
 from paretoik.task.motion import Motion
 from paretoik.trajectory.plan import Plan

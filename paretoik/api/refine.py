@@ -10,7 +10,8 @@ from jaxtyping import Float
 from paretoik.api.progress import Observer, count_observer, show_compilation
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Differentiable, Individuals, require_program
+from paretoik.formulations.protocol import Differentiable, Individuals
+from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver

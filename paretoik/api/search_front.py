@@ -16,7 +16,8 @@ from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
-from paretoik.formulations.protocol import check_formulation, decode, explain_violation, has_branches, require_program
+from paretoik.formulations.protocol import decode, explain_violation, has_branches
+from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights

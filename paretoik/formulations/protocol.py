@@ -2,7 +2,7 @@
 
 Any pymoo problem with real genes can be solved, and with ``timeline`` "step" a loop that is followed sample by sample
 (``ClosedLoop``). Each further part makes one more thing possible. Verbs ask for optional parts through the functions
-below, which say what holds for a problem without them; no verb looks at a class.
+below, which say what holds for a problem without them, or refuse it (``requirements``); no verb looks at a class.
 
 =======================================  ===========================================================================
 part                                     what it makes possible
@@ -33,13 +33,12 @@ from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
-from paretoik.front.front import Front, Preference, check_names
+from paretoik.front.front import Front, Preference
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
     from paretoik.pareto.cold_search import ColdSearch
     from paretoik.task.motion import Motion
-    from paretoik.trajectory.plan import Plan
 
 Timeline: TypeAlias = Literal["generation", "step"]
 
@@ -89,39 +88,6 @@ class Differentiable(Protocol):
         self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
     ) -> ColdSearch:
         """Return how local optima are found from nothing, from so many starts; ``observe`` gets what is done of all."""
-
-
-def check_formulation(problem: Any) -> None:
-    """Raise InvalidInput unless something has genes and objectives, as pymoo's problems do."""
-    if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
-        raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
-    if hasattr(problem, "names"):
-        check_names(problem.names, problem.units)
-
-
-def require_program(verb: str, problem: Any) -> Differentiable:
-    """Return a formulation that has gradients; raise InvalidInput, naming the verb, for others."""
-    if isinstance(problem, type) or not hasattr(problem, "program"):
-        raise InvalidInput(
-            f"{verb}: a problem with gradients wanted, such as Tracking, got {type(problem).__name__}, which offers no "
-            "program()"
-        )
-    formulation: Differentiable = problem
-    check_names(formulation.names, formulation.units)
-    return formulation
-
-
-def require_plan(problem: Any) -> Callable[..., Plan]:
-    """Return how a formulation plans its one objective; raise InvalidInput for others."""
-    names = require_program("plan", problem).names
-    if not hasattr(problem, "plan"):
-        raise InvalidInput(
-            f"plan: a Tracking wanted, got {type(problem).__name__}; epsilon_front or solve finds its front"
-        )
-    if len(names) != 1:
-        raise InvalidInput(f"plan: one objective wanted, got {len(names)}: {', '.join(names)}")
-    find: Callable[..., Plan] = problem.plan
-    return find
 
 
 def timeline(problem: Any) -> Timeline:

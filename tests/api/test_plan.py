@@ -10,6 +10,7 @@ from tests.api.problems import PATH, tracking
 def test_levels_are_shown_coarse_to_fine_with_starts_and_optima():
     seen = []
     plan = pk.plan(tracking(pk.kinetic_energy), starts=6, observe=seen.append)
+    seen = [progress for progress in seen if progress.stage != "compilation"]  # where nothing was compiled before
     samples = len(PATH.times)
     assert {(progress.stage, progress.total) for progress in seen} == {("sample", samples)}
     assert [progress.done for progress in seen] == sorted(progress.done for progress in seen)

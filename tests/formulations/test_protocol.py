@@ -22,7 +22,6 @@ class Explaining:
 
 
 def test_a_plain_problem_is_searched_and_has_no_motions_branches_or_preferences():
-    protocol.check_formulation(PLAIN)
     assert protocol.timeline(PLAIN) == "generation"
     assert not protocol.has_branches(PLAIN)
     assert protocol.decode(PLAIN, np.zeros((1, 3))) is None
@@ -39,11 +38,6 @@ def test_the_limit_that_is_violated_most_is_named():
         "constraint 2 is violated by 0.5",
     )
     assert protocol.explain_violation(Explaining(), np.zeros((1, 2)), violation) == ("floor", "through the floor")
-
-
-def test_a_thing_without_objectives_is_no_formulation():
-    with pytest.raises(InvalidInput, match="problem: a pymoo problem wanted, such as Tracking, got 3"):
-        protocol.check_formulation(3)
 
 
 def test_tracking_encodes_what_it_decodes_and_restores_its_motions():
