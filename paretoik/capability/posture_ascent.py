@@ -15,7 +15,7 @@ from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.self_motion.start_postures import wrap_difference
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from paretoik.capability.posture_ascent import ascend, distant_postures
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach, ParetoikError, SolverFailed
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures
+from paretoik.self_motion.start_postures import reach_error, sample_postures
 from paretoik.task.curves import Line
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task

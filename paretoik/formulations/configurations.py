@@ -14,7 +14,7 @@ from paretoik.capability.zonotopes import facet_joint_speeds, highest_speeds
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.self_motion.inverse_kinematics import order_by_neighbour, wrap_difference
+from paretoik.self_motion.start_postures import order_by_neighbour, wrap_difference
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors

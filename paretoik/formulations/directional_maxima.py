@@ -28,7 +28,7 @@ from paretoik.inputs import finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.self_motion.start_postures import wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 

@@ -24,7 +24,7 @@ from paretoik.resolution.measures import limit_margin, speed_ratio, tracking_err
 from paretoik.resolution.method import Method, Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.inverse_kinematics import order_by_neighbour, reach_error, sample_postures, wrap_difference
+from paretoik.self_motion.start_postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, jerk

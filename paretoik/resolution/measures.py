@@ -6,7 +6,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput
 from paretoik.resolution.traces import ResolvedMotion
-from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.self_motion.start_postures import wrap_difference
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective, objective

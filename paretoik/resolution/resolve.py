@@ -13,7 +13,7 @@ from paretoik.resolution.follow import TRACKING_TOLERANCE, follow
 from paretoik.resolution.methods import Criterion, Method, VelocityMethod
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
-from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures
+from paretoik.self_motion.start_postures import reach_error, sample_postures
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task

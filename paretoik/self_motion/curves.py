@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
-from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures, wrap_difference
 from paretoik.self_motion.motion_starts import OPTIONS as STARTS
+from paretoik.self_motion.start_postures import reach_error, sample_postures, wrap_difference
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, task_errors
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
-from paretoik.self_motion.inverse_kinematics import reach_error, sample_postures
+from paretoik.self_motion.start_postures import reach_error, sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from paretoik.self_motion.curves import Curve, resample_curve, self_motion_frames, unwrap_nodes, unwrapped_ranges
-from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.self_motion.start_postures import wrap_difference
 from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract

@@ -10,7 +10,7 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.resolution.traces import ResolvedMotion
-from paretoik.self_motion.inverse_kinematics import sample_postures
+from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.motion_task_validation import motion_task
 from problems import wan_2018
 from problems.wan_2018 import (

@@ -15,7 +15,7 @@ from paretoik.self_motion.curves import (
     unwrap_nodes,
     unwrapped_ranges,
 )
-from paretoik.self_motion.inverse_kinematics import wrap_difference
+from paretoik.self_motion.start_postures import wrap_difference
 from paretoik.task.retraction import task_errors
 from tests.task.tasks import ARM, task
 

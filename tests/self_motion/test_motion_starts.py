@@ -11,8 +11,8 @@ from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
-from paretoik.self_motion.inverse_kinematics import sample_postures
 from paretoik.self_motion.motion_starts import OPTIONS, perturbed_starts, rollout_starts, travelling_starts
+from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
 from tests.task.tasks import task

@@ -13,7 +13,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
-from paretoik.self_motion.inverse_kinematics import sample_postures
+from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
 from studies.tringali_2020.extremals import integrate_extremal

@@ -12,8 +12,8 @@ import paretoik as pk
 from paretoik import Limits, Pose, circle, joint_travel, kinetic_energy, line, torque_norm
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.self_motion.inverse_kinematics import sample_postures
 from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.obstacles import Circle
 from paretoik.trajectory import grid_oracle as module
 from paretoik.trajectory import grid_terms

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik import Limits, circle
-from paretoik.self_motion.inverse_kinematics import order_by_neighbour, sample_postures, wrap_difference
+from paretoik.self_motion.start_postures import order_by_neighbour, sample_postures, wrap_difference
 from paretoik.task.retraction import task_errors
 from tests.task.tasks import task
 
