@@ -82,7 +82,7 @@ def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
 
 def test_an_overload_names_joint_torque_and_limit():
     arm = kim_3r()
-    said = overload_error(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
-    assert "joint2: a torque of at most 3.5 N m wanted" in str(said)
-    assert said.violation == pytest.approx(4.0 / 3.5 - 1)
+    refusal = overload_error(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
+    assert "joint2: a torque of at most 3.5 N m wanted" in str(refusal)
+    assert refusal.violation == pytest.approx(4.0 / 3.5 - 1)
     assert "joint1: a rod's angle" in str(overload_error(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))

@@ -38,9 +38,9 @@ def loops(tmp_path_factory):
 
 
 def test_loops_are_listed_followed_and_chosen_from_anew(paretoik, loops, tmp_path):
-    said = paretoik("list", loops).out
-    assert f"{loops}:short" in said
-    assert "A few steps for tests." in said
+    listing = paretoik("list", loops).out
+    assert f"{loops}:short" in listing
+    assert "A few steps for tests." in listing
     ended = paretoik("solve", f"{loops}:short", "--out", tmp_path / "run", "--seed", 2)
     assert "12 of 12 steps" in ended.out
     assert first_progress(ended.err.splitlines()).startswith("step 1/12, front ")

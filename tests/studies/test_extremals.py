@@ -243,9 +243,9 @@ def test_shooting_takes_any_degree_of_redundancy():
     q = posture(task, 30)
     promising = np.argsort(integrate_extremal(task, q, tolerance=1e-5).energy)[:1]
     extremals = shoot_extremals(task, q[promising], tolerance=1e-6)
-    beside = led(task, extremals.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
+    others = led(task, extremals.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
     assert extremals.minimum[0]
-    assert (integrate_extremal(task, beside, tolerance=1e-6).energy > extremals.energy[0]).all()
+    assert (integrate_extremal(task, others, tolerance=1e-6).energy > extremals.energy[0]).all()
 
 
 def test_self_motion_of_the_panda_costs_energy_either_way():

@@ -28,7 +28,7 @@ class Attempt:
     """What an attempt on a point came to.
 
     ``gain`` is a share of the ranges, −inf where nothing came of it; ``ended`` is whether there is a motion, ``counts``
-    whether it keeps the path, the limits and the ceilings; ``apart`` [rad, RMS] is how far it is from the point.
+    whether it keeps the path, the limits and the ceilings; ``distance`` [rad, RMS] is how far it is from the point.
     """
 
     point: int
@@ -36,7 +36,7 @@ class Attempt:
     gain: float
     ended: bool
     counts: bool
-    apart: float = np.nan
+    distance: float = np.nan
 
 
 def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
@@ -79,8 +79,8 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
         others = np.delete(rise, main)
         if others.max() <= ROUNDING:
             gain = float(-rise.min()) if rise.max() <= ROUNDING else -np.inf
-            apart = float(joint_distance(subject.task, motion, q))
-            return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart)
+            distance = float(joint_distance(subject.task, motion, q))
+            return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, distance=distance)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
     return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
 
@@ -115,8 +115,8 @@ def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Gener
             tries.append(Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False))
             continue
         gain = float(((subject.values[point] - objectives(subject.task, motion)) / subject.ranges).min())
-        apart = float(joint_distance(subject.task, motion, subject.q[point]))
-        tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, apart=apart))
+        distance = float(joint_distance(subject.task, motion, subject.q[point]))
+        tries.append(Attempt(point=point, how=how, gain=gain, ended=True, counts=True, distance=distance))
     return tries
 
 
@@ -177,5 +177,5 @@ def _worst(tries: Sequence[Attempt]) -> list[str]:
         return []
     return [
         f"{len({one.point for one in tries if one.gain > DOMINATED})} points beaten",
-        f"most: point {best.point}, {best.how}, {best.apart:.1e} rad away",
+        f"most: point {best.point}, {best.how}, {best.distance:.1e} rad away",
     ]

@@ -55,11 +55,11 @@ class RateComparison:
 def exchange_rows(subject: Subject) -> list[Row]:
     """Return how far rates are from differences, median and worst, and the same of intervals."""
     wanted = list(pairs(subject))
-    found = [one for one in (compare_rate(subject, *pair) for pair in wanted) if one is not None]
+    comparisons = [one for one in (compare_rate(subject, *pair) for pair in wanted) if one is not None]
     rows = []
     for kind, several in (
-        ("rates", [one for one in found if one.unique]),
-        ("kinks", [one for one in found if not one.unique]),
+        ("rates", [one for one in comparisons if one.unique]),
+        ("kinks", [one for one in comparisons if not one.unique]),
     ):
         if not several:
             continue
@@ -72,7 +72,7 @@ def exchange_rows(subject: Subject) -> list[Row]:
         column = "median relative difference" if kind == "rates" else "worst way outside the interval"
         value = float(np.median(off) if kind == "rates" else off.max())
         rows.append(goal_row(subject.name, TABLE_ROW, column, "", value, AGREED, note))
-    lost = len(wanted) - len(found)
+    lost = len(wanted) - len(comparisons)
     if lost or not wanted:
         rows.append(
             Row(

@@ -87,8 +87,8 @@ class StagedProgram:
         lbg, ubg = narrow(self.sides["lbg"], self.sides["ubg"])
         p = np.concatenate([np.where(np.arange(count) == main, 1.0, 0.0), ranges])
         solver = self.solvers[warm]
-        found = solver(x0=self.pack(q, ranges), p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
-        stats, x = solver.stats(), np.asarray(found["x"]).ravel()
+        solution = solver(x0=self.pack(q, ranges), p=p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg)
+        stats, x = solver.stats(), np.asarray(solution["x"]).ravel()
         made = np.stack([x[self.layout.posture(k)] for k in range(len(q))])
         return (made if stats["success"] else None), int(stats["iter_count"])
 

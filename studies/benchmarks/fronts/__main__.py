@@ -38,17 +38,19 @@ QUICK = ("energy_torque", "simulation 1")
 QUICK_EVALUATIONS = 1200
 
 
-def rows_of(found: Found) -> list[Row]:
+def rows_of(results: Found) -> list[Row]:
     """Judge all runs: of a case against the union of its fronts under all budgets, and what is stored of it."""
     compared, added, left = [], [], []
-    for case in dict.fromkeys(name for name, _ in found):
-        fronts = [one.F for (name, _), runs in found.items() if name == case for each in runs.values() for one in each]
+    for case in dict.fromkeys(name for name, _ in results):
+        fronts = [
+            one.F for (name, _), runs in results.items() if name == case for each in runs.values() for one in each
+        ]
         fronts += [reference_front()] if case == "energy_torque" else []
         reference = union(fronts)
         if not len(reference):
             print(f"{case}: no method found a point that the verifier accepts: not judged")
             continue
-        for (name, kind), runs in found.items():
+        for (name, kind), runs in results.items():
             if name == case:
                 scores = all_scores(runs, reference)
                 compared += comparisons(case, kind, scores)
@@ -88,10 +90,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.quick:
         print(f"quick: {', '.join(chosen)} only, {evaluations} evaluations, {seeds} seeds: too few to prove much")
         print("quick: FATROP and IPOPT with CasADi's own evaluation, not compiled")
-    found = run_all(chosen, KINDS, seeds, evaluations, compiling=not options.quick)
-    if min((len(runs) for each in found.values() for runs in each.values()), default=0) < 2:
+    results = run_all(chosen, KINDS, seeds, evaluations, compiling=not options.quick)
+    if min((len(runs) for each in results.values() for runs in each.values()), default=0) < 2:
         parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
-    report(rows_of(found), json_file=options.json)
+    report(rows_of(results), json_file=options.json)
 
 
 if __name__ == "__main__":

@@ -160,6 +160,8 @@ def test_where_none_holds_the_joint_is_named_with_the_least_that_would_do():
     drawn.actuation = pk.capability.JointActuation(
         motors=pk.capability.MotorCurve(stall=[0.5 * needed_torque] * 3, fastest=drawn.fastest)
     )
-    with pytest.raises(Infeasible, match=rf"joint\d: a torque of at most {0.5 * needed_torque:.4g} N m wanted") as said:
+    with pytest.raises(
+        Infeasible, match=rf"joint\d: a torque of at most {0.5 * needed_torque:.4g} N m wanted"
+    ) as refusal:
         drawn.maxima("velocity")
-    assert said.value.violation == pytest.approx(1.0, abs=0.05)
+    assert refusal.value.violation == pytest.approx(1.0, abs=0.05)
