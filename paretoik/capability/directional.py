@@ -14,7 +14,7 @@ from jaxtyping import Float
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.best_postures import best_postures
 from paretoik.capability.joint_capability import Quantity, joint_speeds, motor_speeds, torque_capacity
-from paretoik.capability.zonotopes import facet_joint_speeds, greatest_forces, highest_speeds
+from paretoik.capability.zonotopes import fastest_joint_speeds, greatest_forces
 from paretoik.errors import InvalidInput, check_size
 from paretoik.inputs import finite_array
 from paretoik.robot import kinematics
@@ -146,8 +146,7 @@ def _polygon(
     columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
-        values = highest_speeds(columns, speeds.low, speeds.high, directions[:, None])[:, 0]
-        dq = facet_joint_speeds(columns, speeds.low, speeds.high, directions * values[:, None])
+        values, dq = fastest_joint_speeds(columns, speeds.low, speeds.high, directions)
         front = np.where(dq >= 0, speeds.front_high, speeds.front_low)
         speed, effort = motor_speeds(actuation, q, front, torque, dq)
     else:

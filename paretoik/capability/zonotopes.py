@@ -65,18 +65,21 @@ def _where_known(low: np.ndarray, high: np.ndarray, values: np.ndarray) -> np.nd
     return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, values)
 
 
-def facet_joint_speeds(
+def fastest_joint_speeds(
     columns: Float[np.ndarray, "batch task dof"],
     low: Float[np.ndarray, "batch dof"],
     high: Float[np.ndarray, "batch dof"],
-    vertices: Float[np.ndarray, "batch task"],
-) -> Float[np.ndarray, "batch dof"]:
-    """Return joint speeds within their ranges that move the tool at velocities on the zonotope's boundary.
+    directions: Float[np.ndarray, "batch task"],
+) -> tuple[Float[np.ndarray, " batch"], Float[np.ndarray, "batch dof"]]:
+    """Return ``highest_speeds``, one direction a posture, and joint speeds within their ranges that reach them.
 
     On a facet all joints but those whose columns span it are at one of their ends; these follow from the velocity.
     """
-    faces, _, index = _facets(columns, low, high, vertices[:, None])
-    nearest = faces[np.arange(len(faces)), index[..., 0]]
+    faces, bound, index = _facets(columns, low, high, directions[:, None])
+    rows = np.arange(len(faces))
+    speeds = _where_known(low, high, bound[rows, index[:, 0]])[:, 0]
+    vertices = directions * speeds[:, None]
+    nearest = faces[rows, index[:, 0]]
     nearest = nearest * np.where((nearest * vertices).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     shares = np.einsum("ba,baj->bj", nearest, columns)
     size = np.linalg.norm(nearest, axis=1)[:, None] * np.linalg.norm(columns, axis=1)
@@ -90,7 +93,7 @@ def facet_joint_speeds(
     for row in np.flatnonzero(wrong | (missed > PARALLEL_TOLERANCE * np.linalg.norm(vertices, axis=1))):
         length = float(np.linalg.norm(vertices[row])) or 1.0
         _, dq[row] = furthest(columns[row], low[row], high[row], vertices[row] / length)
-    return np.clip(dq, low, high)
+    return speeds, np.clip(dq, low, high)
 
 
 def _facets(

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.joint_capability import motor_speeds, speeds_at_sliders
-from paretoik.capability.zonotopes import facet_joint_speeds, highest_speeds
+from paretoik.capability.zonotopes import fastest_joint_speeds
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -78,14 +78,13 @@ class Configurations:
         self, q: Joints, front: Joints, torque: np.ndarray, low: np.ndarray, high: np.ndarray, holds: np.ndarray
     ) -> tuple[Configuration, np.ndarray, np.ndarray]:
         columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
-        speeds = highest_speeds(columns, low, high, self.directions)
         count = len(self.directions)
-        repeated = [np.repeat(each, count, axis=0) for each in (columns, low, high)]
-        vertices = (speeds[..., None] * self.directions).reshape(-1, self.directions.shape[1])
-        dq = facet_joint_speeds(repeated[0], repeated[1], repeated[2], vertices).reshape(len(q), count, -1)
+        columns, low, high = (np.repeat(each, count, axis=0) for each in (columns, low, high))
+        speeds, dq = fastest_joint_speeds(columns, low, high, np.tile(self.directions, (len(q), 1)))
+        speeds, dq = speeds.reshape(len(q), count), dq.reshape(len(q), count, -1)
         power = np.abs(torque[:, None] * dq).sum(axis=-1)
         excess = np.where(holds, 0.0, 1.0)[:, None]
-        span = np.maximum((high - low).mean(axis=1), 1e-12)
+        span = np.maximum((high[::count] - low[::count]).mean(axis=1), 1e-12)
         return (
             Configuration(q=q, front=front, speeds=speeds, dq=dq, power=power, excess=excess),
             span,
