@@ -12,12 +12,12 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Points
+from paretoik.arrays import Point, Points
 from paretoik.errors import InvalidInput
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
-from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions
+from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, NOT_FINITE, Solutions
 
 
 def minimise(
@@ -87,12 +87,22 @@ def _interior_point(
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
             end = search(kernel, *start, options[i])
             ends[i] = (*end[:4], *end[5:7])
+            if program.kinked and end[1] != NOT_FINITE:  # what was minimised is smoothed
+                F, violation = _exact_values(program, end[0], rows, upper[i])
+                ends[i] = (*end[:3], F, end[5], violation)
 
     if count > 1:
         list(_pool().map(work, range(_cores())))
     else:
         work(0)
     return _collect(ends, x.shape, len(program.upper))
+
+
+def _exact_values(program: Program, x: Point, rows: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return F at a point, and the largest violation of its constraints."""
+    F, equalities, inequalities = program.evaluate(x)
+    violations = [[0.0], np.abs(equalities), -inequalities, (rows @ F - upper)[np.isfinite(upper)]]
+    return F, float(np.concatenate(violations).max())
 
 
 @cache
