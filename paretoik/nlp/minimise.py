@@ -33,9 +33,9 @@ def minimise(
     """Return the local minima of weights · F, rows · F (F itself without rows) below ``upper``, that points lead to.
 
     Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
-    own bounds hold as well. "auto" is the interior-point method where the program is smooth, SQP where it has kinks.
+    own bounds hold as well. "auto" is the interior-point method where the program has a kernel, else SQP.
 
-    Raises InvalidInput where a program with kinks is asked to be solved by the interior-point method.
+    Raises InvalidInput where the interior-point method is asked for a program that has none.
     """
     check_solver(program, solver)
     count, x = len(x), program.project(x)
@@ -59,12 +59,12 @@ def minimise(
 
 
 def check_solver(program: Program, solver: str) -> None:
-    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what has kinks."""
+    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what it cannot take."""
     if solver not in get_args(Solver):
         raise InvalidInput(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
     if solver == "interior-point" and program.kernel is None:
-        kinked = ", ".join(program.kinked)
-        raise InvalidInput(f"solver: 'interior-point' wants smooth functions, {kinked} has kinks: take 'sqp'")
+        names = ", ".join(program.unsupported)
+        raise InvalidInput(f"solver: 'interior-point' wants functions of a sample, {names} relates samples: take 'sqp'")
 
 
 def _interior_point(
@@ -78,6 +78,8 @@ def _interior_point(
     from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
 
     count = len(x)
+    if program.kinked:
+        options = [each._replace(iterations=each.kink_iterations * each.iterations) for each in options]
     ends: list[Any] = [None] * count
     remaining = iter(range(count))
 

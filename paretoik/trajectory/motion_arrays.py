@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
-from paretoik.trajectory.compiled.motion_kernel import MotionKernel
+from paretoik.trajectory.compiled import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
+from paretoik.trajectory.compiled.motion_arrays import MotionKernel
 from paretoik.trajectory.program import MotionProgram
 
 

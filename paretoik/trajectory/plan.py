@@ -80,7 +80,7 @@ def find_optima(
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
     programs = level_programs(task, objective_scales(task, q))
-    policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_local else None
+    policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-starts // 2), rng)
     solutions, levels = refine_levels(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
     )

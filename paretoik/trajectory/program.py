@@ -130,11 +130,6 @@ class MotionProgram:
         return self.variables[self.rates + self.slacks :]
 
     @property
-    def is_local(self) -> bool:
-        """Whether all totals are sums or peaks of functions of a sample, so that compiled code can take it."""
-        return not self.whole_functions
-
-    @property
     def elastic(self) -> int:
         """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
         return len(self.sides) - self.kinks
@@ -157,10 +152,14 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
-    def kinked(self) -> tuple[str, ...]:
-        """Names of totals that are peaks or functions of the whole motion, or what else has kinks in general."""
-        names = tuple(total.name for total in self.totals if total.kind != "sum")
-        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+    def kinked(self) -> bool:
+        """Whether totals or limits have kinks."""
+        return bool(self.slacks or self.peaks or self.whole_functions)
+
+    @property
+    def unsupported(self) -> tuple[str, ...]:
+        """Names of totals that relate samples to one another other than by a sum or a peak."""
+        return tuple(total.name for total in self.totals if total.kind == "whole")
 
     @property
     def rounding(self) -> float:
@@ -244,7 +243,7 @@ class MotionProgram:
         """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
         from paretoik.trajectory.motion_arrays import motion_kernel  # here: it builds on this file
 
-        return motion_kernel(self) if self.is_local else None
+        return motion_kernel(self) if not self.unsupported else None
 
 
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:

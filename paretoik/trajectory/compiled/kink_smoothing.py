@@ -27,11 +27,13 @@ def evaluate_functions(kernel, work):
         run(kernel.value, work.inputs, work.values)
         for j in range(len(kinks)):
             row, sign, tie, width = kinks[j, 0], kinks[j, 2], kinks[j, 3], work.widths[j, 1]
+            excess = width - kernel.least_smoothing * work.widths[j, 0]
             for s in range(values.shape[1]):
                 v = sign * inputs[row, s]
                 first, second = values[tie, s] - v, values[tie + 1, s] - v
                 arguments[j, s] = (second - first) / 2
-                inputs[row, s] = sign * (np.sqrt(arguments[j, s] ** 2 + width * width) - (first + second) / 2)
+                size = np.sqrt(arguments[j, s] ** 2 + width * width) - excess
+                inputs[row, s] = sign * (size - (first + second) / 2)
     run(kernel.value, work.inputs, work.values)
 
 
@@ -57,14 +59,19 @@ def set_widths(kernel, work, mu):
 
 @compiled
 def linearise_kinks(kernel, work):
-    """Write slopes and bends of all kinks at their arguments, and the duals that the last ones led one to expect."""
+    """Write slopes and bends of all kinks at their arguments, and the duals that the last ones led one to expect.
+
+    A dual moves at most a share of the way to its bounds ±1, so that a kink just crossed stays stiff for a while.
+    """
+    share = 1.0 - kernel.dual_fraction
     for j in range(len(kernel.kinks)):
         width = work.widths[j, 1]
         for s in range(work.arguments.shape[1]):
-            argument = work.arguments[j, s]
-            dual = work.slopes_at[j, s] + work.bends[j, s] * (argument - work.arguments_at[j, s])
-            length, dual = np.sqrt(argument * argument + width * width), min(max(dual, -1.0), 1.0)
-            work.slopes_at[j, s], work.arguments_at[j, s] = argument / length, argument
+            argument, dual = work.arguments[j, s], work.duals[j, s]
+            expected = work.slopes_at[j, s] + work.bends[j, s] * (argument - work.arguments_at[j, s])
+            dual = min(max(expected, share * (1.0 + dual) - 1.0), 1.0 - share * (1.0 - dual))
+            length = np.sqrt(argument * argument + width * width)
+            work.duals[j, s], work.slopes_at[j, s], work.arguments_at[j, s] = dual, argument / length, argument
             work.bends[j, s] = (1.0 - dual * argument / length) / length
 
 

@@ -47,6 +47,7 @@ class MotionKernel(NamedTuple):
     implied_slacks: bool = True
     large_multiplier: float = np.inf
     smoothing: float = 100.0  # of kinks, in barriers μ and sizes of their arguments
+    dual_fraction: float = 0.7  # of the way to its bounds that the multiplier of a kink moves at most
     least_smoothing: float = 1e-9  # of these sizes: what rounding leaves of a kink
 
 
@@ -72,6 +73,7 @@ class Workspace(NamedTuple):
     arguments: np.ndarray  # (V, time): half the difference of a kink's pieces
     arguments_at: np.ndarray  # (V, time): arguments where functions were last linearised
     slopes_at: np.ndarray  # (V, time): λ there, derivative of the smoothed absolute value of the argument
+    duals: np.ndarray  # (V, time): λ̂, as Newton's method expects it
     bends: np.ndarray  # (V, time): second derivative, between λ and its dual
     slack_gradients: np.ndarray  # (V, U, time)
     slack_weights: np.ndarray  # (V, time): the Lagrangian's weight of a kink's bend
@@ -86,7 +88,7 @@ def allocate(kernel, n):
     sums = kernel.multipliers[2] - kernel.multipliers[1]
     limited = len(kernel.row_peaks)
     functions = sums + limited + 2 * slacks
-    by_slack = np.zeros((5, slacks, samples))
+    by_slack = np.zeros((6, slacks, samples))
     return Workspace(
         kernel.inputs.copy(),
         np.empty((rows + rows * n, samples)),
@@ -108,6 +110,7 @@ def allocate(kernel, n):
         by_slack[1],
         by_slack[2],
         by_slack[3],
-        np.zeros((slacks, variables, samples)),
         by_slack[4],
+        np.zeros((slacks, variables, samples)),
+        by_slack[5],
     )
