@@ -12,6 +12,7 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions, concatenate
 from paretoik.pareto.scalarisation import minimise_weighted
+from paretoik.pareto.violation import violation_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,15 +39,7 @@ OPTIONS = WarmStartOptions()
 def evaluate_points(program: Program, x: Points) -> Solutions:
     """Return points as they are, with their objectives and violations; none of them is said to be optimal."""
     ends = [program.evaluate(one) for one in x]
-    violation = [
-        max(
-            0.0,
-            float(np.abs(equalities).max(initial=0.0)),
-            -float(inequalities.min(initial=0.0)),
-            float((objectives - program.upper).max(initial=-np.inf)),
-        )
-        for objectives, equalities, inequalities in ends
-    ]
+    violation = [violation_of(program, *each) for each in ends]
     return Solutions(
         x=np.array(x),
         objectives=np.array([objectives for objectives, _, _ in ends]).reshape(len(x), len(program.upper)),
