@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import cache
 from typing import Any, get_args
@@ -14,10 +14,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Point, Points
 from paretoik.errors import InvalidInput
+from paretoik.interruption import STOP, Interrupted, check_interruption
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
-from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, NOT_FINITE, Solutions
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, NOT_FINITE, Solutions
 
 
 def minimise(
@@ -35,8 +36,10 @@ def minimise(
     Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
     own bounds hold as well. "auto" is the interior-point method where the program has a kernel, else SQP.
 
-    Raises InvalidInput where the interior-point method is asked for a program that has none.
+    Raises InvalidInput where the interior-point method is asked for a program that has none, and Interrupted, with the
+    solutions so far, after a signal.
     """
+    check_interruption()
     check_solver(program, solver)
     count, x = len(x), program.project(x)
     each = [options] * count if isinstance(options, InteriorPointOptions) else list(options)
@@ -55,7 +58,10 @@ def minimise(
     # Below the program's own rounding no step makes a point better.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
-    return replace(solutions, x=program.pin(solutions.x))
+    solutions = replace(solutions, x=program.pin(solutions.x))
+    if (solutions.status == INTERRUPTED).any():
+        raise Interrupted(solutions)
+    return solutions
 
 
 def check_solver(program: Program, solver: str) -> None:
@@ -83,20 +89,19 @@ def _interior_point(
     ends: list[Any] = [None] * count
     remaining = iter(range(count))
 
-    def work(_: int) -> None:
+    def work() -> None:
         kernel = program.kernel
         for i in remaining:  # whichever thread is free takes the next point
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
-            end = search(kernel, *start, options[i])
+            end = search(kernel, *start, options[i], STOP)
             ends[i] = (*end[:4], *end[5:7])
-            if program.kinked and end[1] != NOT_FINITE:  # what was minimised is smoothed
-                F, violation = _exact_values(program, end[0], rows, upper[i])
-                ends[i] = (*end[:3], F, end[5], violation)
 
-    if count > 1:
-        list(_pool().map(work, range(_cores())))
-    else:
-        work(0)
+    # Python handles signals in the main thread, between its instructions: that one waits, even for a single point.
+    _join([_pool().submit(work) for _ in range(min(count, _cores()))])
+    for i in range(count if program.kinked else 0):  # what was minimised is smoothed
+        if ends[i][1] != NOT_FINITE:
+            F, violation = _exact_values(program, ends[i][0], rows, upper[i])
+            ends[i] = (*ends[i][:3], F, ends[i][4], violation)
     return _collect(ends, x.shape, len(program.upper))
 
 
@@ -105,6 +110,18 @@ def _exact_values(program: Program, x: Point, rows: np.ndarray, upper: np.ndarra
     F, equalities, inequalities = program.evaluate(x)
     violations = [[0.0], np.abs(equalities), -inequalities, (rows @ F - upper)[np.isfinite(upper)]]
     return F, float(np.concatenate(violations).max())
+
+
+def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
+    """Wait for all; give up those that do not end within an ``interval`` [s] of a signal, as while code is compiled."""
+    pending = set(futures)
+    while pending:
+        stopping = bool(STOP[0])
+        pending = wait(pending, timeout=interval).not_done
+        if pending and stopping:
+            raise Interrupted
+    for future in futures:
+        future.result()
 
 
 @cache

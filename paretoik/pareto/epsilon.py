@@ -17,9 +17,11 @@ from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
-from paretoik.pareto.cold_search import ColdSearch
+from paretoik.pareto.cold_search import ColdSearch, optima_alone
 from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
+from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
+from paretoik.pareto.warm_start import evaluate_points, feasible_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +68,7 @@ def epsilon_points(
     n_obj: int,
     *,
     points: int,
+    initial: Float[np.ndarray, " known *point"] | None = None,
     solver: Solver = "auto",
     observe: Observe | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
@@ -73,12 +76,14 @@ def epsilon_points(
 
     ``program_of`` returns the program with its objectives divided by its argument. First the ends, and what cold
     starts lead to below some ε; of two objectives every branch is then followed through falling and rising ε. The rest
-    goes into the widest gaps: ε halfway between two neighbours, started from those near it.
+    goes into the widest gaps: ε halfway between two neighbours, started from those near it. ``initial`` points within
+    all limits lead to ends, branches and points as well: none of them dominates what is returned.
 
     Raises what ``cold`` does, and SolverFailed where an end does not converge.
     """
     natural = program_of(np.ones(n_obj))
-    alone = [cold.optima(k) for k in range(n_obj)]
+    known = feasible_points(natural, initial)
+    alone = [optima_alone(program_of, cold, k, n_obj, known, solver) for k in range(n_obj)]
     best = np.stack([optima[0] for optima in alone])
     payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
     sizes = objective_sizes(natural, best, n_obj)
@@ -89,6 +94,9 @@ def epsilon_points(
     program = program_of(ranges)
     pool = np.concatenate([optima[: OPTIONS.pool] for optima in alone])
     ends = _ends(program, best, solver)
+    if known is not None and len(known):
+        known = refine(program, known, n_obj, solver=solver)[0]
+        pool = np.concatenate([pool, known[: OPTIONS.pool]])
     sweep = _Sweep(
         program=program,
         n_obj=n_obj,
@@ -99,6 +107,8 @@ def epsilon_points(
         solver=solver,
         observe=observe,
     )
+    if known is not None and len(known):
+        sweep.add(evaluate_points(program, known))
     for solutions in _inner_optima(program, cold, ends):
         sweep.pool = np.concatenate([sweep.pool, solutions.x])
         sweep.add(solutions)

@@ -12,8 +12,11 @@ from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
-from paretoik.pareto.certificates import criticality_at, violation_at
+from paretoik.nlp.solutions import Solutions
+from paretoik.pareto.certificates import criticality_at
 from paretoik.pareto.scalarisation import Observe
+from paretoik.pareto.violation import violation_at
+from paretoik.pareto.warm_start import evaluate_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,14 +26,17 @@ class RefineOptions:
     ``weight`` is that of the sum of all objectives beside the first: no gain is left that costs next to nothing. A
     point is left as it is where its criticality is at most ``critical`` and its violation at most ``violation``. So
     many points are refined at a time as ``batch`` says: in between somebody may look, or end it. ``warm`` is tried
-    first, ``cold`` where that does not converge.
+    first, ``near`` and ``cold`` where that does not converge, or where an objective rises by more than ``rise``, a
+    share of its range.
     """
 
     weight: float = 0.1
     critical: float = 1e-8
     violation: float = 1e-8
+    rise: float = 1e-9
     batch: int = 4
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
 
 
@@ -56,17 +62,24 @@ def refine(
     for first in range(0, len(x), OPTIONS.batch):
         rows = np.arange(first, min(first + OPTIONS.batch, len(x)))
         converged[rows] = [_is_critical(program, x[i], n_obj) for i in rows]
-        for barrier in (OPTIONS.warm, OPTIONS.cold):
+        for barrier in (OPTIONS.warm, OPTIONS.near, OPTIONS.cold):
             rest = rows[~converged[rows]]
             if not len(rest):
                 break
             upper = np.array([ahead @ program.evaluate(one)[0] for one in x[rest]])
             solutions = minimise(program, x[rest], weights, upper, barrier, rows=ahead, solver=solver)
-            good = rest[solutions.converged]
-            x[good], converged[good] = solutions.x[solutions.converged], True
+            good = solutions.converged & _no_worse(program, x[rest], solutions, n_obj)
+            x[rest[good]], converged[rest[good]] = solutions.x[good], True
         if observe is not None and observe(int(rows[-1]) + 1, len(x)):
             break
     return x, converged
+
+
+def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
+    """Return which solutions are no worse in any objective than the points they came of, where these are feasible."""
+    before = evaluate_points(program, x)
+    rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
+    return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
 
 
 def _is_critical(program: Program, x: np.ndarray, n_obj: int) -> bool:
