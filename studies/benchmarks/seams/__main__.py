@@ -104,6 +104,7 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
                     unit=UNITS[cost],
                     ours=value,
                     theirs=cost_of(graph.q, times, cost),
+                    source="ladder graph",
                     goal=goal,
                     note=f"graph {seconds:.3g} s; {plan.message}".removesuffix("; "),
                 )
