@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.api.initial import initial_points
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import certified_front
 from paretoik.api.run_session import verb_session
+from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
+from paretoik.task.motion import Motion
 
 
 def epsilon_front(
@@ -24,6 +27,7 @@ def epsilon_front(
     points: int = 20,
     starts: int = 48,
     seed: int = 0,
+    initial: Genes | Motion | Front | None = None,
     solver: Solver = "auto",
     observe: Observer | bool | None = None,
 ) -> Front:
@@ -38,6 +42,9 @@ def epsilon_front(
     starts, seed
         As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
         from so many starts.
+    initial
+        Solutions to start from as well: motions on the path, genes, or a front. No feasible one of them dominates a
+        point of the front.
     solver
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
@@ -78,6 +85,7 @@ def epsilon_front(
             cold,
             len(formulation.names),
             points=points,
+            initial=initial_points(formulation, initial),
             solver=solver,
             observe=count_observer(session.observe, "point"),
         )

@@ -43,8 +43,8 @@ def plan(
         a bar shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
 
     ``plan.best.motion`` and ``plan.best.objective`` are the best, ``plan.optima`` all of them, best first. "Optimum" is
-    meant locally. Ctrl-C and SIGTERM end the search within a second: the optima so far, of coarser samples if need be, are
-    returned, with "interrupted" for a status. Source: Tringali & Cocuzza 2020, section 3.1.
+    meant locally. Ctrl-C and SIGTERM end the search within a second: the optima so far are returned, if need be those
+    of coarser samples with "interrupted" for a status. Source: Tringali & Cocuzza 2020, section 3.1.
 
     Raises
     ------

@@ -67,9 +67,7 @@ def count_observer(
         if uniform and far and done:
             remaining = seconds / done * (total - done) + (later or 0.0) * total
         return observe(
-            RunProgress(
-                stage=stage, done=done, total=total, seconds=seconds, remaining=remaining, summary=summary
-            )
+            RunProgress(stage=stage, done=done, total=total, seconds=seconds, remaining=remaining, summary=summary)
         )
 
     return show

@@ -16,8 +16,8 @@ from paretoik.inputs import check_function
 def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
     """Yield the observer of a verb, which also learns what is compiled.
 
-    That is ``observe`` itself; for None a bar where stderr is a terminal, for True one in any case, or lines where it is
-    none; for False, and for None without a terminal, none. Raises InvalidInput for what cannot be called.
+    That is ``observe`` itself; for None a bar where stderr is a terminal, for True that or else lines; for False, and
+    for None without a terminal, none. Raises InvalidInput for what cannot be called.
     """
     if observe is None or observe is True:
         if sys.stderr.isatty():

@@ -22,6 +22,7 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.improver import OPTIONS, suggest_points
+from paretoik.pareto.refine import OPTIONS as REFINEMENT
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
@@ -73,7 +74,7 @@ def refine(
         shown = count_observer(session.observe, "refinement", later=later, uniform=True)
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
         refined = certified_front(
-            problem, formulation, x, front.ids, ranges, front.provenance, before=front, observe=session.observe
+            problem, formulation, x, front.ids, ranges, dict(front.provenance), before=front, observe=session.observe
         )
         counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
         status = {} if session.signal is None else {"status": session.signal}
@@ -148,10 +149,12 @@ def _no_worse(
     before: Front,
     ranges: Float[np.ndarray, " n_obj"],
     *,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-9,
 ) -> Individuals:
-    """Return individuals, those that are worse by more than a share of a range as they were before."""
+    """Return individuals, those that are worse by more than a share of a range as they were before, if feasible."""
     worse = (individuals.objectives > before.minimised + tolerance * ranges).any(axis=1)
+    if before.violation is not None:
+        worse &= before.violation <= REFINEMENT.violation
     if not worse.any():
         return individuals
     x = individuals.x.copy()

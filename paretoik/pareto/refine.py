@@ -17,6 +17,7 @@ from paretoik.nlp.solutions import Solutions
 from paretoik.pareto.certificates import criticality_at
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.violation import violation_at
+from paretoik.pareto.warm_start import evaluate_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,14 +27,17 @@ class RefineOptions:
     ``weight`` is that of the sum of all objectives beside the first: no gain is left that costs next to nothing. A
     point is left as it is where its criticality is at most ``critical`` and its violation at most ``violation``. So
     many points are refined at a time as ``batch`` says: in between somebody may look, or end it. ``warm`` is tried
-    first, ``cold`` where that does not converge.
+    first, ``near`` and ``cold`` where that does not converge, or where an objective rises by more than ``rise``, a
+    share of its range.
     """
 
     weight: float = 0.1
     critical: float = 1e-8
     violation: float = 1e-8
+    rise: float = 1e-9
     batch: int = 4
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
 
 
@@ -80,7 +84,7 @@ def _refine_rows(
     for i in rows:
         check_interruption()
         converged[i] = _is_critical(program, x[i], len(ahead))
-    for barrier in (OPTIONS.warm, OPTIONS.cold):
+    for barrier in (OPTIONS.warm, OPTIONS.near, OPTIONS.cold):
         rest = rows[~converged[rows]]
         if not len(rest):
             return
@@ -89,17 +93,32 @@ def _refine_rows(
             solutions = minimise(program, x[rest], weights, upper, barrier, rows=ahead, solver=solver)
         except Interrupted as stop:
             if stop.partial is not None:
-                _keep(x, converged, rest, stop.partial)
+                _keep(program, x, converged, rest, stop.partial, len(ahead))
             raise
-        _keep(x, converged, rest, solutions)
+        _keep(program, x, converged, rest, solutions, len(ahead))
 
 
 def _keep(
-    x: Points, converged: Bool[np.ndarray, " points"], rows: Int[np.ndarray, " rows"], solutions: Solutions
+    program: Program,
+    x: Points,
+    converged: Bool[np.ndarray, " points"],
+    rows: Int[np.ndarray, " rows"],
+    solutions: Solutions,
+    n_obj: int,
 ) -> None:
-    """Replace points by the solutions that converged."""
-    good = rows[solutions.converged]
-    x[good], converged[good] = solutions.x[solutions.converged], True
+    """Replace points by solutions that are no worse: where these are feasible, although not yet optimal, too."""
+    better = _no_worse(program, x[rows], solutions, n_obj)
+    feasible = solutions.violation <= OPTIONS.violation
+    good = better & (solutions.converged | (feasible & np.isfinite(solutions.objectives).all(axis=1)))
+    x[rows[good]] = solutions.x[good]
+    converged[rows[good]] = solutions.converged[good]
+
+
+def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
+    """Return which solutions are no worse in any objective than the points they came of, where these are feasible."""
+    before = evaluate_points(program, x)
+    rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
+    return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
 
 
 def _is_critical(program: Program, x: np.ndarray, n_obj: int) -> bool:
