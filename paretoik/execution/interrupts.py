@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from paretoik.interruption import STOP
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -30,16 +32,21 @@ class Interruption:
 def interruptible() -> Iterator[Interruption]:
     """Record the first SIGINT or SIGTERM instead of ending the process; restore the former handlers at the end.
 
-    With the first signal the former handlers return at once, so a second Ctrl-C raises KeyboardInterrupt. Outside the
-    main thread, where Python allows no handlers, nothing is caught.
+    What runs meanwhile learns of it from ``interruption``. With the first signal the former handlers return at once, so
+    a second Ctrl-C raises KeyboardInterrupt. Within another one it is the same. Outside the main thread, where Python
+    allows no handlers, nothing is caught.
     """
-    interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
-        yield interruption
+        yield Interruption()
         return
+    if _ACTIVE:
+        yield _ACTIVE[-1]
+        return
+    interruption = Interruption()
 
     def record(number: int, frame: FrameType | None) -> None:
         interruption.signal = signal.Signals(number)
+        STOP[0] = number
         restore()
 
     def restore() -> None:
@@ -48,9 +55,15 @@ def interruptible() -> Iterator[Interruption]:
             signal.signal(which, signal.SIG_DFL if handler is None else handler)
 
     former = {which: signal.getsignal(which) for which in SIGNALS}
+    _ACTIVE.append(interruption)
     try:
         for which in SIGNALS:
             signal.signal(which, record)
         yield interruption
     finally:
         restore()
+        _ACTIVE.pop()
+        STOP[0] = 0
+
+
+_ACTIVE: list[Interruption] = []  # at most one: signals are the process's

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import cache
 from typing import Any, get_args
@@ -14,10 +14,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.errors import InvalidInput
+from paretoik.interruption import STOP, Interrupted, check_interruption
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
-from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, Solutions
 
 
 def minimise(
@@ -35,8 +36,10 @@ def minimise(
     Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
     own bounds hold as well. "auto" is the interior-point method where the program is smooth, SQP where it has kinks.
 
-    Raises InvalidInput where a program with kinks is asked to be solved by the interior-point method.
+    Raises InvalidInput where a program with kinks is asked to be solved by the interior-point method, and Interrupted,
+    with the solutions so far, after a signal.
     """
+    check_interruption()
     check_solver(program, solver)
     count, x = len(x), program.project(x)
     each = [options] * count if isinstance(options, InteriorPointOptions) else list(options)
@@ -55,7 +58,7 @@ def minimise(
     # Below the program's own rounding no step makes a point better.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
-    return replace(solutions, x=program.pin(solutions.x))
+    return _finished(replace(solutions, x=program.pin(solutions.x)))
 
 
 def check_solver(program: Program, solver: str) -> None:
@@ -81,18 +84,28 @@ def _interior_point(
     ends: list[Any] = [None] * count
     remaining = iter(range(count))
 
-    def work(_: int) -> None:
+    def work() -> None:
         kernel = program.kernel
         for i in remaining:  # whichever thread is free takes the next point
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
-            end = search(kernel, *start, options[i])
+            end = search(kernel, *start, options[i], STOP)
             ends[i] = (*end[:4], *end[5:7])
 
-    if count > 1:
-        list(_pool().map(work, range(_cores())))
-    else:
-        work(0)
+    # Python handles signals in the main thread, between its instructions: that one waits, even for a single point.
+    _join([_pool().submit(work) for _ in range(min(count, _cores()))])
     return _collect(ends, x.shape, len(program.upper))
+
+
+def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
+    """Wait for all; give up those that do not end within an ``interval`` [s] of a signal, as while code is compiled."""
+    pending = set(futures)
+    while pending:
+        stopping = bool(STOP[0])
+        pending = wait(pending, timeout=interval).not_done
+        if pending and stopping:
+            raise Interrupted
+    for future in futures:
+        future.result()
 
 
 @cache
@@ -116,8 +129,11 @@ def _sqp(
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    ends = []
+    ends = list[tuple[Any, ...]]()
     for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
+        if STOP[0]:
+            ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), np.nan, np.nan))
+            continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
         end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
         ends.append((end.x, end.status, end.iterations, end.objectives, end.stationarity, end.violation))
@@ -145,4 +161,12 @@ def minimise_violation(
     Where their status says that they converged, they hold.
     """
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
-    return _sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x))
+    check_interruption()
+    return _finished(_sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x)))
+
+
+def _finished(solutions: Solutions) -> Solutions:
+    """Return solutions; raise Interrupted, with them, where a signal ended some of the searches."""
+    if (solutions.status == INTERRUPTED).any():
+        raise Interrupted(solutions)
+    return solutions

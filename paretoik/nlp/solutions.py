@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Points
 
-CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE = range(6)
+CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE, INTERRUPTED = range(7)
 
 STATUSES = {
     CONVERGED: "converged",
@@ -20,6 +20,7 @@ STATUSES = {
     SINGULAR: "at a singularity",
     VIOLATED: "limits cannot all hold",
     NOT_FINITE: "not finite where it starts",
+    INTERRUPTED: "interrupted",
 }
 
 

@@ -7,6 +7,7 @@ import threading
 import pytest
 
 from paretoik.execution.interrupts import interruptible
+from paretoik.interruption import Interrupted, check_interruption
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -45,6 +46,17 @@ def test_the_handlers_found_are_put_back():
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
     finally:
         signal.signal(signal.SIGTERM, mine)
+
+
+def test_what_runs_meanwhile_learns_of_the_signal_until_the_end():
+    check_interruption()
+    with interruptible() as outer:
+        with interruptible() as inner:
+            assert inner is outer
+            os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(Interrupted):
+            check_interruption()
+    check_interruption()
 
 
 def test_another_thread_catches_nothing():

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+import time
+
 import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.interruption import STOP, Interrupted
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NOT_FINITE, VIOLATED
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NOT_FINITE, VIOLATED
 from paretoik.nlp.traced import trace_rows
 from paretoik.trajectory.transcription import motion_program
 from problems.tringali_2020 import simulation_4
@@ -87,3 +92,33 @@ def test_equalities_without_a_solution_are_said_with_what_is_left_of_them():
     end = minimise(DenseProgram(rows=rows, costs=np.eye(2)[1:]), np.array([[0.5, 1.0]]), np.ones((1, 1)))
     assert end.status.tolist() == [VIOLATED]
     assert end.violation[0] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.fixture
+def stop():
+    """The number of a signal that came; none again at the end."""
+    yield STOP
+    STOP[0] = 0
+
+
+@pytest.mark.parametrize("kind", [dense, motion])
+def test_after_a_signal_no_solver_takes_another_step(kind, stop):
+    program = kind()
+    x, weights = starts(program), np.ones((1, len(program.upper)))
+    stop[0] = signal.SIGINT
+    with pytest.raises(Interrupted):
+        minimise(program, x, weights)
+
+
+def test_a_signal_ends_the_iterations_under_way_and_what_they_came_to_is_kept(stop):
+    program = motion()
+    x, weights = np.repeat(starts(program), 4000, axis=0), np.ones((1, len(program.upper)))
+    timer = threading.Timer(0.2, stop.__setitem__, (0, int(signal.SIGINT)))
+    timer.start()
+    begin = time.monotonic()
+    with pytest.raises(Interrupted) as interrupted:
+        minimise(program, x, weights)
+    assert time.monotonic() - begin < 1.2
+    solutions = interrupted.value.partial
+    assert set(solutions.status) == {CONVERGED, INTERRUPTED}
+    assert (solutions.iterations[solutions.status == INTERRUPTED] < 150).all()

@@ -48,12 +48,20 @@ from paretoik.nlp.compiled.kernel_steps import (
 )
 from paretoik.nlp.compiled.line_search import search_line
 from paretoik.nlp.compiled.newton import newton_step, search_direction
-from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
+from paretoik.nlp.solutions import (
+    CONVERGED,
+    INTERRUPTED,
+    ITERATION_LIMIT,
+    NO_PROGRESS,
+    NOT_FINITE,
+    SINGULAR,
+    VIOLATED,
+)
 
 
 @compiled(what="the interior-point method", seconds=15)
-def minimise(kernel, x, weights, rows, upper, options):
-    """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none.
+def minimise(kernel, x, weights, rows, upper, options, stop):
+    """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none, until ``stop[0]`` is not 0.
 
     Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
@@ -66,7 +74,7 @@ def minimise(kernel, x, weights, rows, upper, options):
     for k in range(len(weights)):
         weights[k] /= scale
     x, status, iteration, stationarity, violation = _iterate(
-        problem, refer(work), refer(it), refer(options), x, weights, rows, upper, border
+        problem, refer(work), refer(it), refer(options), x, weights, rows, upper, border, stop
     )
     for i in range(len(it.z)):
         it.z[i] *= scale
@@ -75,7 +83,7 @@ def minimise(kernel, x, weights, rows, upper, options):
 
 
 @compiled
-def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
+def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
     """Iterate from x; return (x, status, iterations, stationarity, worst violation)."""
     penalty = kernel.penalty * options.penalty
     barrier = Barrier(options.barrier, penalty, np.inf, penalty)
@@ -84,6 +92,9 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border):
     iteration, stationarity, lowest = 0, np.inf, np.inf
     status, violation, infeasible = _begin(kernel, work, it, options, barrier, x, rows, upper)
     for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
+        if stop[0] != 0:
+            status = INTERRUPTED
+            break
         if not linearise(kernel, work, x):
             status = SINGULAR
             break

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from paretoik.interruption import STOP
 from paretoik.nlp.compiled.interior_point import minimise
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.interior_point_options import InteriorPointOptions
@@ -46,7 +47,7 @@ def minimise_dense(program, cost, start, bounds=None, options=OPTIONS):
     dense = DenseProgram(rows=program, costs=np.concatenate([cost[None], rows]))
     identity = np.eye(len(dense.costs))
     x, status, iterations, _, multipliers, _, violation = minimise(
-        dense.kernel, start, identity[0], identity[1:], upper, options
+        dense.kernel, start, identity[0], identity[1:], upper, options, STOP
     )
     return End(x=x, status=status, iterations=iterations, multipliers=multipliers, violation=violation)
 

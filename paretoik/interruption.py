@@ -1,0 +1,29 @@
+"""Whether a signal asked the verb under way to stop: whatever takes long looks here, compiled code included.
+
+``execution.interrupts`` sets it while a verb runs. Solvers then end with the iteration under way and raise
+``Interrupted``; a verb that has something done by then returns that.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+STOP = np.zeros(
+    1, dtype=np.int64
+)  # number of the signal, 0 without one; an array, so that compiled code sees it change
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal came. ``partial`` is what a solver had by then, if anything."""
+
+    def __init__(self, partial: Any = None) -> None:
+        self.partial = partial
+        super().__init__("interrupted")
+
+
+def check_interruption() -> None:
+    """Raise Interrupted where a signal came."""
+    if STOP[0]:
+        raise Interrupted
