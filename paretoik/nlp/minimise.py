@@ -58,10 +58,7 @@ def minimise(
     # Below the program's own rounding no step makes a point better.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
-    solutions = replace(solutions, x=program.pin(solutions.x))
-    if (solutions.status == INTERRUPTED).any():
-        raise Interrupted(solutions)
-    return solutions
+    return _finished(replace(solutions, x=program.pin(solutions.x)))
 
 
 def check_solver(program: Program, solver: str) -> None:
@@ -145,8 +142,11 @@ def _sqp(
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    ends = []
+    ends = list[tuple[Any, ...]]()
     for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
+        if STOP[0]:
+            ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), np.nan, np.nan))
+            continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
         end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
         ends.append((end.x, end.status, end.iterations, end.objectives, end.stationarity, end.violation))
@@ -174,4 +174,12 @@ def minimise_violation(
     Where their status says that they converged, they hold.
     """
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
-    return _sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x))
+    check_interruption()
+    return _finished(_sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x)))
+
+
+def _finished(solutions: Solutions) -> Solutions:
+    """Return solutions; raise Interrupted, with them, where a signal ended some of the searches."""
+    if (solutions.status == INTERRUPTED).any():
+        raise Interrupted(solutions)
+    return solutions

@@ -5,15 +5,17 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import STATUSES, Solutions, concatenate
+from paretoik.nlp.solutions import INTERRUPTED, STATUSES, Solutions, concatenate
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
@@ -86,9 +88,9 @@ def find_optima(
     known = _minimise_known(task, initial, solver)
     try:
         solutions, levels = _search(task, starts, seed, initial, solver, observe)
-        if not solutions.converged.any() and not len(known):
+        if not (solutions.converged.any() or (solutions.status == INTERRUPTED).any() or len(known)):
             raise _failure(task, solutions)
-    except Infeasible:
+    except (Infeasible, Interrupted):
         if not len(known):
             raise
         solutions, levels = known, ()
@@ -123,7 +125,8 @@ def _search(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
-        solutions = disturb_best(programs[-1], solutions, solver)
+        with suppress(Interrupted):
+            solutions = disturb_best(programs[-1], solutions, solver)
     return solutions, levels
 
 
