@@ -89,7 +89,8 @@ class FrontSearch:
 
         front = refine_front(front, solver=self._solve_settings.solver, observe=observe)
         status = front.provenance["status"] if session.signal is None else session.signal
-        return replace(front, provenance={**front.provenance, "status": status})
+        counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
+        return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
         """Finish the recording with the motion of equal weights, and draw the front."""

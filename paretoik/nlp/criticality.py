@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import SolverFailed
+from paretoik.interruption import check_interruption
 from paretoik.nlp.canonical import CanonicalForm, Parameters, Pattern, Statement, parameter_values, state_cones
 from paretoik.nlp.conic import Constraints
 
@@ -54,6 +55,7 @@ def criticality(
     The nearest inequalities alone come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0
     with all. Raises SolverFailed where Clarabel ends without a solution.
     """
+    check_interruption()
     program, scale = _program(Pattern.of(constraints), len(gradients)), _scale(gradients)
     near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
     first = program.solve(gradients, constraints, radius, near)

@@ -5,15 +5,17 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver, minimise
 from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import STATUSES, Solutions, concatenate
+from paretoik.nlp.solutions import INTERRUPTED, STATUSES, Solutions, concatenate
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
@@ -92,7 +94,7 @@ def find_optima(
     known = _minimise_known(task, initial, solver)
     try:
         solutions, levels = _search(task, starts, seed, initial, solver, observe)
-    except (Infeasible, SolverFailed):
+    except (Infeasible, SolverFailed, Interrupted):
         if not len(known):
             raise
         solutions, levels = known, ()
@@ -129,7 +131,7 @@ def _search(
             if first == stages[-1]:
                 raise
             continue
-        if solutions.converged.any():
+        if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
             return solutions, levels
         level = task.subsample(solutions.x.shape[1])
         if is_clearly_infeasible(level, level.motion(solutions.x[0])):
@@ -151,12 +153,13 @@ def _search_from(
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
     programs = level_programs(task, objective_scales(task, q), first)
-    policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
+    policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-starts // 2), rng)
     solutions, levels = refine_levels(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
-        solutions = disturb_best(programs[-1], solutions, solver)
+        with suppress(Interrupted):
+            solutions = disturb_best(programs[-1], solutions, solver)
     return solutions, levels
 
 

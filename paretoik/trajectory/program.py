@@ -9,6 +9,7 @@ at every sample. Functions that relate samples to one another are ``WholeFunctio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,10 +18,12 @@ from paretoik.autodiff.evaluator import Evaluator
 from paretoik.nlp.program import Linearisation
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
-from paretoik.trajectory.compiled.motion_kernel import MotionKernel
 from paretoik.trajectory.functions import Total
 from paretoik.trajectory.stencil import Stencil
 from paretoik.trajectory.whole_functions import WholeFunction
+
+if TYPE_CHECKING:
+    from paretoik.trajectory.compiled.motion_arrays import MotionKernel
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 
@@ -38,7 +41,8 @@ class Evaluators:
     """Compiled functions of a sample and their derivatives: sums first, then rows.
 
     ``inputs`` counts their inputs: u, then v and σ at ``auxiliary``, parameters, and from ``multipliers`` on those of
-    path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them;
+    path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them, a
+    pair each, from below where its entry of ``signs`` is 1, from above where it is −1;
     ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by variables; ``hessian`` the
     entries of that of the Lagrangian by u and v; ``path`` the path equations and their Jacobian by q.
     """
@@ -48,6 +52,7 @@ class Evaluators:
     multipliers: Int[np.ndarray, 3]
     slacks: int
     ties: int
+    signs: tuple[int, ...]
     slack: Evaluator
     value: Evaluator
     gradient: Evaluator
@@ -125,11 +130,6 @@ class MotionProgram:
         return self.variables[self.rates + self.slacks :]
 
     @property
-    def is_smooth(self) -> bool:
-        """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
-        return not (self.slacks or self.peaks or self.whole_functions)
-
-    @property
     def elastic(self) -> int:
         """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
         return len(self.sides) - self.kinks
@@ -152,10 +152,14 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
-    def kinked(self) -> tuple[str, ...]:
-        """Names of totals that are peaks or functions of the whole motion, or what else has kinks in general."""
-        names = tuple(total.name for total in self.totals if total.kind != "sum")
-        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+    def kinked(self) -> bool:
+        """Whether totals or limits have kinks."""
+        return bool(self.slacks or self.peaks or self.whole_functions)
+
+    @property
+    def unsupported(self) -> tuple[str, ...]:
+        """Names of totals that relate samples to one another other than by a sum or a peak."""
+        return tuple(total.name for total in self.totals if total.kind == "whole")
 
     @property
     def rounding(self) -> float:
@@ -237,32 +241,9 @@ class MotionProgram:
     @property
     def kernel(self) -> MotionKernel | None:
         """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
-        if not self.is_smooth:
-            return None
-        evaluators, stencil = self.evaluators, self.stencil
-        return MotionKernel(
-            value=evaluators.value.arrays,
-            slope=evaluators.gradient.arrays,
-            slope_of=evaluators.gradient_sparsity.rows,
-            slope_by=evaluators.gradient_sparsity.columns,
-            curvature=evaluators.hessian.arrays,
-            second_i=evaluators.hessian_sparsity.rows,
-            second_j=evaluators.hessian_sparsity.columns,
-            track=evaluators.path.arrays,
-            neighbours=stencil.neighbours,
-            coefficients=stencil.coefficients,
-            first_unknown=stencil.first_unknown,
-            unknowns=stencil.unknowns,
-            border=stencil.border,
-            stops=self.task.ends_at_rest,
-            ones=np.ones(len(self.task.times)),
-            quadrature=np.array(self.task.weights),
-            inputs=self.inputs,
-            multipliers=evaluators.multipliers,
-            limited=self.limited,
-            sides=self.sides,
-            bounds=self.bounds,
-        )
+        from paretoik.trajectory.motion_arrays import motion_kernel  # here: it builds on this file
+
+        return motion_kernel(self) if not self.unsupported else None
 
 
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:

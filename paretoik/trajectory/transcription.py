@@ -115,6 +115,7 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
         multipliers=multipliers,
         slacks=len(smooth.epigraph_variables),
         ties=len(smooth.constraints),
+        signs=tuple(smooth.signs),
         slack=compile_evaluator(tape, smooth.nodes),
         value=compile_evaluator(tape, entries),
         gradient=compile_evaluator(tape, [*entries, *slopes.values()]),

@@ -25,7 +25,10 @@ TABLE_ROW = "exchange rates, differences"
 
 @dataclass(frozen=True, kw_only=True)
 class RateComparison:
-    """A rate ∂f_j/∂f_i, NaN where it is not unique, its interval, and the quotients of the solves below (backward), above and both (central)."""
+    """A rate ∂f_j/∂f_i, NaN where it is not unique, its interval, and the quotients of neighbouring solves.
+
+    The quotients are those of the solves below (backward), above (forward) and both (central).
+    """
 
     point: int
     i: int
