@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from paretoik.arrays import JointPaths, Times
 from paretoik.robot.arm import Arm
 from paretoik.task.differences import Differences, quadrature_weights
+from paretoik.task.distances import closest_pair
 from paretoik.task.limits import Bounds, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
@@ -126,10 +127,14 @@ class MotionTask:
         batch = motion.q.shape[:-2]
         if self.obstacles:
             smallest = motion.clearance.min(axis=-1)
-            clearance_range = max(self.min_clearance, 0.01)  # m
-            columns.append(((self.min_clearance - smallest) / clearance_range)[..., None])
+            columns.append(((self.min_clearance - smallest) / self.clearance_range)[..., None])
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
+
+    @property
+    def clearance_range(self) -> float:
+        """What violations of clearance are divided by [m]."""
+        return max(self.min_clearance, 0.01)
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
         """Return the worst violation of the interpolated motions on a grid four times finer, 0 at least."""
@@ -137,38 +142,47 @@ class MotionTask:
         between = finer.motion(motions.at(finer.times))
         return np.maximum(finer.violations(between).max(axis=1, initial=0.0), 0.0)
 
-    def describe_violation(self, motion: Motion) -> str:
+    def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
 
         Limits violated as much, within 0.1 %, are named too: of the least-violating motion, those that contradict each
-        other.
+        other. ``numbers`` are those that the samples go by, where they are some of another task's.
         """
         violations = self.violations(motion)
         if not len(violations) or violations.max() <= 0:
             return ""
         worst = int(np.argmax(violations))
         amount = f"by {100 * violations[worst]:.3g} % of its range"
-        name, where = self.limit_names[worst], self._where(worst, motion)
+        name, where = self.limit_names[worst], self._where(worst, motion, numbers)
         if name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
             message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"
         others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
-        tied = [f"{self.limit_names[i]}{self._where(i, motion)}" for i in others if i != worst]
+        tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
-    def _where(self, limit: int, motion: Motion) -> str:
-        """Return in words at which sample a limit is violated most; "" for a limit on the whole motion."""
+    def worst_sample(self, limit: int, motion: Motion) -> int:
+        """Return the sample at which a single motion violates a limit most; −1 for a limit on the whole motion."""
         name = self.limit_names[limit]
         kind, _, joint = name.partition(" of ")
         if name == "clearance":
-            sample = int(motion.clearance.argmin())
-        elif kind in self.bounds:
-            violation = relative_violation(kind, self.bounds[kind], motion)[..., self.arm.joint_names.index(joint)]
-            sample = int(np.argmax(violation))
-        else:
+            return int(motion.clearance.argmin())
+        if kind not in self.bounds:
+            return -1
+        violation = relative_violation(kind, self.bounds[kind], motion)[..., self.arm.joint_names.index(joint)]
+        return int(np.argmax(violation))
+
+    def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
+        """Return in words at which sample a limit is violated most; "" for a limit on the whole motion."""
+        sample = self.worst_sample(limit, motion)
+        if sample < 0:
             return ""
-        return f" at sample {sample} ({self.times[sample]:.3g} s)"
+        number = sample if numbers is None else int(numbers[sample])
+        where = f" at sample {number} ({self.times[sample]:.3g} s)"
+        if self.limit_names[limit] != "clearance":
+            return where
+        return where + ", between " + closest_pair(self.obstacles, motion.links[sample], self.link_radius)
 
     def _limited_joints(self, bounds: Bounds) -> np.ndarray:
         return np.isfinite(bounds).any(axis=(0, 2))

@@ -152,9 +152,13 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
-    def kinked(self) -> bool:
-        """Whether totals or limits have kinks."""
-        return bool(self.slacks or self.peaks or self.whole_functions)
+    def kinked(self) -> tuple[str, ...]:
+        """Names of totals that have kinks, or what else has in general."""
+        sparsity = self.evaluators.gradient_sparsity
+        by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
+        kinked_functions = set(sparsity.rows[by_slack].tolist())
+        names = tuple(total.name for total in self.totals if total.kind != "sum" or total.index in kinked_functions)
+        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
 
     @property
     def unsupported(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from paretoik.errors import InvalidInput
 from paretoik.task.differences import first_derivative, second_derivative
 from paretoik.task.motion_task import MotionTask
 
@@ -56,7 +57,8 @@ def stencil(task: MotionTask, orders: int) -> Stencil:
     if task.ends_at_rest:
         first_unknown[-1] = first_unknown[-2]
     border = 2 * (width - 1) if task.cyclic else 0
-    assert not task.cyclic or free > 2 * border
+    if task.cyclic and free <= 2 * border:
+        raise InvalidInput(f"path: at least {2 * border + 2} samples of a cyclic motion wanted, got {samples}")
     return Stencil(
         neighbours=neighbours,
         coefficients=np.ascontiguousarray(coefficients),
