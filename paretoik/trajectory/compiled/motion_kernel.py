@@ -35,6 +35,7 @@ class MotionKernel(NamedTuple):
     first_unknown: np.ndarray
     unknowns: int
     border: int  # so many unknowns, the last, belong to the border
+    stride: int  # instants from one sample to the next: functions are evaluated at all instants
     stops: bool  # the last sample is the nearest to the one before
     ones: np.ndarray
     quadrature: np.ndarray
@@ -50,22 +51,26 @@ class MotionKernel(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """What the steps write: U variables of a sample, K sums, G limited rows, r unknowns a sample."""
+    """What the steps write: U variables of an instant, K sums, G limited rows, r unknowns a sample.
+
+    Path equations are evaluated at the samples, everything else at the instants.
+    """
 
     inputs: np.ndarray
+    path_inputs: np.ndarray
     tracked: np.ndarray  # path equations and their Jacobian
     tangent: np.ndarray  # (time, dof, r)
     normal: np.ndarray  # (time, dof, rows)
     triangle: np.ndarray  # (time, rows, rows)
-    values: np.ndarray  # (K + G, time)
+    values: np.ndarray  # (K + G, instants)
     slopes: np.ndarray
     seconds: np.ndarray
-    gradients: np.ndarray  # (K + G, U, time) of sums and rows by u
+    gradients: np.ndarray  # (K + G, U, instants) of sums and rows by u
     objective_gradients: np.ndarray  # (K, time, dof) of sums by q
-    by_row: np.ndarray  # (U + G, time): a number a variable and a limited row
-    gradient_u: np.ndarray  # (U, time)
+    by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
+    gradient_u: np.ndarray  # (U, instants)
     gradient_q: np.ndarray  # (time, dof)
-    du: np.ndarray  # (U, time)
+    du: np.ndarray  # (U, instants)
 
 
 @implement(steps.dimensions, MotionKernel)
@@ -86,25 +91,27 @@ def objective_scale(kernel, weights):
 def allocate_workspace(kernel, x):
     """Return the workspace for motions of x's shape."""
     samples, n = x.shape
+    instants = len(kernel.ones)
     variables = kernel.coefficients.shape[0] * n
     rows = kernel.multipliers[1] - kernel.multipliers[0]
     sums = kernel.multipliers[2] - kernel.multipliers[1]
     limited = len(kernel.inputs) - kernel.multipliers[2]
     return Workspace(
         kernel.inputs.copy(),
+        kernel.inputs[:, :: kernel.stride].copy(),
         np.empty((rows + rows * n, samples)),
         np.zeros((samples, n, n - rows)),
         np.zeros((samples, n, rows)),
         np.zeros((samples, rows, rows)),
-        np.empty((sums + limited, samples)),
-        np.empty((sums + limited + len(kernel.slope_of), samples)),
-        np.empty((len(kernel.second_i), samples)),
-        np.zeros((sums + limited, variables, samples)),
+        np.empty((sums + limited, instants)),
+        np.empty((sums + limited + len(kernel.slope_of), instants)),
+        np.empty((len(kernel.second_i), instants)),
+        np.zeros((sums + limited, variables, instants)),
         np.zeros((sums, samples, n)),
-        np.zeros((variables + limited, samples)),
-        np.zeros((variables, samples)),
+        np.zeros((variables + limited, instants)),
+        np.zeros((variables, instants)),
         np.zeros((samples, n)),
-        np.zeros((variables, samples)),
+        np.zeros((variables, instants)),
     )
 
 
@@ -117,7 +124,6 @@ def restore(kernel, work, x):
 @implement(steps.evaluate, MotionKernel)
 def evaluate(kernel, work, x, F, c):
     """Write the sums and the distances from limits of the motion x."""
-    samples = len(x)
     sums, variables = len(F), len(work.gradient_u)
     inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
     limited, sides, bounds = kernel.limited, kernel.sides, kernel.bounds
@@ -125,7 +131,7 @@ def evaluate(kernel, work, x, F, c):
     run(kernel.value, work.inputs, work.values)
     for k in range(sums):
         F[k] = 0.0
-        for s in range(samples):
+        for s in range(len(quadrature)):
             F[k] += quadrature[s] * values[k, s]
     for i in range(len(sides)):
         row, s = limited[i, 0], limited[i, 1]
@@ -136,12 +142,12 @@ def evaluate(kernel, work, x, F, c):
 @implement(steps.linearise, MotionKernel)
 def linearise(kernel, work, x):
     """Prepare the tangent of the path and the gradients at x; return False at a singularity."""
-    inputs, slopes, gradients = work.inputs, work.slopes, work.gradients
+    inputs, slopes, gradients = work.path_inputs, work.slopes, work.gradients
     slope_of, slope_by = kernel.slope_of, kernel.slope_by
     for j in range(x.shape[1]):
         for s in range(x.shape[0]):
             inputs[j, s] = x[s, j]
-    run(kernel.track, work.inputs, work.tracked)
+    run(kernel.track, work.path_inputs, work.tracked)
     if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
@@ -149,7 +155,7 @@ def linearise(kernel, work, x):
     run(kernel.slope, work.inputs, work.slopes)
     functions = len(gradients)
     for e in range(len(slope_of)):
-        for s in range(x.shape[0]):
+        for s in range(slopes.shape[1]):
             gradients[slope_of[e], slope_by[e], s] = slopes[functions + e, s]
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
@@ -204,13 +210,15 @@ def prepare_multipliers(kernel, work, weights):
     for k in range(len(weights)):
         for s in range(samples):
             inputs[first[1] + k, s] = weights[k] * quadrature[s]
-    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, inputs[first[0] : first[1]])
+    self_motion_steps.path_multipliers(
+        work.gradient_q, work.normal, work.triangle, kernel.stride, inputs[first[0] : first[1]]
+    )
 
 
 @implement(steps.residual_norm, MotionKernel)
 def residual_norm(kernel, residual):
     """Return the root mean square over time."""
-    return np.sqrt(len(kernel.ones)) * norm(residual)
+    return np.sqrt(len(kernel.ones) // kernel.stride + kernel.stride - 1) * norm(residual)
 
 
 @implement(steps.assemble, MotionKernel)
@@ -295,4 +303,6 @@ def retract(kernel, work, x, dx, length, trial):
     if kernel.stops:
         for j in range(n):
             trial[-1, j] = trial[-2, j]
-    return self_motion_steps.retract_motion(kernel.track, work.inputs, trial, work.normal, work.triangle, work.tracked)
+    return self_motion_steps.retract_motion(
+        kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked
+    )
