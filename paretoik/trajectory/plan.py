@@ -22,17 +22,22 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS, Observe, coarsest_level, level_programs, objective_scales, refine_levels
 from paretoik.trajectory.plan_starts import RestartPolicy, disturb_best, initial_motions, sample_starts
 from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.tightening import hold_between
 from paretoik.trajectory.transcription import motion_program
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
-    """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status."""
+    """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status.
+
+    ``violation_between`` is the worst violation of its limits on a finer grid, as a share of their ranges.
+    """
 
     motion: Motion
     objective: float
     label: str
     status: str
+    violation_between: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +91,7 @@ def find_optima(
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
         solutions = disturb_best(programs[-1], solutions, solver)
-    return Plan(optima=_optima(task, solutions), levels=levels)
+    return Plan(optima=_optima(programs[-1], solutions, solver), levels=levels)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,14 +137,23 @@ class MotionColdSearch:
         return initial_motions(self.task, starts=-(-self.starts // 2), seed=self.seed)
 
 
-def _optima(task: MotionTask, solutions: Solutions) -> tuple[Optimum, ...]:
-    motions = task.motion(solutions.x)
+def _optima(program: MotionProgram, solutions: Solutions, solver: Solver) -> tuple[Optimum, ...]:
+    """Return the optima, best first, after limits that they exceed between samples are tightened."""
+    task = program.task
     if not solutions.converged.any():
-        raise _failure(task, motions, solutions)
+        raise _failure(task, task.motion(solutions.x), solutions)
+    held = [hold_between(program, x, 1, solver=solver) for x in solutions.x]
+    motions = task.motion(np.stack([each.x for each in held]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
     return tuple(
-        Optimum(motion=motion, objective=float(value), label=label, status=STATUSES[int(status)])
-        for motion, value, label, status in zip(motions, values, labels, solutions.status, strict=True)
+        Optimum(
+            motion=motions[i],
+            objective=float(values[i]),
+            label=labels[i],
+            status=STATUSES[int(solutions.status[i])],
+            violation_between=held[i].violation,
+        )
+        for i in np.argsort(task.objectives[0].sign * values, kind="stable").tolist()
     )
 
 
