@@ -34,14 +34,18 @@ def paper_numbers(study: str) -> dict[tuple[str, str, str], float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One number of a table: ours, the paper's, the goal or a peer's beside it where there is one, and a note."""
+    """One number of a table: ours, a ``reference`` beside it where there is one, and a note.
+
+    ``source`` says what the reference is: the paper's number, a goal, or a peer's, by name.
+    """
 
     table: str
     row: str
     column: str
     unit: str
     ours: float
-    paper: float | None = None
+    reference: float | None = None
+    source: str = "paper"
     note: str = ""
 
 
@@ -65,20 +69,21 @@ def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
     if not console.is_terminal:
         console.width = WIDTH
     for name in dict.fromkeys(row.table for row in rows):
-        table = Table("row", "column", "unit", "ours", "beside it", "note", title=name, title_justify="left")
+        headings = ("row", "column", "unit", "ours", "reference", "source", "note")
+        table = Table(*headings, title=name, title_justify="left")
         for row in rows:
             if row.table == name:
-                paper = "" if row.paper is None else f"{row.paper:.5g}"
-                table.add_row(row.row, row.column, row.unit, f"{row.ours:.5g}", paper, row.note)
+                reference = ("", "") if row.reference is None else (f"{row.reference:.5g}", row.source)
+                table.add_row(row.row, row.column, row.unit, f"{row.ours:.5g}", *reference, row.note)
         console.print(table)
     if json_file is not None:
         json_file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
 
 
 def _record(row: Row) -> dict[str, str | float | None]:
+    record = {**asdict(row), "source": None if row.reference is None else row.source}
     return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in asdict(row).items()
+        name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in record.items()
     }
 
 

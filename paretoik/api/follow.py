@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -54,6 +55,7 @@ class LoopRun:
         loop = self.problem
         steps = len(loop.task.times) - 1
         loop.prepare()
+        started = time.monotonic()
         units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
         session.start(names=loop.names, units=units, maximised=maximised, timeline="step")
 
@@ -62,11 +64,12 @@ class LoopRun:
             generation = Generation(
                 number=step.sample, population=F[:0], front=F, front_ids=np.arange(len(F)), chosen=F[step.index]
             )
-            progress = RunProgress(stage="step", done=step.sample, total=steps, seconds=session.seconds)
+            seconds = time.monotonic() - started
+            progress = RunProgress(stage="step", done=step.sample, total=steps, seconds=seconds)
             session.show(replace(progress, summary=f"front {len(F)}", generation=generation))
 
         def is_over() -> bool:
-            late = self.time_limit is not None and session.seconds >= self.time_limit
+            late = self.time_limit is not None and time.monotonic() - started >= self.time_limit
             return late or session.signal is not None
 
         self._run = loop.run(observe=show, should_stop=is_over)

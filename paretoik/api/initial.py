@@ -1,17 +1,23 @@
-"""Genes to start from: a user's own, those of motions, or those of a former front."""
+"""Solutions to start from, a user's own genes, motions or a former front: as genes, and as points of a program."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import encode
+from paretoik.formulations.base_motions import positions_on_path
+from paretoik.formulations.protocol import Differentiable, encode
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
+from paretoik.pareto.scalarisation import ranges_of
+from paretoik.pareto.warm_start import OPTIONS as WARM_STARTS
+from paretoik.pareto.warm_start import evaluate_points
+from paretoik.search.seeding import checked_genes
 from paretoik.task.motion import Motion
 
 
@@ -40,3 +46,68 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
             stacklevel=4,
         )
     return genes
+
+
+def initial_points(formulation: Any, initial: Genes | Motion | Front | None) -> Points | None:
+    """Return solutions to start from as points of a formulation's program, None for none.
+
+    Raises InvalidInput where they are not of the problem.
+    """
+    if initial is None:
+        return None
+    if isinstance(initial, Front):
+        if tuple(initial.names) != tuple(formulation.names):
+            raise InvalidInput(f"initial: a front of {', '.join(formulation.names)} wanted, got another")
+        if initial.motions is None or not hasattr(formulation, "task"):
+            return np.asarray(formulation.front_points(initial))
+        initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
+    if hasattr(initial, "q"):
+        if not hasattr(formulation, "task"):
+            raise InvalidInput("initial: genes or a front wanted, as this problem has no motions")
+        return positions_on_path(formulation.task, initial)  # type: ignore[arg-type]  # checked there
+    if not isinstance(initial, np.ndarray | list):
+        raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
+    return np.asarray(formulation.points(checked_genes(formulation, initial)))
+
+
+def exact_points(problem: Any, initial: Genes | Motion | Front | None) -> Points | None:
+    """Return motions to start from as points, exactly as they are; None where genes say all there is."""
+    has_motions = initial.motions is not None if isinstance(initial, Front) else hasattr(initial, "q")
+    if not has_motions or not hasattr(problem, "program") or not hasattr(problem, "task"):
+        return None
+    return initial_points(problem, initial)
+
+
+def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: int) -> Front:
+    """Return a front with those feasible points that none of its own dominates, without those that they dominate.
+
+    Genes are None where a point comes in: they would only be near it.
+    """
+    known = formulation.individuals(x)
+    violation = evaluate_points(formulation.program(), x).violation
+    ranges = ranges_of(np.concatenate([front.minimised, known.objectives]))
+    shares = np.concatenate([front.minimised, known.objectives]) / ranges
+    feasible = np.append(np.ones(len(front), dtype=bool), violation <= WARM_STARTS.violation)
+    rows = [i for i in np.flatnonzero(feasible).tolist() if not _is_dominated(shares, i, np.flatnonzero(feasible))]
+    if not any(i >= len(front) for i in rows):
+        return front
+    old = formulation.front_points(front) if len(front) else x[:0]
+    both = formulation.individuals(np.concatenate([old, x])[rows])
+    objectives = both.objectives * np.where(formulation.maximised, -1.0, 1.0)
+    violations = np.zeros(len(front)) if front.violation is None else front.violation
+    return replace(
+        front,
+        ids=np.concatenate([front.ids, first_id + np.arange(len(x))])[rows],
+        objectives=objectives,
+        genes=None,
+        motions=both.motions,
+        violation=np.concatenate([violations, violation])[rows],
+        ranges=np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1),
+    )
+
+
+def _is_dominated(shares: np.ndarray, row: int, others: np.ndarray) -> bool:
+    """Return whether another point dominates one, or repeats it and comes before."""
+    off = shares[others] - shares[row]
+    no_worse, better = (off <= 0).all(axis=1), (off < 0).any(axis=1)
+    return bool((no_worse & (better | (others < row))).any())

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from paretoik.api.progress import Observer, count_observer, show_compilation
+from paretoik.api.progress import Observer, count_observer
+from paretoik.api.run_session import verb_session
 from paretoik.errors import check_size
 from paretoik.formulations.requirements import require_plan
 from paretoik.nlp.program import Solver
@@ -19,7 +20,7 @@ def plan(
     seed: int = 0,
     initial: Motion | None = None,
     solver: Solver = "auto",
-    observe: Observer | None = None,
+    observe: Observer | bool | None = None,
 ) -> Plan:
     """Return all distinct locally optimal motions of a ``Tracking`` with one objective that its starts lead to.
 
@@ -38,10 +39,12 @@ def plan(
         "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
         the first where it can.
     observe
-        Called with a ``RunProgress`` after every level of samples, coarse to fine: ``done`` of all samples.
+        Called with a ``RunProgress`` after every level of samples, coarse to fine: ``done`` of all samples. By default
+        a bar shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
 
     ``plan.best.motion`` and ``plan.best.objective`` are the best, ``plan.optima`` all of them, best first. "Optimum" is
-    meant locally. Source: Tringali & Cocuzza 2020, section 3.1.
+    meant locally. Ctrl-C and SIGTERM end the search within a second: the optima so far are returned, if need be those
+    of coarser samples with "interrupted" for a status. Source: Tringali & Cocuzza 2020, section 3.1.
 
     Raises
     ------
@@ -62,12 +65,12 @@ def plan(
     check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     find_optima = require_plan(problem)
-    show = count_observer(observe, "sample")
     samples = len(problem.task.times)
+    with verb_session(observe) as session:
+        show = count_observer(session.observe, "sample")
 
-    def show_level(done: int, starts: int, optima: int) -> None:
-        if show is not None:
-            show(done, samples, f"{starts} starts, {optima} distinct optima")
+        def show_level(done: int, starts: int, optima: int) -> None:
+            if show is not None:
+                show(done, samples, f"{starts} starts, {optima} distinct optima")
 
-    with show_compilation(observe):
         return find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show_level)

@@ -20,14 +20,16 @@ class RunProgress:
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
     plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front,
     "refinement" and "certification" of a front's points. ``done`` of at most ``total`` are done; a stage without counts
-    ("compilation", "saving") has a total of 0. ``seconds`` have passed since the stage began. ``summary`` says in words
-    what there is so far; ``generation`` has the points of a generation or step, None in other stages.
+    ("compilation", "saving") has a total of 0. ``seconds`` have passed since the stage began, about ``remaining`` will
+    until the verb ends; None where that cannot be told. ``summary`` says in words what there is so far; ``generation``
+    has the points of a generation or step, None in other stages.
     """
 
     stage: str
     done: int = 0
     total: int = 0
     seconds: float = 0.0
+    remaining: float | None = None
     summary: str = ""
     generation: Generation | None = None
 
@@ -35,15 +37,38 @@ class RunProgress:
 Observer: TypeAlias = Callable[[RunProgress], object]
 
 
-def count_observer(observe: Observer | None, stage: str) -> Callable[..., object] | None:
-    """Return what tells an observer of counts (done, total, summary=""); None without one."""
+@dataclass(frozen=True, kw_only=True)
+class EstimateOptions:
+    """When a stage has come far enough for an estimate of what is left of it."""
+
+    share: float = 0.1  # of all that is to do, done by then
+    seconds: float = 0.5  # passed by then
+
+
+ESTIMATES = EstimateOptions()
+
+
+def count_observer(
+    observe: Observer | None, stage: str, *, later: float | None = None, uniform: bool = False
+) -> Callable[..., object] | None:
+    """Return what tells an observer of counts (done, total, summary=""); None without one.
+
+    Where everything in the stage takes about as long (``uniform``), and later stages take so many seconds for each of
+    its ``total``, the observer learns about how long the verb will take.
+    """
     if observe is None:
         return None
     started = time.monotonic()
 
     def show(done: int, total: int, summary: str = "") -> object:
         seconds = time.monotonic() - started
-        return observe(RunProgress(stage=stage, done=done, total=total, seconds=seconds, summary=summary))
+        far = done >= ESTIMATES.share * total and seconds >= ESTIMATES.seconds
+        remaining = None
+        if uniform and far and done:
+            remaining = seconds / done * (total - done) + (later or 0.0) * total
+        return observe(
+            RunProgress(stage=stage, done=done, total=total, seconds=seconds, remaining=remaining, summary=summary)
+        )
 
     return show
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.progress import Observer, count_observer, show_compilation
+from paretoik.api.progress import Observer, count_observer
+from paretoik.api.run_session import verb_session
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable, Individuals
@@ -19,13 +22,16 @@ from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.improver import OPTIONS, suggest_points
+from paretoik.pareto.refine import OPTIONS as REFINEMENT
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 
 
-def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observe: Observer | None = None) -> Front:
+def refine(
+    front: Front, problem: Any = None, *, solver: Solver = "auto", observe: Observer | bool | None = None
+) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
 
     Points keep their ids; those that another one has come to dominate are left out. Refined motions of a ``Tracking``
@@ -40,7 +46,11 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
         the first where it can.
     observe
         Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
-        true for refined ones, the others stay as they are.
+        true for refined ones, the others stay as they are. By default a bar shows it where stderr is a terminal; True
+        prints lines elsewhere, False shows nothing.
+
+    Ctrl-C and SIGTERM end it within a second: points that are not refined by then stay as they were, those that have no
+    certificate are "undetermined", and ``front.provenance["status"]`` has the signal.
 
     A point from which no solver finds better stays as it was, and its certificate says so.
 
@@ -57,13 +67,29 @@ def refine(front: Front, problem: Any = None, *, solver: Solver = "auto", observ
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
     ranges = ranges_of(front.minimised)
-    with show_compilation(observe):
+    with verb_session(observe) as session:
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
-        shown = count_observer(observe, "refinement")
+        later = None if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
+        shown = count_observer(session.observe, "refinement", later=later, uniform=True)
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
-        provenance = {**front.provenance, "refined": {"points": len(front), "converged": int(converged.sum())}}
-        return certified_front(problem, formulation, x, front.ids, ranges, provenance, before=front, observe=observe)
+        refined = certified_front(
+            problem, formulation, x, front.ids, ranges, dict(front.provenance), before=front, observe=session.observe
+        )
+        counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
+        status = {} if session.signal is None else {"status": session.signal}
+        return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
+
+
+def _seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Float[np.ndarray, " n_obj"]) -> float:
+    """Return about how long [s] a point's certificate takes: the second time, when everything is loaded."""
+    if not len(x):
+        return 0.0
+    program, first = formulation.program(), x[:1]
+    for _ in range(2):
+        started = time.monotonic()
+        certify(program, first, ranges=ranges, signs=np.ones(len(ranges)), violation_between=np.zeros(1))
+    return time.monotonic() - started
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:
@@ -100,7 +126,7 @@ def certified_front(
         ranges=ranges,
         signs=signs,
         violation_between=individuals.violation_between[rows],
-        observe=count_observer(observe, "certification"),
+        observe=count_observer(observe, "certification", uniform=True),
     )
     return Front(
         ids=ids[rows],
@@ -123,10 +149,12 @@ def _no_worse(
     before: Front,
     ranges: Float[np.ndarray, " n_obj"],
     *,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-9,
 ) -> Individuals:
-    """Return individuals, those that are worse by more than a share of a range as they were before."""
+    """Return individuals, those that are worse by more than a share of a range as they were before, if feasible."""
     worse = (individuals.objectives > before.minimised + tolerance * ranges).any(axis=1)
+    if before.violation is not None:
+        worse &= before.violation <= REFINEMENT.violation
     if not worse.any():
         return individuals
     x = individuals.x.copy()

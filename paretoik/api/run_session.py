@@ -8,14 +8,17 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
+from signal import SIGINT
 from typing import Any
 
-from paretoik.api.progress import Observer, RunProgress, show_compilation
+from paretoik.api.progress import Observer, RunProgress
+from paretoik.api.progress_display import open_observer
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import file_path
+from paretoik.interruption import Interrupted
 from paretoik.loading import fingerprint
 from paretoik.review.recorder import Recorder
 from paretoik.run_files import RECORDING, write_run
@@ -24,33 +27,12 @@ PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
 
 
 @dataclass(kw_only=True, eq=False)
-class RunSession:
-    """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it."""
+class VerbSession:
+    """A verb at work: its observer, its clock, and the signals that may end it."""
 
-    provenance: Mapping[str, Any]
-    folder: Path | None
-    interruption: Interruption
     observe: Observer | None
-    title: str
-    recorder: Recorder | None = None
+    interruption: Interruption
     started: float = field(default_factory=time.monotonic)
-    draft: Front | None = None
-    finished: bool = False
-
-    def start(
-        self, *, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], timeline: Timeline
-    ) -> None:
-        """Start the clock, and where the run has a folder the recording of objectives along generations or steps."""
-        self.started = time.monotonic()
-        if self.folder is not None:
-            self.recorder = Recorder(
-                self.folder / RECORDING,
-                title=self.title,
-                names=names,
-                units=units,
-                maximised=maximised,
-                timeline=timeline,
-            )
 
     @property
     def seconds(self) -> float:
@@ -61,6 +43,53 @@ class RunSession:
     def signal(self) -> str | None:
         """Name of the signal that came, if any."""
         return None if self.interruption.signal is None else self.interruption.signal.name
+
+
+@contextmanager
+def verb_session(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[VerbSession]:
+    """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
+
+    Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
+    Ctrl-C, SystemExit(143) after SIGTERM. Raises InvalidInput for an observer that cannot be called.
+    """
+    with open_observer(observe, time_limit=time_limit) as observer, interruptible() as interruption:
+        try:
+            yield VerbSession(observe=observer, interruption=interruption)
+        except Interrupted:
+            raise _exit_of(interruption) from None
+
+
+def _exit_of(interruption: Interruption) -> BaseException:
+    """Return what a signal would have raised, or ended Python with, had nobody caught it."""
+    if interruption.signal is None:  # another thread's
+        return KeyboardInterrupt()
+    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(interruption.exit_code)
+
+
+@dataclass(kw_only=True, eq=False)
+class RunSession(VerbSession):
+    """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it."""
+
+    provenance: Mapping[str, Any]
+    folder: Path | None
+    title: str
+    recorder: Recorder | None = None
+    draft: Front | None = None
+    finished: bool = False
+
+    def start(
+        self, *, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], timeline: Timeline
+    ) -> None:
+        """Start, where the run has a folder, the recording of objectives along generations or steps."""
+        if self.folder is not None:
+            self.recorder = Recorder(
+                self.folder / RECORDING,
+                title=self.title,
+                names=names,
+                units=units,
+                maximised=maximised,
+                timeline=timeline,
+            )
 
     @property
     def is_watched(self) -> bool:
@@ -87,9 +116,9 @@ class RunSession:
             self.show(RunProgress(stage="saving"))
             front.save(self.folder)
 
-    def fail(self, error: Exception) -> None:
+    def fail(self, error: BaseException) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
-        failure = {"status": type(error).__name__, "reason": str(error)}
+        failure = {"status": self.signal or type(error).__name__, "reason": str(error)}
         if self.folder is None or self.finished:
             return
         if self.draft is None:
@@ -106,7 +135,8 @@ def run_session(
     out: str | Path | None,
     overwrite: bool,
     reference: str | None,
-    observe: Observer | None,
+    observe: Observer | bool | None,
+    time_limit: float | None = None,
 ) -> Iterator[RunSession]:
     """Open a run of a problem: claim its folder, catch signals, and save why it failed if it does.
 
@@ -119,20 +149,20 @@ def run_session(
         "versions": {name: version(name) for name in PACKAGES},
     }
     with ExitStack() as stack:
-        stack.enter_context(show_compilation(observe))
+        verb = stack.enter_context(verb_session(observe, time_limit=time_limit))
         folder = None if out is None else stack.enter_context(claim_folder(file_path("out", out), overwrite=overwrite))
         session = RunSession(
             provenance=provenance,
             folder=folder,
-            interruption=stack.enter_context(interruptible()),
-            observe=observe,
+            interruption=verb.interruption,
+            observe=verb.observe,
             title=reference or type(problem).__name__,
         )
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
         try:
             yield session
-        except Exception as error:
+        except (Exception, Interrupted) as error:
             session.fail(error)
             raise
         finally:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.initial import initial_genes
+from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.refine import refine as refine_front
@@ -64,6 +64,7 @@ class FrontSearch:
         self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
+        self._known = exact_points(problem, settings.initial)
         self._corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it only grows
         self.settings = {
             "population": population,
@@ -88,7 +89,8 @@ class FrontSearch:
 
         front = refine_front(front, solver=self._solve_settings.solver, observe=observe)
         status = front.provenance["status"] if session.signal is None else session.signal
-        return replace(front, provenance={**front.provenance, "status": status})
+        counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
+        return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
         """Finish the recording with the motion of equal weights, and draw the front."""
@@ -108,7 +110,10 @@ class FrontSearch:
         session.start(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
         observe = partial(self._show, session)
         status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
-        if not len(search.archive):
+        front = search.front_of(self._solve_settings.points)
+        if self._known is not None:
+            front = merge_front(front, require_program("solve", self.problem), self._known, search.evaluations)
+        if not len(front):
             raise _infeasible(search)
         counts = {
             "generations": search.generation,
@@ -119,7 +124,7 @@ class FrontSearch:
             "seconds": round(session.seconds, 3),
         }
         return replace(
-            search.front_of(self._solve_settings.points),
+            front,
             problem=search.problem,
             provenance={**session.provenance, "status": status, "counts": counts},
         )

@@ -17,7 +17,7 @@ def select(
     *,
     out: str | Path | None = None,
     overwrite: bool = False,
-    observe: Observer | None = None,
+    observe: Observer | bool | None = None,
 ) -> tuple[Front, Choice]:
     """Return the point that a preference chooses, and the front that it belongs to.
 

@@ -43,7 +43,7 @@ def solve(
     solver: Solver = "auto",
     overwrite: bool = False,
     reference: str | None = None,
-    observe: Observer | None = None,
+    observe: Observer | bool | None = None,
 ) -> Front:
     """Search for the Pareto front of any pymoo problem and return it; follow a ``ClosedLoop``.
 
@@ -84,13 +84,14 @@ def solve(
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
-        Called with a ``RunProgress`` after every generation, or step, and every point that is refined.
+        Called with a ``RunProgress`` after every generation, or step, and every point that is refined. By default a bar
+        shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
 
     Of a closed loop ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine`` and ``solver``
     mean nothing and are refused; ``points`` and ``stagnation`` have no effect.
 
-    Ctrl-C and SIGTERM end the search after the generation under way and keep its result; why it ended stands in
-    ``front.provenance["status"]``.
+    Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the generation under way, and keep
+    the result; why it ended stands in ``front.provenance["status"]``, what it took in its ``counts``.
 
     Raises
     ------
@@ -119,7 +120,13 @@ def solve(
     )
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
     with run_session(
-        run.problem, settings=run.settings, out=out, overwrite=overwrite, reference=reference, observe=observe
+        run.problem,
+        settings=run.settings,
+        out=out,
+        overwrite=overwrite,
+        reference=reference,
+        observe=observe,
+        time_limit=settings.time_limit,
     ) as session:
         front = run.run(session)
         session.finish(front)

@@ -43,13 +43,15 @@ OPTIONS = KinkOptions()
 class Reformulation:
     """Smooth functions on a tape: inputs ``epigraph_variables`` stand for the entries ``nodes``.
 
-    ``constraints`` are the entries that have to be ≥ 0.
+    ``constraints`` are the entries that have to be ≥ 0, a pair a variable: variable − piece where its sign is 1, for a
+    maximum or absolute value, else piece − variable.
     """
 
     functions: list[int]
     epigraph_variables: list[int]
     nodes: list[int]
     constraints: list[int]
+    signs: list[int]
 
 
 def reformulate_kinks(
@@ -65,7 +67,7 @@ def reformulate_kinks(
     tape are ``probes``. Entries ``excluded`` stay as they are.
     """
     count, all_senses, unchanged = len(functions), list(senses), set(excluded)
-    current, variables, nodes = list(functions), list[int](), list[int]()
+    current, variables, nodes, signs = list(functions), list[int](), list[int](), list[int]()
     while kinks := [i for i in dependencies(tape, current) if tape.entries[i][0] in NONSMOOTH and i not in unchanged]:
         node = max(kinks)  # the outermost first: those inside it then belong to its constraints
         variable = tape.input().index
@@ -81,8 +83,13 @@ def reformulate_kinks(
         all_senses += [-1, -1]
         variables.append(variable)
         nodes.append(node)
+        signs.append(-1 if op is Op.MINIMUM else 1)
     return Reformulation(
-        functions=current[:count], epigraph_variables=variables, nodes=nodes, constraints=current[count:]
+        functions=current[:count],
+        epigraph_variables=variables,
+        nodes=nodes,
+        constraints=current[count:],
+        signs=signs,
     )
 
 

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
+from paretoik.api.progress_display import open_observer
 from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import JsonFlag, QuietFlag, RunFolder, exit_code, print_json
-from paretoik.cli.progress_display import show_progress
 from paretoik.errors import InvalidInput
 
 
@@ -35,8 +35,8 @@ def select(
 
         preference = Weights(parse_weights(weights))
         front = load_front(run)
-        with show_progress(None, quiet) as observe:
-            selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe)
+        with open_observer(not quiet) as observe:
+            selected, choice = select_point(front, preference, out=out, overwrite=overwrite, observe=observe or False)
         if picture is not None:
             from paretoik.review.plots import front_picture
 

@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 
 import typer
 
+from paretoik.api.progress_display import open_observer
 from paretoik.api.result_text import entries, result_text
 from paretoik.cli.console import JsonFlag, QuietFlag, exit_code, print_json
-from paretoik.cli.progress_display import show_progress
 
 
 def solve(
@@ -39,7 +39,7 @@ def solve(
     Ctrl-C ends it early and keeps the result.
     """
     # A user's functions may print, and stdout is for the result.
-    with redirect_stdout(sys.stderr), show_progress(time_limit, quiet) as observe:
+    with redirect_stdout(sys.stderr), open_observer(not quiet, time_limit=time_limit) as observe:
         from paretoik.api.solve import solve as solve_problem
         from paretoik.loading import load_problem
 
@@ -54,7 +54,7 @@ def solve(
             solver=solver,
             overwrite=overwrite,
             reference=problem,
-            observe=observe,
+            observe=observe or False,
         )
     if as_json:
         print_json({**front.provenance, "out": out, "front": entries(front)})

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Objectives
 from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.interruption import check_interruption
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.task.motion import Motion
@@ -69,6 +70,7 @@ def evaluate_motions(task: MotionTask, motions: Motion) -> tuple[Objectives, np.
 
     What fails is NaN, and its cause says why.
     """
+    check_interruption()
     causes = np.full(len(motions), "", dtype=object)
     columns = [_isolate(f"objective {o.name}", o, motions, (), causes) * o.sign for o in task.objectives]
     limits = _isolate("a limit", task.violations, motions, (len(task.limit_names),), causes)
@@ -83,6 +85,7 @@ def _isolate(
     causes: np.ndarray,
 ) -> np.ndarray:
     """Return a user's function of motions, one by one where the batch raises; NaN, with its cause, where it fails."""
+    check_interruption()
     try:
         values = function(motions)
     except InvalidInput:

@@ -39,7 +39,8 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task
-from paretoik.trajectory.plan import MotionColdSearch, Plan, find_optima
+from paretoik.trajectory.motion_cold_search import MotionColdSearch
+from paretoik.trajectory.plan import Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -23,8 +23,9 @@ class Certificates:
     of a limit's range; ``kkt_residual`` is the criticality χ, the improvement that all objectives can still gain at
     once, as shares of their ranges; ``weights`` (points, n_obj) are the multipliers of the objectives over their
     ranges, their sum 1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units, NaN where
-    f_j has no weight, and ``exchange_intervals`` [p, i, j] its smallest and largest value where multipliers are not
-    unique; ``status`` is "minimum", "saddle" or "undetermined".
+    f_i or f_j has no weight, the point is not critical or multipliers are not unique; ``exchange_intervals`` [p, i, j]
+    are its smallest and largest value, NaN where unknown; ``status`` is "minimum", "saddle" or "undetermined", and
+    ``reason`` says why a point is undetermined, else "". What could not be computed of a point is NaN.
     """
 
     violation: Values
@@ -34,10 +35,13 @@ class Certificates:
     exchange_rates: Float[np.ndarray, "points n_obj n_obj"]
     exchange_intervals: Float[np.ndarray, "points n_obj n_obj 2"]
     status: np.ndarray
+    reason: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.str_))
 
     def __post_init__(self) -> None:
-        """Check that all arrays have as many rows, and that every status is one of ``STATUSES``."""
+        """Check that all arrays have as many rows, and that every status is one of ``STATUSES``; fill in reasons."""
         points = len(self.violation)
+        if not len(self.reason):
+            object.__setattr__(self, "reason", np.full(points, "", dtype=np.str_))
         for part in fields(self):
             if len(getattr(self, part.name)) != points:
                 raise InvalidInput(

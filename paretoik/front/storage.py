@@ -2,9 +2,9 @@
 
 `run.json` (``run_files``) gets the front's provenance, its objectives, and the SHA-256 digests of the other files, so
 that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a point: id, one
-column an objective, violation, violation_between, kkt_residual, status (null where not computed). `motions.npz` has
-id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points weights
-(points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_intervals (points, n_obj, n_obj, 2).
+column an objective, violation, violation_between, kkt_residual, status, reason (null where not computed).
+`motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points
+weights (points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_intervals (points, n_obj, n_obj, 2).
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from paretoik.run_files import MOTIONS, RUN, TABLE, digest, read_plain_file, rea
 
 RESERVED_ENTRIES = ("format", "objectives", "points", "files", "digest")
 CERTIFICATE_COLUMNS = ("violation_between", "kkt_residual")
+CERTIFICATE_TEXTS = ("status", "reason")
 CERTIFICATE_ARRAYS = ("weights", "exchange_rates", "exchange_intervals")
 
 
@@ -97,6 +98,7 @@ def _certificates(table: dict[str, Any], arrays: dict[str, np.ndarray]) -> Certi
     return Certificates(
         **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},
         **{name: arrays[name] for name in CERTIFICATE_ARRAYS},
+        **{name: table[name] for name in ("reason",) if name in table},
     )
 
 
@@ -110,10 +112,11 @@ def _table_bytes(front: Front) -> bytes:
     columns["violation"] = missing if front.violation is None else pa.array(front.violation)
     certificates = front.certificates
     if certificates is None:
-        columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing) | {"status": pa.nulls(len(front), pa.string())}
+        columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing)
+        columns |= dict.fromkeys(CERTIFICATE_TEXTS, pa.nulls(len(front), pa.string()))
     else:
         columns |= {name: pa.array(getattr(certificates, name)) for name in CERTIFICATE_COLUMNS}
-        columns["status"] = pa.array(certificates.status.tolist())
+        columns |= {name: pa.array(getattr(certificates, name).tolist(), pa.string()) for name in CERTIFICATE_TEXTS}
     units = dict(zip(front.names, front.units, strict=True))
     schema = pa.schema(
         [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
@@ -176,7 +179,8 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
         columns["violation"] = None if violation.null_count else violation.cast(pa.float64()).to_numpy()
         if not any(table.column(name).null_count for name in (*CERTIFICATE_COLUMNS, "status")):
             columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in CERTIFICATE_COLUMNS}
-            columns["status"] = np.array(table.column("status").to_pylist(), dtype=np.str_)
+            texts = [name for name in CERTIFICATE_TEXTS if name in table.column_names]  # earlier runs had no reasons
+            columns |= {name: np.array(table.column(name).to_pylist(), dtype=np.str_) for name in texts}
     except Exception as fault:  # whatever the parser trips over is the file's fault
         raise InvalidRun(f"{file}: wanted columns id, {', '.join(names)} and violation, got {_line(fault)}") from fault
     return columns

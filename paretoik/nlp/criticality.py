@@ -18,6 +18,8 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.errors import SolverFailed
+from paretoik.interruption import check_interruption
 from paretoik.nlp.canonical import CanonicalForm, Parameters, Pattern, Statement, parameter_values, state_cones
 from paretoik.nlp.conic import Constraints
 
@@ -28,7 +30,7 @@ class CriticalityOptions:
 
     near_share: float = 0.01  # of the radius: inequalities that no step so short reaches are left out at first
     gain_tolerance: float = 1e-10  # of the steepest gradient's length: a gain that is as good as 0
-    solver_tolerance: float = 1e-11  # of Clarabel's gaps and infeasibilities
+    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, until one is met
 
 
 OPTIONS = CriticalityOptions()
@@ -53,6 +55,7 @@ def criticality(
     The nearest inequalities alone come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0
     with all. Raises SolverFailed where Clarabel ends without a solution.
     """
+    check_interruption()
     program, scale = _program(Pattern.of(constraints), len(gradients)), _scale(gradients)
     near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
     first = program.solve(gradients, constraints, radius, near)
@@ -77,7 +80,7 @@ class _CriticalityProgram:
         first = (gradients / scale).ravel(), [radius], slacks
         numbers = parameter_values(*first, constraints=constraints, scales=norms)
         used = self._form.rows_in_use(self._rows, near)
-        x, dual = self._form.solve("criticality", numbers, used, OPTIONS.solver_tolerance)
+        x, dual = self._solve(numbers, used)
         multipliers, end = np.zeros(self._rows), len(near) + self._objectives
         multipliers[near] = dual[: len(near)] * scale / norms[near]
         weights = dual[len(near) : end]
@@ -88,6 +91,15 @@ class _CriticalityProgram:
             multipliers=multipliers,
             cone_multipliers=constraints.cone_multipliers(dual[end + 1 + self._unknowns :] * scale),
         )
+
+    def _solve(self, numbers: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and dual variables; raises SolverFailed where Clarabel ends without a solution at any tolerance."""
+        for tolerance in OPTIONS.solver_tolerances[:-1]:
+            try:
+                return self._form.solve("criticality", numbers, used, tolerance)
+            except SolverFailed:  # no progress below what rounding leaves
+                continue
+        return self._form.solve("criticality", numbers, used, OPTIONS.solver_tolerances[-1])
 
 
 _program = lru_cache(maxsize=64)(_CriticalityProgram)  # canonicalised statements

@@ -33,7 +33,8 @@ class DenseProgram:
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()
     rounding: float = 0.0
-    kinked: tuple[str, ...] = ()
+    kinked: bool = False
+    unsupported: tuple[()] = ()
 
     def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:
         """Return the points as they are."""

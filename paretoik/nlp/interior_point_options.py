@@ -13,6 +13,7 @@ class InteriorPointOptions(NamedTuple):
     penalty: float = 1.0  # of one unit of violation, to begin with, times what is usual for the kernel
     tolerance: float = 1e-8  # of stationarity, and of violations
     iterations: int = 150  # at most
+    kink_iterations: int = 3  # times as many where functions have kinks
     radius: float = 0.3  # [rad or m] of the first step, where sequential quadratic programming takes over
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5

@@ -12,13 +12,13 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Points
+from paretoik.arrays import Point, Points
 from paretoik.errors import InvalidInput
 from paretoik.interruption import STOP, Interrupted, check_interruption
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
-from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, Solutions
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, NOT_FINITE, Solutions
 
 
 def minimise(
@@ -34,10 +34,10 @@ def minimise(
     """Return the local minima of weights · F, rows · F (F itself without rows) below ``upper``, that points lead to.
 
     Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
-    own bounds hold as well. "auto" is the interior-point method where the program is smooth, SQP where it has kinks.
+    own bounds hold as well. "auto" is the interior-point method where the program has a kernel, else SQP.
 
-    Raises InvalidInput where a program with kinks is asked to be solved by the interior-point method, and Interrupted,
-    with the solutions so far, after a signal.
+    Raises InvalidInput where the interior-point method is asked for a program that has none, and Interrupted, with the
+    solutions so far, after a signal.
     """
     check_interruption()
     check_solver(program, solver)
@@ -58,19 +58,16 @@ def minimise(
     # Below the program's own rounding no step makes a point better.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
-    solutions = replace(solutions, x=program.pin(solutions.x))
-    if (solutions.status == INTERRUPTED).any():
-        raise Interrupted(solutions)
-    return solutions
+    return _finished(replace(solutions, x=program.pin(solutions.x)))
 
 
 def check_solver(program: Program, solver: str) -> None:
-    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what has kinks."""
+    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what it cannot take."""
     if solver not in get_args(Solver):
         raise InvalidInput(f"solver must be one of {', '.join(get_args(Solver))}, got {solver!r}")
     if solver == "interior-point" and program.kernel is None:
-        kinked = ", ".join(program.kinked)
-        raise InvalidInput(f"solver: 'interior-point' wants smooth functions, {kinked} has kinks: take 'sqp'")
+        names = ", ".join(program.unsupported)
+        raise InvalidInput(f"solver: 'interior-point' wants functions of a sample, {names} relates samples: take 'sqp'")
 
 
 def _interior_point(
@@ -84,6 +81,8 @@ def _interior_point(
     from paretoik.nlp.compiled.interior_point import minimise as search  # here: numba
 
     count = len(x)
+    if program.kinked:
+        options = [each._replace(iterations=each.kink_iterations * each.iterations) for each in options]
     ends: list[Any] = [None] * count
     remaining = iter(range(count))
 
@@ -96,7 +95,18 @@ def _interior_point(
 
     # Python handles signals in the main thread, between its instructions: that one waits, even for a single point.
     _join([_pool().submit(work) for _ in range(min(count, _cores()))])
+    for i in range(count if program.kinked else 0):  # what was minimised is smoothed
+        if ends[i][1] != NOT_FINITE:
+            F, violation = _exact_values(program, ends[i][0], rows, upper[i])
+            ends[i] = (*ends[i][:3], F, ends[i][4], violation)
     return _collect(ends, x.shape, len(program.upper))
+
+
+def _exact_values(program: Program, x: Point, rows: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return F at a point, and the largest violation of its constraints."""
+    F, equalities, inequalities = program.evaluate(x)
+    violations = [[0.0], np.abs(equalities), -inequalities, (rows @ F - upper)[np.isfinite(upper)]]
+    return F, float(np.concatenate(violations).max())
 
 
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
@@ -132,8 +142,11 @@ def _sqp(
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    ends = []
+    ends = list[tuple[Any, ...]]()
     for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
+        if STOP[0]:
+            ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), np.nan, np.nan))
+            continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
         end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
         ends.append((end.x, end.status, end.iterations, end.objectives, end.stationarity, end.violation))
@@ -161,4 +174,12 @@ def minimise_violation(
     Where their status says that they converged, they hold.
     """
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
-    return _sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x))
+    check_interruption()
+    return _finished(_sqp(program, x, np.zeros_like(bounds), np.eye(len(program.upper)), bounds, [options] * len(x)))
+
+
+def _finished(solutions: Solutions) -> Solutions:
+    """Return solutions; raise Interrupted, with them, where a signal ended some of the searches."""
+    if (solutions.status == INTERRUPTED).any():
+        raise Interrupted(solutions)
+    return solutions

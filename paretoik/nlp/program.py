@@ -22,7 +22,7 @@ from paretoik.arrays import Point, Points
 from paretoik.nlp.conic import Cone, Constraints, dense_rows
 
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
-"""Which solver refines: interior points where F and c are smooth, else sequential quadratic programming, if "auto"."""
+"""Which solver refines: if "auto", interior points where the program has a kernel, else SQP."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,11 +126,15 @@ class Program(Protocol):
 
     @property
     def kernel(self) -> Any:
-        """What compiled solvers take, None where F or c has kinks."""
+        """What compiled solvers take, None where F or c has parts that they cannot take."""
 
     @property
-    def kinked(self) -> tuple[str, ...]:
-        """Names of what has kinks, where there is no kernel."""
+    def kinked(self) -> bool:
+        """Whether F or c has kinks: compiled solvers smooth them, and what they return of F is to be evaluated."""
+
+    @property
+    def unsupported(self) -> tuple[str, ...]:
+        """Names of what compiled solvers cannot take."""
 
     @property
     def rounding(self) -> float:

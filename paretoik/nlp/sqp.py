@@ -16,10 +16,11 @@ from scipy import sparse
 
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
+from paretoik.interruption import STOP
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.program import Goal, Program, bounded
-from paretoik.nlp.solutions import CONVERGED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
 from paretoik.nlp.subproblem import Step, convexify, solve_subproblem
 
 
@@ -110,7 +111,7 @@ class _Attempt:
 
 
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
-    """Return the local minimum of a goal that a point on, or near, the equalities leads to.
+    """Return the local minimum of a goal that a point on, or near, the equalities leads to, or where a signal found it.
 
     Raises EvaluationFailed where the program has no finite values or derivatives.
     """
@@ -139,6 +140,9 @@ class _Search:
     def advance(self) -> None:
         """Take one step, or end the search."""
         options = self.options
+        if STOP[0]:
+            self.status = INTERRUPTED
+            return
         if self.iterations >= options.iterations:
             self.status = ITERATION_LIMIT
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -10,22 +11,25 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
-from paretoik.errors import SolverFailed
+from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
-from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted
+from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes
+from paretoik.pareto.warm_start import minimise_from
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColdSearchOptions:
     """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
 
-    So many starts are led at a time as ``batch`` says: in between somebody may look.
+    So many starts are led at a time as ``batch`` says: in between somebody may look. Points nearer than ``distinct``
+    (rad or m, RMS) are one.
     """
 
     weight: float = 1e-3
     batch: int = 4
+    distinct: float = 0.01
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-2)
     second_barrier: InteriorPointOptions = InteriorPointOptions(barrier=0.1)
 
@@ -101,3 +105,31 @@ class StartSearch:
             solutions = solutions.replace_rows(failed, solve(self.starts[failed], OPTIONS.second_barrier))
         merit = np.where(solutions.converged, solutions.objectives[:, : self.n_obj] @ weights[0], np.inf)
         return solutions[np.argsort(merit, kind="stable")[: int(solutions.converged.sum())]]
+
+
+def optima_alone(
+    program_of: Callable[[Float[np.ndarray, " n_obj"]], Program],
+    cold: ColdSearch,
+    objective: int,
+    n_obj: int,
+    known: Float[np.ndarray, " known *point"] | None,
+    solver: Solver,
+) -> Points:
+    """Return the local optima of one objective alone, best first, what ``known`` feasible points lead to among them.
+
+    Raises what ``cold`` does where no point is known.
+    """
+    if known is None or not len(known):
+        return cold.optima(objective)
+    natural = program_of(np.ones(n_obj))
+    sizes = objective_sizes(natural, known, n_obj)
+    program = program_of(np.where(sizes > 0, sizes, 1.0))
+    x = minimise_from(program, known, np.eye(n_obj)[objective], solver=solver).x
+    with suppress(Infeasible, SolverFailed):  # what is known will do
+        x = np.concatenate([cold.optima(objective), x])
+    values = np.array([natural.evaluate(one)[0][objective] for one in x])
+    rows = list[int]()
+    for i in np.argsort(values, kind="stable").tolist():
+        if not rows or program.distance(x[i], x[rows]).min() > OPTIONS.distinct:
+            rows.append(i)
+    return np.asarray(x[rows])

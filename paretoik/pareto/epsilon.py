@@ -7,6 +7,7 @@ dominated points; Haimes et al. 1971.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +15,15 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Points
 from paretoik.errors import SolverFailed
+from paretoik.interruption import Interrupted
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
-from paretoik.pareto.cold_search import ColdSearch
+from paretoik.pareto.cold_search import ColdSearch, optima_alone
 from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
+from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
+from paretoik.pareto.warm_start import evaluate_points, feasible_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +70,7 @@ def epsilon_points(
     n_obj: int,
     *,
     points: int,
+    initial: Float[np.ndarray, " known *point"] | None = None,
     solver: Solver = "auto",
     observe: Observe | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
@@ -73,12 +78,20 @@ def epsilon_points(
 
     ``program_of`` returns the program with its objectives divided by its argument. First the ends, and what cold
     starts lead to below some ε; of two objectives every branch is then followed through falling and rising ε. The rest
-    goes into the widest gaps: ε halfway between two neighbours, started from those near it.
+    goes into the widest gaps: ε halfway between two neighbours, started from those near it. ``initial`` points within
+    all limits lead to ends, branches and points as well: none of them dominates what is returned.
 
-    Raises what ``cold`` does, and SolverFailed where an end does not converge.
+    After a signal the points so far are returned. Raises what ``cold`` does, SolverFailed where an end does not
+    converge, and Interrupted where a signal comes before there is any point.
     """
     natural = program_of(np.ones(n_obj))
-    alone = [cold.optima(k) for k in range(n_obj)]
+    known = feasible_points(natural, initial)
+    alone = list[Points]()
+    with suppress(Interrupted):
+        for k in range(n_obj):
+            alone.append(optima_alone(program_of, cold, k, n_obj, known, solver))
+    if not alone:
+        raise Interrupted
     best = np.stack([optima[0] for optima in alone])
     payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
     sizes = objective_sizes(natural, best, n_obj)
@@ -86,9 +99,17 @@ def epsilon_points(
     if near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
         return best[:1], np.where(sizes > 0, sizes, 1.0)
     ranges = ranges_of(payoff, sizes)
+    if len(alone) < n_obj:
+        return best, ranges
     program = program_of(ranges)
     pool = np.concatenate([optima[: OPTIONS.pool] for optima in alone])
-    ends = _ends(program, best, solver)
+    try:
+        ends = _ends(program, best, solver)
+    except Interrupted:
+        return best, ranges
+    if known is not None and len(known):
+        known = refine(program, known, n_obj, solver=solver)[0]
+        pool = np.concatenate([pool, known[: OPTIONS.pool]])
     sweep = _Sweep(
         program=program,
         n_obj=n_obj,
@@ -99,15 +120,18 @@ def epsilon_points(
         solver=solver,
         observe=observe,
     )
-    for solutions in _inner_optima(program, cold, ends):
-        sweep.pool = np.concatenate([sweep.pool, solutions.x])
-        sweep.add(solutions)
-    if n_obj == 2:  # half of the points along every branch, evenly in the second objective
-        high, low = ends.objectives[0, 1], ends.objectives[1, 1]
-        sweep.follow_branches(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
-    fill_gaps(lambda: sweep.front()[1], sweep.minimise_below, points)
-    if cold.multimodal:
-        sweep.exchange_basins()
+    with suppress(Interrupted):
+        if known is not None and len(known):
+            sweep.add(evaluate_points(program, known))
+        for solutions in _inner_optima(program, cold, ends):
+            sweep.pool = np.concatenate([sweep.pool, solutions.x])
+            sweep.add(solutions)
+        if n_obj == 2:  # half of the points along every branch, evenly in the second objective
+            high, low = ends.objectives[0, 1], ends.objectives[1, 1]
+            sweep.follow_branches(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
+        fill_gaps(lambda: sweep.front()[1], sweep.minimise_below, points)
+        if cold.multimodal:
+            sweep.exchange_basins()
     x, values = sweep.front()
     return x[spread_rows(values, points)], ranges
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
+from paretoik.interruption import check_interruption
 from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.self_motion.start_postures import reach_error, sample_postures, wrap_difference
 from paretoik.task.motion_task import MotionTask
@@ -44,6 +45,7 @@ def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[lis
     for direction in (range(len(task.times)), reversed(range(len(task.times)))):
         q = np.empty((0, task.arm.dof))
         for i in direction:
+            check_interruption()
             retracted = retract(task.arm, task.tasks, q, *self_motion_frames(task, np.full(len(q), i), q)[1:])
             moved = np.abs(retracted.q - q).max(axis=1)
             on_path = retracted.on_path & (moved <= STARTS.longest_jump)
@@ -86,6 +88,7 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
     active, count = np.arange(len(q)), np.zeros(len(q))
     steps = [(active, q.copy(), heading.copy())]
     for _ in range(OPTIONS.steps):
+        check_interruption()
         reach = step_length[active]
         trial = retract(
             task.arm, task.tasks, q[active] + reach[:, None] * heading[active], targets[active], steep[active]

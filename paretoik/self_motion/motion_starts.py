@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
+from paretoik.interruption import check_interruption
 from paretoik.self_motion.start_postures import reach_error, sample_postures
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
@@ -116,6 +117,7 @@ def _integrate(
     q[:, 0] = start
     alive = np.ones(len(start), dtype=bool)
     for i in range(1, len(task.times)):
+        check_interruption()
         here = q[alive, i - 1]
         error, jacobian = task_errors(task.arm, task.tasks, here, task.targets[i])
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)

@@ -153,7 +153,9 @@ class MotionTask:
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
 
-    def bounds_at(self, kind: str, time: Float[np.ndarray, "*batch instants"]) -> Float[np.ndarray, "*batch #time dof 2"]:
+    def bounds_at(
+        self, kind: str, time: Float[np.ndarray, "*batch instants"]
+    ) -> Float[np.ndarray, "*batch #time dof 2"]:
         """Return the limits of a kind at times; where they vary along the path they are linear between samples."""
         bounds = self.bounds[kind]
         if len(bounds) == 1 or np.array_equal(time, self.times):

@@ -42,9 +42,7 @@ class Spline:
         slope: np.ndarray = np.diff(self.acceleration, axis=-2) / np.diff(self.time)[..., None]
         return slope
 
-    def at(
-        self, t: Float[np.ndarray, "*#batch instants"]
-    ) -> tuple[Float[np.ndarray, "*batch instants columns"], ...]:
+    def at(self, t: Float[np.ndarray, "*#batch instants"]) -> tuple[Float[np.ndarray, "*batch instants columns"], ...]:
         """Return position, velocity, acceleration and jerk at increasing times within the motion."""
         time, t = np.broadcast_arrays(self.time[..., :, None], t[..., None, :])
         interval = np.clip(np.sum(time <= t, axis=-2) - 1, 0, time.shape[-2] - 2)

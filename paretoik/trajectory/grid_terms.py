@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
+from paretoik.interruption import check_interruption
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -129,6 +130,7 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
     values_at = [np.empty(count) for count in counts]
     rows, longest = max(1, OPTIONS.block // len(counts)), max(counts)
     for first in range(0, longest, rows):
+        check_interruption()
         picks = [np.minimum(np.arange(first, min(first + rows, longest)), max(count - 1, 0)) for count in counts]
         parts = [at(i, pick) for i, pick in enumerate(picks)]
         values = term(instant_motions(task, *(np.stack(part, axis=1) for part in zip(*parts, strict=True))))

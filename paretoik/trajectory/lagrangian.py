@@ -23,7 +23,7 @@ def lagrangian_hessian(
 
     The path's multipliers ν are those that leave no gradient in the row space of its Jacobian.
     """
-    p, (functions, variables, instants) = program, function_gradients.shape
+    p, (_functions, variables, instants) = program, function_gradients.shape
     orders, n = p.stencil.orders, p.task.arm.dof
     by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
     factors, by_variable = _function_weights(p, weights, by_limit, function_gradients.shape)

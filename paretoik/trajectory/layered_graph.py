@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
+from paretoik.interruption import check_interruption
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredGraph:
@@ -32,6 +34,7 @@ class LayeredGraph:
         """Return the least cost of coming to every state of every layer."""
         costs_to_come = [start]
         for offsets, sources, costs in zip(self.offsets, self.sources, self.costs, strict=True):
+            check_interruption()
             value, reached = np.full(len(offsets) - 1, np.inf), np.diff(offsets) > 0
             if len(costs):
                 value[reached] = np.minimum.reduceat(costs_to_come[-1][sources] + costs, offsets[:-1][reached])
@@ -135,6 +138,7 @@ def distinct_paths(layers: LayeredGraph, cyclic: bool, nearby: int, *, inspected
         np.minimum.at(node_cost, nodes, through)
         valleys = np.isfinite(node_cost) & (node_cost == minimum_filter1d(node_cost, 2 * nearby + 1))
         for node in np.flatnonzero(valleys):
+            check_interruption()
             states = np.flatnonzero(nodes == node)
             if cyclic:
                 paths.append(shortest_path(layers, cyclic, states)[1])

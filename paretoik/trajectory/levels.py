@@ -14,10 +14,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible
+from paretoik.interruption import Interrupted
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import Solutions, concatenate
+from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
@@ -88,29 +89,78 @@ def refine_levels(
     given their solutions, until it returns none. Where limits are violated at the end, ``restore`` first minimises the
     violation alone. ``observe`` is called after each level with its number of samples, of starts and of optima.
 
-    Raises Infeasible where all optima of a level leave the path between its samples.
+    After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
+    optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
     """
     levels = list[tuple[int, int]]()
     bounded = len(programs[0].upper) - len(weights)
     weights, upper = np.pad(weights, (0, bounded)), np.pad(upper, (0, bounded), constant_values=np.inf)
+    coarser: tuple[MotionProgram, Solutions] | None = None
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
         barriers = [_coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
         search = partial(_minimise_in_turn, program, barriers, weights, upper, solver)
-        solutions = search(q)
-        while first and further is not None and len(more := further(solutions)):
-            q = np.concatenate([q, more])
-            solutions = concatenate((solutions, search(more)))
-        if restore and (first or not finer) and not solutions.converged.any():
-            solutions = _restore(program, solutions, q[: 2 * OPTIONS.max_optima * first], weights, upper, solver)
+        try:
+            solutions, q = _solve_level(search, q, further if first else None)
+            if restore and (first or not finer) and not solutions.converged.any():
+                solutions = _restore(program, solutions, q[: 2 * OPTIONS.max_optima * first], weights, upper, solver)
+        except Interrupted as stop:
+            return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
         limit = OPTIONS.max_optima if finer else len(solutions)
         solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, limit=limit)]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
             observe(len(task.times), len(q), len(solutions))
         if finer:
-            q = _resample(task, solutions.x, finer.task)
+            q, coarser = _resample(task, solutions.x, finer.task), (program, solutions)
     return solutions, tuple(levels)
+
+
+def _solve_level(
+    search: Callable[[np.ndarray], Solutions], q: np.ndarray, further: Further | None
+) -> tuple[Solutions, np.ndarray]:
+    """Return what starts and ``further`` ones lead to, and all of them. Raises Interrupted, with what there is."""
+    solutions = search(q)
+    try:
+        while further is not None and len(more := further(solutions)):
+            q = np.concatenate([q, more])
+            solutions = concatenate((solutions, search(more)))
+    except Interrupted as stop:
+        raise Interrupted(concatenate((solutions, *filter(None, (stop.partial,))))) from None
+    return solutions, q
+
+
+def _unfinished(
+    last: MotionProgram,
+    weights: np.ndarray,
+    *levels: tuple[MotionProgram, Solutions | None] | None,
+) -> Solutions:
+    """Return the optima of the first of ``levels`` that has any, at the samples of the last: none has converged there.
+
+    Raises Interrupted where none has any.
+    """
+    for program, solutions in filter(None, levels):
+        if solutions is None or not solutions.converged.any():
+            continue
+        merit = solutions.objectives @ weights
+        rows = distinct_rows(program.task, solutions, merit, limit=OPTIONS.max_optima)
+        if program is last:
+            return solutions[rows]
+        with suppress(Infeasible):
+            x = _resample(program.task, solutions.x[rows], last.task)
+            ends = [last.evaluate(one) for one in x]
+            F = np.array([objectives for objectives, _, _ in ends])
+            violation = np.array([max(0.0, -float(c.min(initial=0.0))) for _, _, c in ends])
+            count, order = len(x), np.lexsort((F @ weights, np.round(violation, 6)))
+            return Solutions(
+                x=x,
+                objectives=F,
+                stationarity=np.full(count, np.inf),
+                violation=violation,
+                status=np.full(count, INTERRUPTED),
+                iterations=np.zeros(count, dtype=int),
+            )[order]
+    raise Interrupted
 
 
 def distinct_rows(

@@ -20,8 +20,8 @@ class MotionLinearisation:
 
     Columns are steps of the self-motion, then slack and epigraph variables of samples, peaks and functions of the whole
     motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of the tasks' ``path_jacobian``.
-    ``basis`` (variables · instants, columns) says how all variables move, ``function_gradients`` are those of the functions
-    of a sample by its variables.
+    ``basis`` (variables · instants, columns) says how all variables move, ``function_gradients`` are those of the
+    functions of an instant by its variables.
     """
 
     program: MotionProgram

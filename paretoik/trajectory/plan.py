@@ -5,24 +5,32 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
+from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver
-from paretoik.nlp.program import Program, Solver
-from paretoik.nlp.solutions import STATUSES, Solutions
+from paretoik.nlp.program import Solver
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, concatenate
+from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.levels import OPTIONS, Observe, coarsest_level, level_programs, objective_scales, refine_levels
-from paretoik.trajectory.plan_starts import RestartPolicy, disturb_best, initial_motions, sample_starts
-from paretoik.trajectory.program import MotionProgram
-from paretoik.trajectory.tightening import hold_between
+from paretoik.trajectory.levels import (
+    OPTIONS,
+    Observe,
+    coarsest_level,
+    distinct_rows,
+    level_programs,
+    objective_scales,
+    refine_levels,
+)
+from paretoik.trajectory.plan_starts import RestartPolicy, disturb_best, sample_starts
+from paretoik.trajectory.tightening import hold_all, kept_between
 from paretoik.trajectory.transcription import motion_program
 
 
@@ -71,7 +79,8 @@ def find_optima(
     or two only, there are likely others that none has reached yet (Good 1953: the share of starts that are alone at an
     optimum estimates how likely the next one finds another). Then more are added, the best ways through a coarse grid
     of postures among them where optima stay rare or are many. With more degrees of redundancy more are added, and the
-    best perturbed at random, as long as better ones come of it. ``initial`` motions on the path are starts too.
+    best perturbed at random, as long as better ones come of it. ``initial`` motions on the path are minimised at the
+    task's own samples, and are starts too: the best of the plan is no worse than the best feasible of them.
     ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
@@ -81,84 +90,95 @@ def find_optima(
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     if solver != "auto":  # before any work
         check_solver(motion_program(task), solver)
+    known = _minimise_known(task, initial, solver)
+    try:
+        solutions, levels = _search(task, starts, seed, initial, solver, observe)
+        if not (solutions.converged.any() or (solutions.status == INTERRUPTED).any() or len(known)):
+            raise _failure(task, solutions)
+    except (Infeasible, Interrupted):
+        if not len(known):
+            raise
+        solutions, levels = known, ()
+    solutions = _merge(task, solutions, known) if len(known) else solutions
+    return Plan(optima=_optima(task, solutions, initial, solver), levels=levels)
+
+
+def _minimise_known(
+    task: MotionTask, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
+) -> Solutions:
+    """Return what motions lead to at the task's own samples, as far as limits hold there."""
+    initial = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
+    program = motion_program(task, objective_scales(task, initial) if len(initial) else None)
+    known = minimise_from(program, initial, np.ones(1), solver=solver)
+    return known[known.violation <= OPTIONS.feasible]
+
+
+def _search(
+    task: MotionTask,
+    starts: int,
+    seed: int,
+    initial: Float[np.ndarray, "motions time dof"] | None,
+    solver: Solver,
+    observe: Observe | None,
+) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
+    """Return the distinct optima from starts on the coarsest level, and samples and optima of each level."""
     level, rng = coarsest_level(task), np.random.default_rng(seed)
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
     programs = level_programs(task, objective_scales(task, q))
-    policy = RestartPolicy(level, q, -(-starts // 2), rng) if programs[-1].is_smooth else None
+    policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-starts // 2), rng)
     solutions, levels = refine_levels(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
-        solutions = disturb_best(programs[-1], solutions, solver)
-    return Plan(optima=_optima(programs[-1], solutions, solver), levels=levels)
+        with suppress(Interrupted):
+            solutions = disturb_best(programs[-1], solutions, solver)
+    return solutions, levels
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MotionColdSearch:
-    """Plans each objective alone; leads coarse starts below bounds, level by level; a ``ColdSearch``."""
-
-    task: MotionTask
-    starts: int
-    seed: int
-    solver: Solver = "auto"
-    observe: Callable[[int, int], object] | None = None
-
-    @property
-    def multimodal(self) -> bool:
-        """Whether valleys are many: where the self-motion has several dimensions."""
-        return self.task.redundancy > 1
-
-    def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
-        """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
-        alone = replace(self.task, objectives=(self.task.objectives[objective],))
-        plan = find_optima(alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=self._show)
-        return np.stack([optimum.motion.q for optimum in plan.optima])
-
-    def optima_below(
-        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
-    ) -> Solutions | None:
-        """Return what half as many cold starts lead to for one objective, the others below ``upper``, best first."""
-        assert isinstance(program, MotionProgram)
-        weights = np.full(len(upper), weight)
-        weights[main] = 1.0
-        programs = level_programs(self.task, program.scales)
-        try:
-            return refine_levels(programs, self._coarse_starts, weights, upper, self._show, solver=self.solver)[0]
-        except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
-            return None
-
-    def _show(self, samples: int, starts: int, optima: int) -> None:
-        if self.observe is not None:
-            self.observe(samples, len(self.task.times))
-
-    @cached_property
-    def _coarse_starts(self) -> Float[np.ndarray, "starts samples dof"]:
-        return initial_motions(self.task, starts=-(-self.starts // 2), seed=self.seed)
+def _merge(task: MotionTask, solutions: Solutions, known: Solutions) -> Solutions:
+    """Return the distinct optima of both, best first; before them what is known and better, optimal or not."""
+    natural = motion_program(task)  # objectives of both are divided by scales of their own
+    both = concatenate((solutions, known))
+    both = replace(both, objectives=np.stack([natural.evaluate(x)[0] for x in both.x]))
+    known = both[len(solutions) :]
+    if both.converged.any():
+        both = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
+    return insert_best(both[both.converged], known, np.ones(1))
 
 
-def _optima(program: MotionProgram, solutions: Solutions, solver: Solver) -> tuple[Optimum, ...]:
-    """Return the optima, best first, after limits that they exceed between samples are tightened."""
-    task = program.task
-    if not solutions.converged.any():
-        raise _failure(task, task.motion(solutions.x), solutions)
-    held = [hold_between(program, x, 1, solver=solver) for x in solutions.x]
+def _optima(
+    task: MotionTask, solutions: Solutions, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
+) -> tuple[Optimum, ...]:
+    """Return the optima, best first, limits that they exceed between samples being tightened.
+
+    A motion that was given, keeps its limits between samples and is better than all optima comes first.
+    """
+    program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
+    held, status = hold_all(program, solutions.x, solver), solutions.status
+    if initial is not None and task.differences == "spline":
+        known = kept_between(program, initial)
+        held, status = [*held, *known], np.append(status, np.full(len(known), CONVERGED))
     motions = task.motion(np.stack([each.x for each in held]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
+    merit = task.objectives[0].sign * values
+    best = int(np.argmin(merit))
+    rows = [i for i in range(len(solutions)) if i != best]
+    order = [best, *sorted(rows, key=lambda i: merit[i])] if task.differences == "spline" else range(len(solutions))
     return tuple(
         Optimum(
             motion=motions[i],
             objective=float(values[i]),
             label=labels[i],
-            status=STATUSES[int(solutions.status[i])],
+            status=STATUSES[int(status[i])],
             violation_between=held[i].violation,
         )
-        for i in np.argsort(task.objectives[0].sign * values, kind="stable").tolist()
+        for i in order
     )
 
 
-def _failure(task: MotionTask, motions: Motion, solutions: Solutions) -> Infeasible | SolverFailed:
-    status = STATUSES[int(solutions.status[0])]
+def _failure(task: MotionTask, solutions: Solutions) -> Infeasible | SolverFailed:
+    status, motions = STATUSES[int(solutions.status[0])], task.motion(solutions.x)
     if solutions.violation.max() <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     violations = task.violations(motions[0])

@@ -2,13 +2,15 @@
 
 The instants are the samples, with differences="spline" the middles between them too. The variables of an instant are
 u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), and slacks v where functions have kinks;
-peaks have an epigraph variable σ for the whole motion. Integral objectives are sums over instants of functions of these; limits bound u itself, or further functions such as torque. The path is an equation in q
-at every sample. Functions that relate samples to one another are ``WholeFunction``.
+peaks have an epigraph variable σ for the whole motion. Integral objectives are sums over instants of functions of
+these; limits bound u itself, or further functions such as torque. The path is an equation in q at every sample.
+Functions that relate samples to one another are ``WholeFunction``.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,10 +19,12 @@ from paretoik.autodiff.evaluator import Evaluator
 from paretoik.nlp.program import Linearisation
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, task_errors
-from paretoik.trajectory.compiled.motion_kernel import MotionKernel
 from paretoik.trajectory.functions import Total
 from paretoik.trajectory.stencil import Stencil
 from paretoik.trajectory.whole_functions import WholeFunction
+
+if TYPE_CHECKING:
+    from paretoik.trajectory.compiled.motion_arrays import MotionKernel
 
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 
@@ -38,7 +42,8 @@ class Evaluators:
     """Compiled functions of a sample and their derivatives: sums first, then rows.
 
     ``inputs`` counts their inputs: u, then v and σ at ``auxiliary``, parameters, and from ``multipliers`` on those of
-    path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them;
+    path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them, a
+    pair each, from below where its entry of ``signs`` is 1, from above where it is −1;
     ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by variables; ``hessian`` the
     entries of that of the Lagrangian by u and v; ``path`` the path equations and their Jacobian by q.
     """
@@ -48,6 +53,7 @@ class Evaluators:
     multipliers: Int[np.ndarray, 3]
     slacks: int
     ties: int
+    signs: tuple[int, ...]
     slack: Evaluator
     value: Evaluator
     gradient: Evaluator
@@ -79,8 +85,8 @@ class MotionProgram:
 
     ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones.
     ``inputs`` (inputs, instants) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u,
-    v and σ, of which there are ``peaks``. Limit i bounds, at instant ``limited``[i, 1], the variable, or beyond these the
-    row, ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations
+    v and σ, of which there are ``peaks``. Limit i bounds, at instant ``limited``[i, 1], the variable, or beyond these
+    the row, ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations
     are shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
     ``epigraph_peaks[i]``.
     """
@@ -125,11 +131,6 @@ class MotionProgram:
         return self.variables[self.rates + self.slacks :]
 
     @property
-    def is_smooth(self) -> bool:
-        """Whether all totals are sums of smooth functions of a sample, so that compiled code can take it."""
-        return not (self.slacks or self.peaks or self.whole_functions)
-
-    @property
     def elastic(self) -> int:
         """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
         return len(self.sides) - self.kinks
@@ -152,10 +153,14 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
-    def kinked(self) -> tuple[str, ...]:
-        """Names of totals that are peaks or functions of the whole motion, or what else has kinks in general."""
-        names = tuple(total.name for total in self.totals if total.kind != "sum")
-        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+    def kinked(self) -> bool:
+        """Whether totals or limits have kinks."""
+        return bool(self.slacks or self.peaks or self.whole_functions)
+
+    @property
+    def unsupported(self) -> tuple[str, ...]:
+        """Names of totals that relate samples to one another other than by a sum or a peak."""
+        return tuple(total.name for total in self.totals if total.kind == "whole")
 
     @property
     def rounding(self) -> float:
@@ -211,10 +216,10 @@ class MotionProgram:
     def limit_values(
         self, inputs: Float[np.ndarray, "inputs instants"], values: Float[np.ndarray, "functions instants"]
     ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
-        """Return the limits, divided by their ranges, and the ties, from inputs and values of functions of an instant."""
+        """Return the limits, divided by their ranges, and the ties, from inputs and values of functions of a sample."""
         every = np.concatenate([inputs[self.variables], values[self.sums :]])
-        row, instant = self.limited.T
-        limits = self.sides * (every[row, instant] - self.bounds)
+        row, sample = self.limited.T
+        limits = self.sides * (every[row, sample] - self.bounds)
         return limits[: self.elastic] / self.ranges[: self.elastic], limits[self.elastic :]
 
     def whole_inputs(self, inputs: Float[np.ndarray, "inputs instants"]) -> Float[np.ndarray, " whole_inputs"]:
@@ -237,33 +242,9 @@ class MotionProgram:
     @property
     def kernel(self) -> MotionKernel | None:
         """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
-        if not self.is_smooth:
-            return None
-        evaluators, stencil = self.evaluators, self.stencil
-        return MotionKernel(
-            value=evaluators.value.arrays,
-            slope=evaluators.gradient.arrays,
-            slope_of=evaluators.gradient_sparsity.rows,
-            slope_by=evaluators.gradient_sparsity.columns,
-            curvature=evaluators.hessian.arrays,
-            second_i=evaluators.hessian_sparsity.rows,
-            second_j=evaluators.hessian_sparsity.columns,
-            track=evaluators.path.arrays,
-            neighbours=stencil.neighbours,
-            coefficients=stencil.coefficients,
-            first_unknown=stencil.first_unknown,
-            unknowns=stencil.unknowns,
-            border=stencil.border,
-            stride=self.task.stride,
-            stops=self.task.ties_end,
-            ones=np.ones(len(self.task.instants)),
-            quadrature=np.array(self.task.weights),
-            inputs=self.inputs,
-            multipliers=evaluators.multipliers,
-            limited=self.limited,
-            sides=self.sides,
-            bounds=self.bounds,
-        )
+        from paretoik.trajectory.motion_arrays import motion_kernel  # here: it builds on this file
+
+        return motion_kernel(self) if not self.unsupported else None
 
 
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:

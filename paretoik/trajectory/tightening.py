@@ -13,6 +13,7 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.errors import Infeasible
+from paretoik.interruption import Interrupted
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
@@ -28,6 +29,8 @@ from paretoik.trajectory.program import MotionProgram
 class TighteningOptions:
     """When limits are tightened: where a motion exceeds one between samples by more than a ``tolerance`` of its range.
 
+    At the samples a violation up to ``feasible`` of it is none.
+
     At most so many ``rounds``, each by at most ``largest`` of a range, where more than ``target`` of the tolerance is
     exceeded. ``weight`` is that of all objectives beside the first, as when fronts are refined. ``warm`` is tried
     first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
@@ -36,6 +39,7 @@ class TighteningOptions:
     tolerance: float = 1e-4
     target: float = 0.5
     rounds: int = 3
+    feasible: float = 1e-8
     largest: float = 0.4
     shares: tuple[float, ...] = (1.0, 0.5)
     weight: float = 0.1
@@ -81,6 +85,25 @@ def hold_between(
         current = _held(tighter, solved)
         best = min(best, current, key=lambda held: held.violation)
     return best
+
+
+def hold_all(
+    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], solver: Solver = "auto"
+) -> list[HeldMotion]:
+    """Return motions optimal for one objective as ``hold_between`` does, until a signal those that are left as is."""
+    held = list[HeldMotion]()
+    for i, one in enumerate(x):
+        try:
+            held.append(hold_between(program, one, 1, solver=solver))
+        except Interrupted:
+            return held + [_held(program, rest) for rest in x[i:]]
+    return held
+
+
+def kept_between(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
+    """Return those of the motions that keep their limits, at samples and in between."""
+    at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
+    return [each for each in (_held(program, one) for one in at_samples) if each.violation <= OPTIONS.tolerance]
 
 
 def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
@@ -137,7 +160,9 @@ def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndar
     return bounds
 
 
-def _excess(task: MotionTask, name: str, curve: Motion) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]:
+def _excess(
+    task: MotionTask, name: str, curve: Motion
+) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]:
     """Return by how much a limit is exceeded over time, below and above."""
     if name == "clearance":
         return task.min_clearance - curve.clearance, np.full(curve.time.shape, -np.inf)

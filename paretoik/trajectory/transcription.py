@@ -41,7 +41,9 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
     if task.ends_at_rest and task.differences == "central":
-        raise InvalidInput("end_velocity=0: differences 'spline' or 'backward' wanted where motions are refined, got 'central'")
+        raise InvalidInput(
+            "end_velocity=0: differences 'spline' or 'backward' wanted where motions are refined, got 'central'"
+        )
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
     functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
@@ -115,6 +117,7 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
         multipliers=multipliers,
         slacks=len(smooth.epigraph_variables),
         ties=len(smooth.constraints),
+        signs=tuple(smooth.signs),
         slack=compile_evaluator(tape, smooth.nodes),
         value=compile_evaluator(tape, entries),
         gradient=compile_evaluator(tape, [*entries, *slopes.values()]),
@@ -185,7 +188,7 @@ def _limits(
 
 
 def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
-    """Return the limits on a variable itself; between samples velocities and accelerations need none: see ``spline``."""
+    """Return the limits on a variable; those on a spline's velocities and accelerations hold between samples."""
     if kind not in task.bounds:
         return free
     bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))

@@ -82,7 +82,16 @@ def tabulate(case: str, timings: Mapping[str, tuple[Timing, Timing]]) -> list[Ro
         same = "the same bits" if now.result == before.result else f"results {now.result} and {before.result}"
         goal = "goal met" if ratio <= GOALS[case] else "goal missed"
         rows.append(
-            Row(table=table, row=case, column="ratio", unit="", ours=ratio, paper=GOALS[case], note=f"{goal}; {same}")
+            Row(
+                table=table,
+                row=case,
+                column="ratio",
+                unit="",
+                ours=ratio,
+                reference=GOALS[case],
+                source="goal",
+                note=f"{goal}; {same}",
+            )
         )
     return rows
 

@@ -139,7 +139,8 @@ def measure_contest(contest: Contest, rounds: int) -> list[Row]:
             column="ratio",
             unit="",
             ours=peer / ours,
-            paper=contest.goal,
+            reference=contest.goal,
+            source="goal",
             note="goal met" if peer / ours >= contest.goal else "goal missed",
         ),
     ]
@@ -161,7 +162,8 @@ def motion_row(label: str, arm: Arm, goal: float, rounds: int) -> Row:
         column="time",
         unit="ms",
         ours=taken,
-        paper=goal,
+        reference=goal,
+        source="goal",
         note="goal met" if taken <= goal else "goal missed",
     )
 

@@ -198,7 +198,18 @@ def comparison_rows(comparisons: Sequence[Comparison]) -> list[Row]:
     rows = []
     for one in comparisons:
         name, note = f"{one.indicator} beside {one.peer}", f"{one.verdict}; {one.tests}"
-        rows.append(Row(table=TABLE, row=one.problem, column=name, unit="", ours=one.ours, paper=one.theirs, note=note))
+        rows.append(
+            Row(
+                table=TABLE,
+                row=one.problem,
+                column=name,
+                unit="",
+                ours=one.ours,
+                reference=one.theirs,
+                source=one.peer,
+                note=note,
+            )
+        )
     return rows
 
 

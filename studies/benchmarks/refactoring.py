@@ -234,7 +234,8 @@ def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) ->
         column="times the seconds",
         unit="",
         ours=seconds / reference,
-        paper=GOAL,
+        reference=GOAL,
+        source="goal",
         note="; ".join(notes),
     )
 

@@ -159,7 +159,7 @@ def published_rows(starts: int, seed: int) -> list[Row]:
 def rows_of(table: str, row: str, one: Optimum, paper: Sequence[float | None] = (None, None)) -> list[Row]:
     """Return both objectives of a motion as rows."""
     return [
-        Row(table=table, row=row, column=column, unit=unit, ours=float(value), paper=theirs)
+        Row(table=table, row=row, column=column, unit=unit, ours=float(value), reference=theirs)
         for column, unit, value, theirs in zip(NAMES, UNITS, one.F, paper, strict=True)
     ]
 

@@ -93,7 +93,9 @@ def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:
     """Return all rows, those of the checkout before beside them."""
 
     def row(table: str, name: str, ours: float, beside: float | None, note: str = "") -> Row:
-        return Row(table=table, row=name, column="now", unit="", ours=ours, paper=beside, note=note)
+        return Row(
+            table=table, row=name, column="now", unit="", ours=ours, reference=beside, source="before", note=note
+        )
 
     rows = []
     for table, part in (("lines", "lines"), ("lines of code", "code")):

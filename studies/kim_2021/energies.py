@@ -210,7 +210,7 @@ def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
         lost = "LOSS: DAM takes more" if share > 0 else ""
         printed = paper()[TABLE, "DAM beside JAM", "total"]
         rows.append(
-            Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, paper=printed, note=lost)
+            Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, reference=printed, note=lost)
         )
     for name, one in by_mechanism.items():
         late = 100 * (one.lazy.times[-1] / one.soonest.times[-1] - 1)
@@ -224,7 +224,7 @@ def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
 def _energy(table: str, one: Postures, column: str, ours: float, more: str = "") -> Row:
     printed = one.printed[column]
     note = f"{100 * (ours / printed - 1):+.0f} %{more}"
-    return Row(table=table, row=one.mechanism, column=column, unit="mJ", ours=ours, paper=printed, note=note)
+    return Row(table=table, row=one.mechanism, column=column, unit="mJ", ours=ours, reference=printed, note=note)
 
 
 def _list(values: np.ndarray) -> str:

@@ -143,7 +143,16 @@ def race_rows(one: Race) -> list[Row]:
         ("what IPOPT gains in work from our front, at most", "", largest, None, f"{lost}{len(one.gained)} points")
     )
     return [
-        Row(table=RACED, row=one.name, column=column, unit=unit, ours=float(value), paper=beside, note=note)
+        Row(
+            table=RACED,
+            row=one.name,
+            column=column,
+            unit=unit,
+            ours=float(value),
+            reference=beside,
+            source="CasADi + IPOPT",
+            note=note,
+        )
         for column, unit, value, beside, note in rows
     ]
 
@@ -194,7 +203,7 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
         ),
     ]
     return [
-        Row(table=TABLE, row=one.name, column=column, unit=unit, ours=float(ours), paper=beside_it, note=note)
+        Row(table=TABLE, row=one.name, column=column, unit=unit, ours=float(ours), reference=beside_it, note=note)
         for column, unit, ours, beside_it, note in rows
     ]
 

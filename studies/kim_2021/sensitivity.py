@@ -194,7 +194,7 @@ def _near(assumed: Assumptions, gain: np.ndarray, printed: float, note: str) -> 
         column="gain largest",
         unit="%",
         ours=float(gain.max()),
-        paper=printed,
+        reference=printed,
         note=note,
     )
 

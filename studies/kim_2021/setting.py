@@ -34,4 +34,6 @@ def speeds(mechanism: str, position: Float[np.ndarray, " 2"], directions: object
 def beside_paper(place: tuple[str, str, str], unit: str, ours: float, note: str = "") -> Row:
     """Return a row at its place (table, row, column), the paper's number beside it where the paper has one."""
     table, row, column = place
-    return Row(table=table, row=row, column=column, unit=unit, ours=float(ours), paper=paper().get(place), note=note)
+    return Row(
+        table=table, row=row, column=column, unit=unit, ours=float(ours), reference=paper().get(place), note=note
+    )

@@ -65,7 +65,7 @@ def start_rows(starts: int = STARTS) -> list[Row]:
                     column="least",
                     unit=UNITS[k],
                     ours=min(values),
-                    paper=printed,
+                    reference=printed,
                     note=f"to {max(values):.3g} over {len(values)} starts: the printed number {inside} between",
                 )
             )
@@ -116,7 +116,8 @@ def _explained_rows(distance: float, measures: dict[tuple[float, int], ExactMeas
                 column="cells",
                 unit="",
                 ours=int(agrees.sum()),
-                paper=len(WEIGHTS),
+                reference=len(WEIGHTS),
+                source="cells",
                 note=f"q₀ = {np.array2string(q, precision=3)}, one of {len(columns)}; others: {others or 'none'}",
             )
         )

@@ -43,7 +43,7 @@ def table_rows(loops: Sequence[CellLoop]) -> list[Row]:
                     column=cell.arm,
                     unit=unit,
                     ours=ours,
-                    paper=paper()[name, cell.row, cell.arm],
+                    reference=paper()[name, cell.row, cell.arm],
                     note=f"oracle {exact:.4g}, ours {100 * (ours / exact - 1):+.2f} % of it",
                 )
             )
@@ -83,7 +83,8 @@ def reproduced_rows(loops: Sequence[CellLoop]) -> list[Row]:
                 column=arm,
                 unit="",
                 ours=len(cells) - len(off),
-                paper=len(cells),
+                reference=len(cells),
+                source="cells",
                 note="; ".join(reasons_text),
             )
         )
@@ -110,7 +111,8 @@ def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
                     column=what,
                     unit="relative",
                     ours=worst,
-                    paper=goal,
+                    reference=goal,
+                    source="goal",
                     note=f"{lost}goal; worst of {len(errors)} cells: {where}",
                 )
             )
@@ -135,7 +137,8 @@ def spread_rows(starts: dict[tuple[int, float], np.ndarray], *, seeds: int = SEE
                     column=what,
                     unit=measure.unit,
                     ours=float(middle),
-                    paper=float(measure(loops[0].exact)),
+                    reference=float(measure(loops[0].exact)),
+                    source="exact steps",
                     note=f"quartiles {low:.4g} and {high:.4g}",
                 )
             )
@@ -161,7 +164,8 @@ def warm_rows(starts: dict[tuple[int, float], np.ndarray], *, seed: int, steps: 
                         column=what,
                         unit=unit,
                         ours=ours,
-                        paper=exact,
+                        reference=exact,
+                        source="exact steps",
                         note=f"{100 * (ours / exact - 1):+.2f} %",
                     )
                 )

@@ -17,5 +17,5 @@ def beside(table: str, masses: str, row: str, column: str, unit: str, ours: floa
     difference = f"{100 * (ours / theirs - 1):+.2f} %" if comparable and theirs else ""
     notes = "; ".join(part for part in (difference, note) if part)
     return Row(
-        table=f"{table}, {masses} masses", row=row, column=column, unit=unit, ours=ours, paper=theirs, note=notes
+        table=f"{table}, {masses} masses", row=row, column=column, unit=unit, ours=ours, reference=theirs, note=notes
     )

@@ -70,7 +70,7 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
 
 def _row(masses: str, row: str, column: str, unit: str, ours: float, note: str, theirs: float | None = None) -> Row:
     table = beside(TABLE, masses, row, column, unit, ours).table
-    return Row(table=table, row=row, column=column, unit=unit, ours=ours, paper=theirs, note=note)
+    return Row(table=table, row=row, column=column, unit=unit, ours=ours, reference=theirs, note=note)
 
 
 def hull(front: pk.Front) -> list[int]:

@@ -110,7 +110,7 @@ def real_time_rows(*, rounds: int) -> list[Row]:
                 column=solver,
                 unit="ms",
                 ours=1e3 * middle,
-                paper=1e3 * paper()["Section 3.2", "an update", "seconds"],
+                reference=1e3 * paper()["Section 3.2", "an update", "seconds"],
                 note="; ".join(notes),
             )
         )

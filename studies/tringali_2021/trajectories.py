@@ -84,7 +84,7 @@ def table_5(trajectory: Trajectory) -> list[Row]:
                 column=name,
                 unit="J s",
                 ours=energy,
-                paper=printed,
+                reference=printed,
                 note="; ".join(notes),
             )
         )
@@ -101,7 +101,7 @@ def lower_bound_row(number: int, masses: str, *, samples: int = 201) -> Row:
         column="bound from below",
         unit="J s",
         ours=oracle.lower_bound,
-        paper=paper()["Table 5", f"trajectory {number}", "global"],
+        reference=paper()["Table 5", f"trajectory {number}", "global"],
         note=f"{samples} samples; the best planned, {best:.4g}, is within {1 - oracle.lower_bound / best:.1%} of it",
     )
 
@@ -125,7 +125,7 @@ def text_rows(trajectory: Trajectory) -> list[Row]:
                 column=column,
                 unit={"Figure 8": "s" if column.startswith("its") else "kg m²"}.get(table, "rad/s"),
                 ours=float(ours),
-                paper=printed,
+                reference=printed,
                 note=f"{100 * (ours / printed - 1):+.1f} %",
             )
         )
@@ -158,7 +158,8 @@ def schedule_rows(number: int, masses: str, *, starts: int, generations: int, sa
             column="least kinetic energy",
             unit="J s",
             ours=float(front.objectives[0, 0]),
-            paper=paper_schedule,
+            reference=paper_schedule,
+            source="the paper's schedule, ours",
             note=f"beside the paper's schedule; {100 * (front.objectives[0, 0] / lowest - 1):+.1f} % and "
             f"{100 * (paper_schedule / lowest - 1):+.1f} % from the global optimum; "
             f"h = {np.atleast_1d(best.horizon)[0]}, ΔT = {step:.2g} s, every {again:.2g} s, "

@@ -76,7 +76,8 @@ def comparison_rows(*, seeds: int, population: int = 24, generations: int = 15, 
                 column=f"{name}, median",
                 unit="",
                 ours=one,
-                paper=other,
+                reference=other,
+                source="GPM",
                 note=f"from {judged_starts} starts each: {verdict}, p {p:.1e} (Holm), A12 {better:.2f}, "
                 f"ratio of medians {low:.3f} to {high:.3f}",
             )

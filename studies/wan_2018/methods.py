@@ -104,7 +104,7 @@ def table_rows(table: str, *, population: int) -> list[Row]:
                     column=name,
                     unit=unit,
                     ours=float(middle),
-                    paper=paper()[table, axis, "WGPM" if name in VARIANTS else name],
+                    reference=paper()[table, axis, "WGPM" if name in VARIANTS else name],
                     note=f"quartiles {low:.2g} and {high:.2g}",
                 )
             )
@@ -183,7 +183,8 @@ def speed_row(*, rounds: int) -> Row:
         column="WGPM, as printed",
         unit="s",
         ours=middle,
-        paper=GOAL,
+        reference=GOAL,
+        source="goal",
         note=f"{'LOSS: ' if middle > GOAL else ''}goal; median of {rounds}, from {min(elapsed[1:]):.3f} to "
         f"{max(elapsed[1:]):.3f} s; {damped:.0%} of steps damped or cut short",
     )

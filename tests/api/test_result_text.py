@@ -12,8 +12,9 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.load_front import load_front
-from paretoik.api.result_text import choice_text, entries
+from paretoik.api.result_text import certificate_text, choice_text, entries
 from paretoik.cli import main
+from paretoik.run_files import to_json
 from problems import tringali_2020
 
 MINE = """
@@ -49,6 +50,23 @@ def test_an_unknown_exchange_rate_is_not_printed(front):
     silent = replace(front, certificates=replace(front.certificates, exchange_intervals=unknown))
     assert "more of torque_norm" in choice_text(front, choice)
     assert "more of torque_norm" not in choice_text(silent, choice)
+
+
+def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number(front):
+    certificates = front.certificates
+    reasons = ["", "Clarabel: stuck", "criticality 1e-3: more", "criticality 2e-3: more", ""]
+    status = np.array(["undetermined" if reason else "minimum" for reason in reasons])
+    residual = np.where(np.arange(5) == 1, np.nan, certificates.kkt_residual)
+    weights = np.where(np.arange(5)[:, None] == 1, np.nan, certificates.weights)
+    unclear = replace(certificates, status=status, reason=np.array(reasons), kkt_residual=residual, weights=weights)
+    text = certificate_text(unclear)
+    assert "nan" not in text
+    assert text.splitlines()[1:] == [
+        "undetermined: 2 of 5, criticality: more",
+        "undetermined: 1 of 5, Clarabel: stuck",
+    ]
+    entry = to_json(entries(replace(front, certificates=unclear)))[1]["certificate"]
+    assert (entry["kkt_residual"], entry["weights"], entry["reason"]) == (None, [None, None], "Clarabel: stuck")
 
 
 def test_every_entry_has_its_certificate_by_name(front):

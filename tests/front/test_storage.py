@@ -95,10 +95,10 @@ def test_an_empty_front_is_kept_too(tmp_path):
 def test_the_table_is_readable_by_others_with_units_and_empty_certificates(front, tmp_path):
     front.save(tmp_path)
     table = pq.read_table(tmp_path / TABLE)
-    expected = ["id", "energy", "reach", "violation", "violation_between", "kkt_residual", "status"]
+    expected = ["id", "energy", "reach", "violation", "violation_between", "kkt_residual", "status", "reason"]
     assert table.column_names == expected
     assert table.schema.field("energy").metadata == {b"unit": b"J s"}
-    assert [table.column(name).null_count for name in expected] == [0, 0, 0, 0, 5, 5, 5]
+    assert [table.column(name).null_count for name in expected] == [0, 0, 0, 0, 5, 5, 5, 5]
 
 
 def test_the_run_file_is_strict_json_with_what_the_run_says_of_itself(front, tmp_path):

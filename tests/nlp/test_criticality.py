@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from paretoik.errors import SolverFailed
+from paretoik.nlp.canonical import CanonicalForm
 from paretoik.nlp.conic import Cone, Constraints
-from paretoik.nlp.criticality import criticality
+from paretoik.nlp.criticality import OPTIONS, criticality
 
 
 def random_point(seed, *, objectives=2, unknowns=40, limits=90):
@@ -108,3 +110,23 @@ def test_a_length_of_nothing_cannot_shrink():
     cone = Cone(column=2, values=np.zeros(2), rows=sparse.csr_array(np.eye(2, 3)))
     within = Constraints(unknowns=2, values=np.empty(0), jacobian=sparse.csr_array((0, 3)), cones=(cone,))
     assert criticality(np.array([[0.0, 0.0, 1.0]]), within, radius=1.0).value == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_solver_that_makes_no_progress_is_asked_for_less_and_that_fails_only_if_it_does_again(monkeypatch):
+    solve, tolerances = CanonicalForm.solve, []
+
+    def fail(self, name, numbers, used, tolerance, *rest):
+        tolerances.append(tolerance)
+        if tolerance < lowest:
+            raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got InsufficientProgress")
+        return solve(self, name, numbers, used, tolerance, *rest)
+
+    point, lowest = random_point(1), 0.0
+    clean = criticality(*point, radius=3.0)
+    monkeypatch.setattr(CanonicalForm, "solve", fail)
+    lowest = 1e-10
+    assert criticality(*point, radius=3.0).value == pytest.approx(clean.value, abs=1e-7)
+    assert tolerances[:2] == sorted(OPTIONS.solver_tolerances)
+    lowest = 1.0
+    with pytest.raises(SolverFailed, match="InsufficientProgress"):
+        criticality(*point, radius=3.0)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from paretoik.errors import SolverFailed
+from paretoik.interruption import STOP
+from paretoik.pareto import certificates as certifying
 from paretoik.pareto.certificates import certify
 from tests.pareto.sketches import sketched
 
@@ -101,3 +104,66 @@ def test_what_could_gain_in_both_is_not_critical_and_past_limits_says_by_how_muc
     assert certificate.kkt_residual[0] > 1e-2
     assert certificate.violation == pytest.approx([0.0, 0.2])
     assert np.array_equal(certificate.violation_between, certificate.violation)
+
+
+def test_a_solver_that_fails_at_one_point_leaves_that_one_undetermined_with_its_reason(monkeypatch):
+    program, ranges = sketched(2, ellipses), (2.0, 25.0)
+    x = placed(ellipses, [ellipses_best(share) for share in SHARES])
+    clean, solve, calls = certificates(program, x, ranges), certifying.criticality, []
+
+    def fail(*arguments):
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise SolverFailed("criticality: Clarabel wanted to end with Solved, got InsufficientProgress")
+        return solve(*arguments)
+
+    monkeypatch.setattr(certifying, "criticality", fail)
+    certificate = certificates(program, x, ranges)
+    assert certificate.status.tolist() == ["minimum", "undetermined", "minimum", "minimum"]
+    assert [reason != "" for reason in certificate.reason] == [False, True, False, False]
+    assert certificate.reason[1].endswith("got InsufficientProgress")
+    assert np.isnan(certificate.kkt_residual[1])
+    assert np.isnan(certificate.exchange_rates[1, [0, 1], [1, 0]]).all()
+    assert certificate.violation[1] == clean.violation[1]
+    others = [0, 2, 3]
+    for name in ("kkt_residual", "weights", "exchange_rates", "exchange_intervals"):
+        assert np.array_equal(getattr(certificate, name)[others], getattr(clean, name)[others])
+
+
+def test_a_range_of_multipliers_that_fails_costs_the_rates_and_nothing_else(monkeypatch):
+    def fail(*_):
+        raise SolverFailed("multipliers: Clarabel wanted to end with Solved, got NumericalError")
+
+    program, x = sketched(2, ellipses), placed(ellipses, [ellipses_best(0.5)])
+    monkeypatch.setattr(certifying, "weight_ratios", fail)
+    certificate = certificates(program, x, (2.0, 25.0))
+    assert certificate.status[0] == "minimum"
+    assert "NumericalError" in certificate.reason[0]
+    assert np.isnan(certificate.exchange_rates[0, 0, 1])
+
+
+def test_a_point_that_is_not_critical_has_no_rates_and_says_so():
+    certificate = certificates(sketched(2, ellipses), placed(ellipses, [[0.3, 0.9]]), (2.0, 25.0))
+    assert certificate.reason[0].startswith("criticality ")
+    assert np.isnan(certificate.exchange_rates[0, 0, 1])
+    assert np.isnan(certificate.exchange_intervals[0, 0, 1]).all()
+
+
+def test_after_a_signal_no_point_is_certified_and_all_are_kept():
+    program, x = sketched(2, ellipses), placed(ellipses, [ellipses_best(share) for share in SHARES])
+    counts = []
+
+    def interrupt(done, total):
+        counts.append((done, total))
+        STOP[0] = done == 2
+
+    try:
+        certificate = certify(
+            program, x, ranges=np.array([2.0, 25.0]), signs=ONES, violation_between=np.zeros(4), observe=interrupt
+        )
+    finally:
+        STOP[0] = 0
+    assert counts == [(1, 4), (2, 4)]
+    assert certificate.status.tolist() == ["minimum"] * 2 + ["undetermined"] * 2
+    assert certificate.reason.tolist() == ["", ""] + ["interrupted before it was certified"] * 2
+    assert np.isfinite(certificate.violation).all()

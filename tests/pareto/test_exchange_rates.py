@@ -17,9 +17,14 @@ def limits(rows, slacks):
     return Constraints(unknowns=2, values=np.asarray(slacks, float), jacobian=csr_array(np.asarray(rows, float)))
 
 
+def ratios_of(weights):
+    """Ratios λ_i/λ_j of unique weights, as ends of intervals."""
+    return np.stack([weights[:, :, None] / weights[:, None, :]] * 2, axis=-1)
+
+
 def test_a_step_along_the_front_s_tangent_plane_keeps_the_weighted_sum():
     weights = np.random.default_rng(0).dirichlet(np.ones(3), size=20)
-    rates = exchange_rates(weights, RANGES, SIGNS)
+    rates = exchange_rates(weights, ratios_of(weights), RANGES, SIGNS)
     scaled = weights * SIGNS / RANGES  # of natural objectives in their own signs
     for i in range(3):
         for j in range(3):
@@ -29,17 +34,24 @@ def test_a_step_along_the_front_s_tangent_plane_keeps_the_weighted_sum():
     np.testing.assert_allclose(rates * np.swapaxes(rates, 1, 2), 1.0)
 
 
-def test_what_has_no_weight_has_no_rate():
-    rates = exchange_rates(np.array([[1.0, 0.0]]), np.ones(2), np.ones(2))[0]
+def test_what_has_no_weight_has_no_rate_in_either_direction():
+    weights = np.array([[1.0 - 1e-9, 1e-9]])
+    rates = exchange_rates(weights, ratios_of(weights), np.ones(2), np.ones(2))[0]
+    assert np.isnan(rates[[0, 1], [1, 0]]).all()
+    assert np.array_equal(np.diagonal(rates), np.ones(2))
+
+
+@pytest.mark.parametrize("ends", [(0.5, 1.0), (0.0, 1.0), (1.0, np.inf), (np.nan, np.nan)])
+def test_no_single_rate_stands_for_an_interval_or_for_what_is_unknown(ends):
+    ratios = np.broadcast_to(ends, (1, 2, 2, 2))
+    rates = exchange_rates(np.full((1, 2), 0.5), ratios, np.ones(2), np.ones(2))[0]
     assert np.isnan(rates[0, 1])
-    assert rates[1, 0] == 0.0
 
 
 def test_intervals_of_unique_weights_are_the_rates():
     weights = np.array([[0.2, 0.3, 0.5]])
-    ratios = np.stack([weights[:, :, None] / weights[:, None, :]] * 2, axis=-1)
-    ends = exchange_intervals(ratios, RANGES, SIGNS)
-    rates = exchange_rates(weights, RANGES, SIGNS)
+    ends = exchange_intervals(ratios_of(weights), RANGES, SIGNS)
+    rates = exchange_rates(weights, ratios_of(weights), RANGES, SIGNS)
     np.testing.assert_allclose(ends, np.stack([rates, rates], axis=-1))
 
 

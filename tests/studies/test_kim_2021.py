@@ -61,8 +61,8 @@ def test_the_papers_totals_are_its_sums():
         assert sum(parts) == pytest.approx(table[name, "total"], abs=0.15)
     saved = 100 * (table["DAM", "total"] / table["JAM", "total"] - 1)
     assert saved == pytest.approx(table["DAM beside JAM", "total"], abs=0.05)
-    assert beside_paper(("Figure 8", "JAM", "arrival"), "s", 1.0).paper == 1.57
-    assert beside_paper(("Figure 8", "JAM", "nothing"), "s", 1.0).paper is None
+    assert beside_paper(("Figure 8", "JAM", "arrival"), "s", 1.0).reference == 1.57
+    assert beside_paper(("Figure 8", "JAM", "nothing"), "s", 1.0).reference is None
 
 
 def test_the_text_s_positions_are_in_the_grid():
@@ -75,7 +75,7 @@ def test_where_sliders_are_slower_is_said(corners):
     counts = {row.row: row for row in rows if row.column == "directions in which DAM is faster"}
     assert [counts[one.name].ours for one in corners] == [np.count_nonzero(one.gain > 1e-9) for one in corners]
     assert counts["all nine"].ours == sum(counts[one.name].ours for one in corners)
-    assert counts["p6"].paper == 16
+    assert counts["p6"].reference == 16
     assert counts["p6"].note.startswith("LOSS")
     assert "22.5°" in counts["p6"].note
     assert "faster in all" in counts["p5"].note
@@ -107,7 +107,7 @@ def test_combinations_near_the_papers_are_counted():
     rows = nearest_rows(angles=[-120.0], masses=(0.25,))
     tried, held, better = (row.ours for row in rows[:3])
     assert (tried, held >= better >= 1) == (8, True)
-    assert all(row.paper == 31.9 for row in rows[3:])
+    assert all(row.reference == 31.9 for row in rows[3:])
 
 
 def test_ellipses_are_judged_where_they_were_not_fitted(models):
@@ -126,7 +126,7 @@ def test_ellipses_are_judged_where_they_were_not_fitted(models):
 def test_arrivals_stand_beside_the_papers(trajectories):
     rows = {(row.row, row.column): row for row in figure_8(trajectories)}
     for name, one in trajectories.items():
-        assert rows[name, "arrival"].paper == paper()["Figure 8", name, "arrival"]
+        assert rows[name, "arrival"].reference == paper()["Figure 8", name, "arrival"]
         assert one.run.arrival == pytest.approx(one.geodesic.duration, rel=0.02)
         np.testing.assert_allclose(one.path[[0, -1]], [START, TARGET])
     assert rows["DAM", "sag at x = 150 mm"].note.startswith("LOSS")
@@ -200,7 +200,7 @@ def test_motors_do_the_joints_work(name, ways):
 
 def test_losses_are_said(ways, trajectories):
     rows = {(row.table, row.row, row.column): row for row in posture_rows(ways, trajectories) + table_4(ways)}
-    assert rows["Table 4", "JAM", "total"].paper == 575.3
+    assert rows["Table 4", "JAM", "total"].reference == 575.3
     assert rows["Table 4", "DAM beside JAM", "total"].note.startswith("LOSS")
     assert rows["postures along the trajectory of Figure 8", "DAM beside JAM", "soonest"].note.startswith("LOSS")
 

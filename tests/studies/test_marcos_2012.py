@@ -39,7 +39,7 @@ def test_the_papers_tables_are_whole_and_agree_with_its_text():
 def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed):
     error, drift = table_rows([followed])
     assert error.table == "Table 1: mean position error, no obstacles"
-    assert (error.paper, drift.paper) == (7.35e-06, 1.32e-03)
+    assert (error.reference, drift.reference) == (7.35e-06, 1.32e-03)
     assert error.ours == pytest.approx(mean_position_error(followed.exact), rel=0.01)
     assert drift.ours == pytest.approx(joint_drift(followed.exact), rel=0.05)
     assert f"oracle {joint_drift(followed.exact):.4g}" in drift.note
@@ -47,11 +47,11 @@ def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed
 
 def test_cells_that_are_not_the_papers_are_named_with_what_the_exact_loop_says(followed):
     error, drift = reproduced_rows([followed])
-    assert (error.ours, error.paper, error.row) == (0, 1, "Table 1")
+    assert (error.ours, error.reference, error.row) == (0, 1, "Table 1")
     assert error.note.startswith("the exact loop, which ours agrees with, is off as well: r = 0.7, w = 0.5 (")
     printed = paper()["Table 1", CELL.row, "3R"]
     q = followed.exact.q
-    assert drift.paper == 1
+    assert drift.reference == 1
     assert abs(mean_position_error(followed.exact) / printed - 1) > 0.05
     assert len(q) == 13  # of few steps: another number than the paper's of all
 
@@ -96,7 +96,7 @@ def test_warm_starts_are_reported_apart():
         "warm starts, 20 generations",
     ]
     few, warm = rows[2].ours, rows[4].ours
-    assert abs(warm - rows[4].paper) <= abs(few - rows[2].paper)
+    assert abs(warm - rows[4].reference) <= abs(few - rows[2].reference)
 
 
 def test_times_are_those_of_a_generation(followed):

@@ -19,7 +19,8 @@ rows = st.builds(
     column=st.text(max_size=8),
     unit=st.sampled_from(["", "N²m²s"]),
     ours=numbers,
-    paper=st.none() | numbers,
+    reference=st.none() | numbers,
+    source=st.sampled_from(["paper", "goal"]),
     note=st.text(max_size=8),
 )
 
@@ -42,7 +43,8 @@ def test_json_is_strict_and_says_what_the_rows_say(tmp_path_factory, some):
     for record, one in zip(read, some, strict=True):
         for name in ("table", "row", "column", "unit", "note"):
             assert record.pop(name) == getattr(one, name)
-        for name in ("ours", "paper"):
+        assert record.pop("source") == (None if one.reference is None else one.source)
+        for name in ("ours", "reference"):
             value = getattr(one, name)
             assert record.pop(name) == (value if value is not None and math.isfinite(value) else None)
         assert not record
@@ -56,9 +58,9 @@ def test_rows_are_printed_in_one_table_a_name_and_in_their_order(capsys):
 
 
 def test_a_row_is_printed_with_its_unit_the_number_beside_it_and_its_note(capsys):
-    report([row(unit="N²m²s", ours=0.123456789, paper=0.0912, note="[nan, nan] [bold]")])
+    report([row(unit="N²m²s", ours=0.123456789, reference=0.0912, source="FATROP", note="[nan, nan] [bold]")])
     printed = capsys.readouterr().out
-    for part in ("simulation 1", "energy", "N²m²s", "0.12346", "0.0912", "[nan, nan] [bold]"):
+    for part in ("simulation 1", "energy", "N²m²s", "0.12346", "0.0912", "FATROP", "[nan, nan] [bold]"):
         assert part in printed
 
 

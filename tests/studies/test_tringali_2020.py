@@ -81,7 +81,7 @@ def test_no_two_rows_say_the_same(study):
 
 @pytest.mark.parametrize("masses", ["fitted", "printed"])
 def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(study, masses):
-    ours = {(row.table, row.row, row.column, row.unit): row.paper for row in study.rows}
+    ours = {(row.table, row.row, row.column, row.unit): row.reference for row in study.rows}
     missing = [
         line
         for line in reported()
@@ -247,9 +247,9 @@ def test_a_dent_in_a_front_is_off_its_hull():
 
 def test_a_number_says_how_far_it_is_from_the_papers():
     row = beside("Table 5", "fitted", "simulation 1", "kinetic energy", "J s", 0.0528 * 1.01, "why")
-    assert (row.paper, row.note) == (0.0528, "+1.00 %; why")
+    assert (row.reference, row.note) == (0.0528, "+1.00 %; why")
     alone = beside("Table 5", "fitted", "simulation 1", "distinct optima", "", 5, "why")
-    assert (alone.paper, alone.note) == (None, "why")
+    assert (alone.reference, alone.note) == (None, "why")
 
 
 @pytest.mark.parametrize(("quick", "starts"), [(True, 24), (False, 48)])

@@ -42,12 +42,12 @@ def test_the_start_is_where_the_paths_begin():
 def test_energies_stand_beside_the_papers(trajectories):
     rows = {(row.row, row.column): row for one in trajectories for row in table_5(one)}
     assert len(rows) == 12
-    assert all(row.paper == paper()["Table 5", *place] for place, row in rows.items())
+    assert all(row.reference == paper()["Table 5", *place] for place, row in rows.items())
     for number in (1, 4):
         for method in ("PMKE", "LSV"):
             row = rows[f"trajectory {number}", method]
-            assert row.ours == pytest.approx(row.paper, rel=0.04)
-    assert rows["trajectory 1", "global"].ours == pytest.approx(rows["trajectory 1", "global"].paper, rel=0.04)
+            assert row.ours == pytest.approx(row.reference, rel=0.04)
+    assert rows["trajectory 1", "global"].ours == pytest.approx(rows["trajectory 1", "global"].reference, rel=0.04)
     for number in NUMBERS:
         energies = [rows[f"trajectory {number}", method].ours for method in ("global", "PMKE", "LSV")]
         assert energies == sorted(energies)
@@ -66,7 +66,7 @@ def test_speeds_and_radii_stand_beside_the_papers(trajectories):
     rows = [row for one in trajectories for row in text_rows(one)]
     assert len(rows) == 16
     speeds = [row for row in rows if row.unit == "rad/s" and row.row != "trajectory 2"]
-    assert all(abs(row.ours / row.paper - 1) < 0.12 for row in speeds)
+    assert all(abs(row.ours / row.reference - 1) < 0.12 for row in speeds)
     ahead, local = singularity_rows(trajectories)
     assert ahead.ours > 3 * local.ours
 
@@ -84,7 +84,7 @@ def test_the_spectral_radius_is_twice_the_most_energy_of_a_unit_velocity():
 @pytest.mark.parametrize("generations", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_search_finds_a_schedule_no_worse_than_the_papers(generations):
     (row,) = schedule_rows(1, "fitted", starts=4, generations=generations, samples=101)
-    assert row.ours < 1.02 * row.paper
+    assert row.ours < 1.02 * row.reference
     assert "from the global optimum" in row.note
 
 

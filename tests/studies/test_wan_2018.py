@@ -47,9 +47,9 @@ def test_starts_are_within_the_limits_and_on_the_first_pose():
 @pytest.mark.parametrize("table", ["Table 2", "Table 3"])
 def test_tables_stand_beside_the_papers(table):
     rows = table_rows(table, population=30)
-    errors = [row for row in rows if row.paper is not None]
+    errors = [row for row in rows if row.reference is not None]
     assert len(errors) == 18
-    assert {row.paper for row in errors} == {value for place, value in paper().items() if place[0] == table}
+    assert {row.reference for row in errors} == {value for place, value in paper().items() if place[0] == table}
     shares = [row.ours for row in rows if row.unit == "share of starts"]
     assert all(0 <= share <= 1 for share in shares)
 

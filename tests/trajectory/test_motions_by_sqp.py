@@ -80,12 +80,13 @@ def test_both_solvers_agree_on_a_spatial_arm():
     assert solution.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
 
 
-def test_interior_points_refuse_kinks_by_name_before_any_work():
-    task = problem_of(pk.kinetic_energy, pk.peak_torque).task
-    with pytest.raises(pk.InvalidInput, match="solver: 'interior-point' wants smooth functions, peak_torque has kinks"):
+def test_interior_points_refuse_functions_across_samples_by_name_before_any_work():
+    task = problem_of(pk.kinetic_energy, pk.joint_drift).task
+    message = "solver: 'interior-point' wants functions of a sample, joint_drift relates samples: take 'sqp'"
+    with pytest.raises(pk.InvalidInput, match=message):
         check_solver(motion_program(task), "interior-point")
     with pytest.raises(pk.InvalidInput, match="solver: 'interior-point'"):
-        find_optima(problem_of(pk.peak_velocity).task, starts=10**6, seed=0, solver="interior-point")
+        find_optima(problem_of(pk.joint_drift).task, starts=10**6, seed=0, solver="interior-point")
     with pytest.raises(pk.InvalidInput, match="solver must be one of auto, interior-point, sqp, got 'newton'"):
         check_solver(motion_program(task), "newton")
 

@@ -80,6 +80,24 @@ def allocate_workspace(kernel, x):
     )
 
 
+@implement(steps.add_auxiliary, DenseKernel)
+def add_auxiliary(kernel, work, x):
+    """Return a copy of x."""
+    return x.copy()
+
+
+@implement(steps.remove_auxiliary, DenseKernel)
+def remove_auxiliary(kernel, x):
+    """Return x."""
+    return x
+
+
+@implement(steps.set_smoothing, DenseKernel)
+def set_smoothing(kernel, work, mu):
+    """Return that nothing is smoothed."""
+    return False
+
+
 @implement(steps.restore, DenseKernel)
 def restore(kernel, work, x):
     """Move x onto h(x) = 0; return the largest |h| that is left."""

@@ -37,14 +37,17 @@ from paretoik.nlp.compiled.iteration import (
     weigh_objectives,
 )
 from paretoik.nlp.compiled.kernel_steps import (
+    add_auxiliary,
     allocate_workspace,
     dimensions,
     linearise,
     objective_scale,
     prepare_multipliers,
     reduced_gradient,
+    remove_auxiliary,
     residual_norm,
     restore,
+    set_smoothing,
 )
 from paretoik.nlp.compiled.line_search import search_line
 from paretoik.nlp.compiled.newton import newton_step, search_direction
@@ -65,10 +68,10 @@ def minimise(kernel, x, weights, rows, upper, options, stop):
 
     Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
-    x, weights = x.copy(), weights.copy()
-    problem = refer(kernel)
+    weights, problem = weights.copy(), refer(kernel)
     size, band, border, inequalities = dimensions(problem, x)
     work = allocate_workspace(problem, x)
+    x = add_auxiliary(problem, refer(work), x)
     it = allocate_iteration(size, band, border, inequalities, len(weights), finite_indices(upper), options.iterations)
     scale = objective_scale(problem, weights)
     for k in range(len(weights)):
@@ -79,7 +82,7 @@ def minimise(kernel, x, weights, rows, upper, options, stop):
     for i in range(len(it.z)):
         it.z[i] *= scale
     keep(work)
-    return x, status, iteration, it.objectives, it.z, stationarity, violation
+    return remove_auxiliary(problem, x), status, iteration, it.objectives, it.z, stationarity, violation
 
 
 @compiled
@@ -115,6 +118,11 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             if hopeless:
                 status = VIOLATED
                 break
+            if set_smoothing(kernel, work, barrier.mu):
+                evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
+                reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
+                linearise(kernel, work, x)
+                _stationarity(kernel, work, weights, rows, it)
         delta = newton_step(kernel, work, weights, rows, barrier, border, delta, it)
         if not np.isfinite(delta):
             status = NO_PROGRESS
@@ -151,6 +159,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
 @compiled
 def _begin(kernel, work, it, options, barrier, x, rows, upper):
     """Restore and evaluate x; return (status, violation, residual up to which the merit function alone may decide)."""
+    set_smoothing(kernel, work, barrier.mu)
     violation = restore(kernel, work, x)
     evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
     infeasible = options.filter_infeasible * max(1.0, _begin_slacks(kernel, barrier, it, options))

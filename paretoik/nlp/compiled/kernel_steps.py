@@ -52,6 +52,18 @@ def allocate_workspace(kernel: Any, x: Any) -> Any:
     """Return the arrays that the other steps write into."""
 
 
+def add_auxiliary(kernel: Any, work: Any, x: Any) -> Any:
+    """Return a copy of x with auxiliary unknowns that follow from it, if there are any."""
+
+
+def remove_auxiliary(kernel: Any, x: Any) -> Any:
+    """Return x without its auxiliary unknowns."""
+
+
+def set_smoothing(kernel: Any, work: Any, mu: Any) -> Any:
+    """Smooth kinks as far as a barrier asks; return whether objectives and constraints depend on it."""
+
+
 def restore(kernel: Any, work: Any, x: Any) -> Any:
     """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 where it is there."""
 

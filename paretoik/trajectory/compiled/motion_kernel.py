@@ -7,8 +7,6 @@ sample whose exact second derivatives, the path's curvature included, are banded
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from paretoik.autodiff.interpreter import run
@@ -16,61 +14,8 @@ from paretoik.compilation import compiled
 from paretoik.nlp.compiled import kernel_steps as steps
 from paretoik.nlp.compiled.array_loops import add_scaled, clear, inner_product, norm
 from paretoik.nlp.compiled.kernel_steps import implement
-from paretoik.trajectory.compiled import self_motion_steps
-
-
-class MotionKernel(NamedTuple):
-    """A MotionProgram of smooth sums, as arrays; see there, and ``self_motion_steps`` for the stencil."""
-
-    value: tuple[np.ndarray, ...]
-    slope: tuple[np.ndarray, ...]
-    slope_of: np.ndarray
-    slope_by: np.ndarray
-    curvature: tuple[np.ndarray, ...]
-    second_i: np.ndarray
-    second_j: np.ndarray
-    track: tuple[np.ndarray, ...]
-    neighbours: np.ndarray
-    coefficients: np.ndarray
-    first_unknown: np.ndarray
-    unknowns: int
-    border: int  # so many unknowns, the last, belong to the border
-    stride: int  # instants from one sample to the next: functions are evaluated at all instants
-    stops: bool  # the last sample is the nearest to the one before
-    ones: np.ndarray
-    quadrature: np.ndarray
-    inputs: np.ndarray
-    multipliers: np.ndarray
-    limited: np.ndarray  # (limits, 2): variable or row, and sample
-    sides: np.ndarray  # (limits,): 1 a lower limit, −1 an upper
-    bounds: np.ndarray  # (limits,)
-    longest_step: float = 0.4  # [rad or m] of any joint: too little to reach another branch of the self-motion unseen
-    penalty: float = 1.0
-    implied_slacks: bool = True
-    large_multiplier: float = np.inf
-
-
-class Workspace(NamedTuple):
-    """What the steps write: U variables of an instant, K sums, G limited rows, r unknowns a sample.
-
-    Path equations are evaluated at the samples, everything else at the instants.
-    """
-
-    inputs: np.ndarray
-    path_inputs: np.ndarray
-    tracked: np.ndarray  # path equations and their Jacobian
-    tangent: np.ndarray  # (time, dof, r)
-    normal: np.ndarray  # (time, dof, rows)
-    triangle: np.ndarray  # (time, rows, rows)
-    values: np.ndarray  # (K + G, instants)
-    slopes: np.ndarray
-    seconds: np.ndarray
-    gradients: np.ndarray  # (K + G, U, instants) of sums and rows by u
-    objective_gradients: np.ndarray  # (K, time, dof) of sums by q
-    by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
-    gradient_u: np.ndarray  # (U, instants)
-    gradient_q: np.ndarray  # (time, dof)
-    du: np.ndarray  # (U, instants)
+from paretoik.trajectory.compiled import kink_smoothing, peak_border, self_motion_steps
+from paretoik.trajectory.compiled.motion_arrays import MotionKernel, allocate, sample_count
 
 
 @implement(steps.dimensions, MotionKernel)
@@ -78,7 +23,7 @@ def dimensions(kernel, x):
     """Return (size, band, border) of the Newton matrix and the number of limits."""
     rows = kernel.multipliers[1] - kernel.multipliers[0]
     band = kernel.coefficients.shape[2] * (x.shape[1] - rows)
-    return kernel.unknowns - kernel.border, band, kernel.border, len(kernel.sides)
+    return kernel.unknowns - kernel.border, band, kernel.border + len(kernel.peak_inputs), len(kernel.sides)
 
 
 @implement(steps.objective_scale, MotionKernel)
@@ -90,29 +35,34 @@ def objective_scale(kernel, weights):
 @implement(steps.allocate_workspace, MotionKernel)
 def allocate_workspace(kernel, x):
     """Return the workspace for motions of x's shape."""
+    return allocate(kernel, x.shape[1])
+
+
+@implement(steps.add_auxiliary, MotionKernel)
+def add_auxiliary(kernel, work, x):
+    """Return the point of a motion, each σ as low as its peak allows; measure kinks."""
     samples, n = x.shape
-    instants = len(kernel.ones)
-    variables = kernel.coefficients.shape[0] * n
-    rows = kernel.multipliers[1] - kernel.multipliers[0]
-    sums = kernel.multipliers[2] - kernel.multipliers[1]
-    limited = len(kernel.inputs) - kernel.multipliers[2]
-    return Workspace(
-        kernel.inputs.copy(),
-        kernel.inputs[:, :: kernel.stride].copy(),
-        np.empty((rows + rows * n, samples)),
-        np.zeros((samples, n, n - rows)),
-        np.zeros((samples, n, rows)),
-        np.zeros((samples, rows, rows)),
-        np.empty((sums + limited, instants)),
-        np.empty((sums + limited + len(kernel.slope_of), instants)),
-        np.empty((len(kernel.second_i), instants)),
-        np.zeros((sums + limited, variables, instants)),
-        np.zeros((sums, samples, n)),
-        np.zeros((variables + limited, instants)),
-        np.zeros((variables, instants)),
-        np.zeros((samples, n)),
-        np.zeros((variables, instants)),
-    )
+    point = np.zeros((samples + peak_border.peak_rows(kernel, n), n))
+    point[:samples] = x
+    self_motion_steps.apply_stencil(point, kernel.neighbours, kernel.coefficients, work.inputs)
+    peak_border.copy_peaks(kernel, work, point)
+    kink_smoothing.evaluate_functions(kernel, work)
+    kink_smoothing.measure_kinks(kernel, work)
+    peak_border.lift_peaks(kernel, work, point)
+    return point
+
+
+@implement(steps.remove_auxiliary, MotionKernel)
+def remove_auxiliary(kernel, x):
+    """Return the motion of a point."""
+    return x[: sample_count(kernel)].copy()
+
+
+@implement(steps.set_smoothing, MotionKernel)
+def set_smoothing(kernel, work, mu):
+    """Set the width of kinks; return whether there are any."""
+    kink_smoothing.set_widths(kernel, work, mu)
+    return len(kernel.kinks) > 0
 
 
 @implement(steps.restore, MotionKernel)
@@ -124,15 +74,18 @@ def restore(kernel, work, x):
 @implement(steps.evaluate, MotionKernel)
 def evaluate(kernel, work, x, F, c):
     """Write the sums and the distances from limits of the motion x."""
-    sums, variables = len(F), len(work.gradient_u)
+    samples, n = sample_count(kernel), x.shape[1]
+    sums, variables = len(work.objective_gradients), len(work.gradient_u)
     inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
     limited, sides, bounds = kernel.limited, kernel.sides, kernel.bounds
     self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
-    run(kernel.value, work.inputs, work.values)
-    for k in range(sums):
-        F[k] = 0.0
-        for s in range(len(quadrature)):
-            F[k] += quadrature[s] * values[k, s]
+    peak_border.copy_peaks(kernel, work, x)
+    kink_smoothing.evaluate_functions(kernel, work)
+    for total in range(len(F)):
+        k, peak = kernel.totals[total], -1 - kernel.totals[total]
+        F[total] = 0.0 if k >= 0 else x[samples + peak // n, peak % n]
+        for s in range(len(quadrature) if k >= 0 else 0):
+            F[total] += quadrature[s] * values[k, s]
     for i in range(len(sides)):
         row, s = limited[i, 0], limited[i, 1]
         value = inputs[row, s] if row < variables else values[sums + row - variables, s]
@@ -142,11 +95,16 @@ def evaluate(kernel, work, x, F, c):
 @implement(steps.linearise, MotionKernel)
 def linearise(kernel, work, x):
     """Prepare the tangent of the path and the gradients at x; return False at a singularity."""
-    inputs, slopes, gradients = work.path_inputs, work.slopes, work.gradients
+    slopes, gradients, instants = work.slopes, work.gradients, len(kernel.ones)
     slope_of, slope_by = kernel.slope_of, kernel.slope_by
-    for j in range(x.shape[1]):
-        for s in range(x.shape[0]):
-            inputs[j, s] = x[s, j]
+    self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
+    if len(kernel.kinks):
+        peak_border.copy_peaks(kernel, work, x)
+        kink_smoothing.evaluate_functions(kernel, work)
+        kink_smoothing.linearise_kinks(kernel, work)
+    for s in range(work.path_inputs.shape[1]):
+        for j in range(x.shape[1]):
+            work.path_inputs[j, s] = x[s, j]
     run(kernel.track, work.path_inputs, work.tracked)
     if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
@@ -154,9 +112,13 @@ def linearise(kernel, work, x):
         self_motion_steps.tie_last_sample(work.tangent, work.normal)
     run(kernel.slope, work.inputs, work.slopes)
     functions = len(gradients)
+    for f in range(functions if len(kernel.kinks) else 0):  # entries that are always 0 by themselves
+        clear(gradients[f])
     for e in range(len(slope_of)):
-        for s in range(slopes.shape[1]):
+        for s in range(instants):
             gradients[slope_of[e], slope_by[e], s] = slopes[functions + e, s]
+    if len(kernel.kinks):
+        kink_smoothing.chain_gradients(kernel, work)
     for k in range(len(work.objective_gradients)):
         gradient = work.objective_gradients[k]
         clear(gradient)
@@ -175,10 +137,11 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
         self_motion_steps.add_transposed_stencil(
             work.gradient_u, kernel.ones, kernel.neighbours, kernel.coefficients, work.gradient_q
         )
-    for k in range(len(weights)):
-        if weights[k] != 0.0:
-            add_scaled(work.gradient_q, weights[k], work.objective_gradients[k])
+    for total in range(len(weights)):
+        if weights[total] != 0.0 and kernel.totals[total] >= 0:
+            add_scaled(work.gradient_q, weights[total], work.objective_gradients[kernel.totals[total]])
     self_motion_steps.project_gradient(work.gradient_q, work.tangent, kernel.first_unknown, out)
+    peak_border.peak_gradient(kernel, work, weights, multipliers, out)
 
 
 @compiled
@@ -194,7 +157,7 @@ def _limit_gradient(kernel, work, multipliers):
     for a in range(variables):
         for s in range(samples):
             gradient_u[a, s] = by_row[a, s]
-        for g in range(len(gradients) - sums):
+        for g in range(len(kernel.row_peaks)):
             for s in range(samples):
                 gradient_u[a, s] += by_row[variables + g, s] * gradients[sums + g, a, s]
 
@@ -207,9 +170,12 @@ def prepare_multipliers(kernel, work, weights):
     for g in range(len(by_row) - variables):
         for s in range(samples):
             inputs[first[2] + g, s] = by_row[variables + g, s]
-    for k in range(len(weights)):
-        for s in range(samples):
-            inputs[first[1] + k, s] = weights[k] * quadrature[s]
+    for total in range(len(weights)):
+        if kernel.totals[total] >= 0:
+            for s in range(samples):
+                inputs[first[1] + kernel.totals[total], s] = weights[total] * quadrature[s]
+    if len(kernel.kinks):
+        kink_smoothing.tie_multipliers(kernel, work, weights)
     self_motion_steps.path_multipliers(
         work.gradient_q, work.normal, work.triangle, kernel.stride, inputs[first[0] : first[1]]
     )
@@ -218,7 +184,7 @@ def prepare_multipliers(kernel, work, weights):
 @implement(steps.residual_norm, MotionKernel)
 def residual_norm(kernel, residual):
     """Return the root mean square over time."""
-    return np.sqrt(len(kernel.ones) // kernel.stride + kernel.stride - 1) * norm(residual)
+    return np.sqrt(sample_count(kernel)) * norm(residual)
 
 
 @implement(steps.assemble, MotionKernel)
@@ -237,6 +203,7 @@ def assemble(kernel, work, stiffness, A, B, C):
         self_motion_steps.add_hessian(
             s, phi, kernel.neighbours, kernel.coefficients, work.tangent, kernel.first_unknown, local, half, A, B, C
         )
+    peak_border.assemble_peaks(kernel, work, A, B, C)
     largest = 0.0
     for i in range(A.shape[0]):
         largest = max(largest, abs(A[i, 0]))
@@ -252,21 +219,26 @@ def _sample_hessian(kernel, work, s, row, phi):
     clear(phi)
     for e in range(len(second_i)):
         i, j = second_i[e], second_j[e]
-        phi[i, j] = phi[j, i] = seconds[e, s]
+        if i < variables and j < variables:
+            phi[i, j] = phi[j, i] = seconds[e, s]
     for a in range(variables):
         phi[a, a] += by_row[a, s]
-    for g in range(len(gradients) - sums):
+    if len(kernel.kinks):
+        kink_smoothing.add_kink_hessian(kernel, work, s, row, phi)
+    for g in range(len(kernel.row_peaks)):
         for a in range(variables):
             row[a] = gradients[sums + g, a, s]
         for a in range(variables):
             scaled = by_row[variables + g, s] * row[a]
-            for b in range(variables):
-                phi[a, b] += scaled * row[b]
+            if scaled != 0.0:
+                for b in range(variables):
+                    phi[a, b] += scaled * row[b]
 
 
 @implement(steps.expand_step, MotionKernel)
 def expand_step(kernel, work, step, dx):
-    """Write the change of q; return its largest entry."""
+    """Write the change of q and σ; return the largest entry of that of q."""
+    peak_border.step_peaks(kernel, step, dx)
     return self_motion_steps.expand_motion_step(step, work.tangent, kernel.first_unknown, dx)
 
 
@@ -275,19 +247,21 @@ def directional_derivatives(kernel, work, dx, dF, dc):
     """Write the derivatives of sums and limits along dx."""
     du, by_row, gradients = work.du, work.by_row, work.gradients
     limited, sides = kernel.limited, kernel.sides
-    variables, samples = du.shape
-    sums = len(dF)
+    (variables, instants), n, samples = du.shape, dx.shape[1], sample_count(kernel)
+    sums = len(work.objective_gradients)
     self_motion_steps.apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
-    for k in range(sums):
-        dF[k] = inner_product(work.objective_gradients[k], dx)
+    for total in range(len(dF)):
+        k, peak = kernel.totals[total], -1 - kernel.totals[total]
+        dF[total] = inner_product(work.objective_gradients[k], dx) if k >= 0 else dx[samples + peak // n, peak % n]
     for a in range(variables):
-        for s in range(samples):
+        for s in range(instants):
             by_row[a, s] = du[a, s]
-    for g in range(len(gradients) - sums):
-        for s in range(samples):
-            by_row[variables + g, s] = 0.0
+    for g in range(len(kernel.row_peaks)):
+        peak = kernel.row_peaks[g]
+        for s in range(instants):
+            by_row[variables + g, s] = 0.0 if peak < 0 else dx[samples + peak // n, peak % n]
         for a in range(variables):
-            for s in range(samples):
+            for s in range(instants):
                 by_row[variables + g, s] += gradients[sums + g, a, s] * du[a, s]
     for i in range(len(sides)):
         dc[i] = sides[i] * by_row[limited[i, 0], limited[i, 1]]
@@ -296,13 +270,13 @@ def directional_derivatives(kernel, work, dx, dF, dc):
 @implement(steps.retract, MotionKernel)
 def retract(kernel, work, x, dx, length, trial):
     """Write the motion on the path that a step leads to; return whether it got there."""
-    samples, n = x.shape
-    for s in range(samples):
-        for j in range(n):
+    samples = sample_count(kernel)
+    for s in range(x.shape[0]):
+        for j in range(x.shape[1]):
             trial[s, j] = x[s, j] + length * dx[s, j]
     if kernel.stops:
-        for j in range(n):
-            trial[-1, j] = trial[-2, j]
+        for j in range(x.shape[1]):
+            trial[samples - 1, j] = trial[samples - 2, j]
     return self_motion_steps.retract_motion(
         kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked
     )

@@ -221,7 +221,10 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
 
 @compiled
 def path_multipliers(gradient_q, normal, triangle, stride, multipliers):
-    """Write ν (rows, instants), 0 but at every ``stride``, the samples, with Jᵀ ν = −(gradient in the row space), the multipliers of the path."""
+    """Write ν with Jᵀ ν = −(gradient in the row space), the multipliers of the path, (rows, instants).
+
+    The samples are one instant in ``stride``; ν of the others stays as it is, 0.
+    """
     samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):

@@ -25,7 +25,10 @@ TABLE_ROW = "exchange rates, differences"
 
 @dataclass(frozen=True, kw_only=True)
 class RateComparison:
-    """A rate ∂f_j/∂f_i, its interval, and the quotients of the solves below (backward), above and both (central)."""
+    """A rate ∂f_j/∂f_i, NaN where it is not unique, its interval, and the quotients of neighbouring solves.
+
+    The quotients are those of the solves below (backward), above (forward) and both (central).
+    """
 
     point: int
     i: int
@@ -40,7 +43,7 @@ class RateComparison:
     def unique(self) -> bool:
         """Whether multipliers are."""
         low, high = self.interval
-        return bool(high - low <= UNIQUE * abs(self.rate))
+        return bool(high - low <= UNIQUE * abs(high))
 
     @property
     def off(self) -> float:
@@ -49,7 +52,8 @@ class RateComparison:
             return abs(self.central / self.rate - 1.0)
         low, high = self.interval
         quotients = np.array([self.backward, self.forward])
-        return float(np.maximum(quotients - high, low - quotients).max(initial=0.0) / abs(self.rate))
+        size = abs(self.rate) if np.isfinite(self.rate) else max(abs(low), abs(high))
+        return float(np.maximum(quotients - high, low - quotients).max(initial=0.0) / size)
 
 
 def exchange_rows(subject: Subject) -> list[Row]:

@@ -100,7 +100,8 @@ def exact_rows(rounds: int) -> list[Row]:
                     column="with two obstacles" if blocked else "no obstacles",
                     unit="µs",
                     ours=1e6 * min(seconds_taken),
-                    paper=None if goal is None else 1e6 * goal,
+                    reference=None if goal is None else 1e6 * goal,
+                    source="goal",
                     note=lost,
                 )
             )

@@ -53,7 +53,8 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
                     column="median hypervolume, share of the exact front's",
                     unit="",
                     ours=float(np.median(ours)),
-                    paper=float(np.median(theirs)),
+                    reference=float(np.median(theirs)),
+                    source="pymoo",
                     note=f"{verdict} within {MARGIN:.0%}: p {p:.1e}; ranges {np.ptp(ours):.1e}, {np.ptp(theirs):.1e}",
                 )
             )

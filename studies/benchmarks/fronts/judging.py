@@ -123,7 +123,16 @@ def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
         verdict = one.verdict.upper() if one.verdict.startswith("loss") else one.verdict
         name, note = f"{one.indicator} beside {one.peer}", f"{verdict}; {one.tests}"
         rows.append(
-            Row(table=COMPARED, row=one.problem, column=name, unit="", ours=one.ours, paper=one.theirs, note=note)
+            Row(
+                table=COMPARED,
+                row=one.problem,
+                column=name,
+                unit="",
+                ours=one.ours,
+                reference=one.theirs,
+                source=one.peer,
+                note=note,
+            )
         )
     tally = [
         Row(
@@ -132,7 +141,8 @@ def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
             column="wins, and losses beside them",
             unit="",
             ours=count["win"],
-            paper=count["loss"],
+            reference=count["loss"],
+            source="losses",
             note=f"equal {count['equal']}, undecided {count['undecided']}",
         )
         for name, count in sorted(counts.items(), key=lambda item: item[1]["win"] - item[1]["loss"])

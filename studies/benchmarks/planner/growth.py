@@ -62,6 +62,7 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
                 unit="s",
                 ours=float(seconds[-1][0]),
                 theirs=float(seconds[-1][1]),
+                source="FATROP",
                 note=f"iterations {iterations[-1][0]} and {iterations[-1][1]}{ended}",
             )
         )
@@ -79,7 +80,8 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
                 column=what,
                 unit="",
                 ours=float(slopes[0]),
-                paper=float(slopes[1]),
+                reference=float(slopes[1]),
+                source="FATROP",
                 note=said,
             )
         )

@@ -45,7 +45,8 @@ def optima(
                 column=f"objective, {label}",
                 unit="",
                 ours=plan.best.objective,
-                paper=theirs[0].value,
+                reference=theirs[0].value,
+                source=label,
                 note=(LOSS if below > BELOW else "") + f"relative gap {below:.1e}, goal {BELOW:g}",
             )
         )
@@ -81,7 +82,8 @@ def optima(
                 column=label,
                 unit="",
                 ours=len(plan.optima),
-                paper=len(theirs),
+                reference=len(theirs),
+                source=label,
                 note=f"{LOSS if lost else ''}goal: no fewer; {left_out}" if row.startswith(COUNTED) else left_out,
             )
         )
@@ -102,7 +104,8 @@ def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
         column="objective, grid oracle polished",
         unit="",
         ours=plan.best.objective,
-        paper=theirs,
+        reference=theirs,
+        source="grid oracle",
         note=(LOSS if below > BELOW else "")
         + f"relative gap {below:.1e}, goal {BELOW:g}; on the grid {grid.best:.6g}, "
         + (proven if grid.exact else "a source of starts")

@@ -25,6 +25,7 @@ def versus(
     ours: float,
     theirs: float,
     goal: float | None = None,
+    source: str = "peer",
     note: str = "",
 ) -> Row:
     """Return a row whose note has the ratio of ours to theirs and the goal, if there is one; less is better."""
@@ -38,7 +39,8 @@ def versus(
         column=column,
         unit=unit,
         ours=float(ours),
-        paper=beside,
+        reference=beside,
+        source=source,
         note=(LOSS if lost else "") + ", ".join(parts),
     )
 

@@ -244,7 +244,7 @@ def test_what_cannot_be_reached_is_not_and_what_is_beaten_is_told(subject):
         better, median, every, *_ = race_rows(replace(subject, front=moved, staged=None))
         reached = int(median.note.split("reaches ")[1].split()[0])
         assert reached == 0 if share < 0 else reached >= len(subject.q) / 2
-        assert (every.paper is None) == (share < 0)
+        assert (every.reference is None) == (share < 0)
         assert (better.ours > 1e-3) == (share > 0)
 
 

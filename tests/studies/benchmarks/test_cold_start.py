@@ -23,7 +23,7 @@ def test_the_ratio_is_held_against_the_goal(seconds, words):
     before = timing(10.0), timing(1.0)
     *_, ratio = tabulate("plan", {"now": (timing(seconds), timing(1.0)), "before": before})
     assert ratio.ours == pytest.approx(seconds / 10)
-    assert ratio.paper == 0.4
+    assert ratio.reference == 0.4
     assert ratio.note == f"{words}; the same bits"
 
 

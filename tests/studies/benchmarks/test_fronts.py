@@ -200,7 +200,7 @@ def test_losses_come_first_and_are_counted():
     compared = [row for row in rows if row.table == judging.COMPARED]
     verdicts = [row.note.split(";")[0] for row in compared]
     assert verdicts == ["LOSS"] * 9 + ["win"] * 9
-    counted = {row.row: (row.ours, row.paper) for row in rows if row.table == judging.COUNTED}
+    counted = {row.row: (row.ours, row.reference) for row in rows if row.table == judging.COUNTED}
     assert counted["strong: paretoik, equal evaluations"] == (0, 3)
     assert counted["weak: paretoik, equal evaluations"] == (3, 0)
 

@@ -40,7 +40,7 @@ def test_each_function_counts_with_its_shortest_time_and_they_take_turns(monkeyp
 def test_a_time_says_whether_it_met_its_goal(monkeypatch, goal, note):
     monkeypatch.setattr(kinematics, "MOTIONS", 2)
     row = kinematics.motion_row("planar 3R", tringali_3r(), goal, 1)
-    assert (row.unit, row.paper, row.note) == ("ms", goal, note)
+    assert (row.unit, row.reference, row.note) == ("ms", goal, note)
     assert row.ours > 0
 
 

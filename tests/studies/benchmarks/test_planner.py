@@ -191,7 +191,7 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
 
 def test_growth_has_an_exponent_of_each():
     rows = growth(NAMES[:1], seed=0, repeats=1, samples=(26, 51, 101))
-    exponents = {row.column: (row.ours, row.paper) for row in rows if "exponent" in row.column}
+    exponents = {row.column: (row.ours, row.reference) for row in rows if "exponent" in row.column}
     assert len(exponents) == 2
     assert len(rows) == 5
     assert all(np.isfinite(pair).all() for pair in exponents.values())

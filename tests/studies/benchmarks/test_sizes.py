@@ -48,4 +48,4 @@ def test_a_library_is_counted_by_package_and_what_is_long_is_named(tmp_path):
     assert sizes.public == 2
     rows = {row.row: row for row in tabulate(sizes, sizes) if row.table == "what is long"}
     assert rows["files above 300 lines"].note == "goal at most 0; part/long.py 363"
-    assert rows["public names"].paper == 2
+    assert rows["public names"].reference == 2

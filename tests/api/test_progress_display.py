@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from paretoik.api.progress import RunProgress, show_compilation
-from paretoik.cli.progress_display import progress_text, show_progress
+from paretoik.api.progress_display import open_observer, progress_text
 from paretoik.compilation_notices import CompilationNotice, announce
 
 NOTICE = CompilationNotice(what="the planner", seconds=40.0)
@@ -17,7 +17,8 @@ def progress(done: int, **parts) -> RunProgress:
     ("shown", "limit", "text"),
     [
         (progress(5, summary="front 4"), None, "generation 5/10, front 4, at most 0:30 left"),
-        (progress(1, stage="refinement"), None, "refinement 1/10, at most 4:30 left"),
+        (progress(1, stage="refinement"), None, "refinement 1/10, 0:30 so far"),
+        (progress(1, stage="refinement", remaining=270.0), None, "refinement 1/10, about 4:30 left"),
         (progress(5), 40.0, "generation 5/10, at most 0:10 left"),
         (progress(5), 20.0, "generation 5/10, at most 0:00 left"),
         (progress(0, total=0, stage="saving"), None, "saving"),
@@ -29,23 +30,23 @@ def test_progress_is_a_line_with_the_time_left(shown, limit, text):
 
 
 def test_where_there_is_no_terminal_a_line_comes_now_and_then(capsys):
-    with show_progress(None, False) as observe:
+    with open_observer(True) as observe:
         observe(progress(1))
         observe(progress(2))
     assert capsys.readouterr().err == "generation 1/10, at most 4:30 left\n"
 
 
 def test_quiet_means_no_observer_and_no_notices_of_compilation(capsys):
-    with show_progress(None, True) as observe:
+    with open_observer(False) as observe:
         assert observe is None
         announce(NOTICE)
     assert capsys.readouterr().err == ""
 
 
 def test_what_is_compiled_is_a_line_at_once(capsys):
-    with show_progress(None, False):
+    with open_observer(True):
         announce(NOTICE)
-    with show_progress(None, False) as observe, show_compilation(observe):
+    with open_observer(True) as observe, show_compilation(observe):
         observe(progress(1))
         announce(NOTICE)
     lines = capsys.readouterr().err.splitlines()

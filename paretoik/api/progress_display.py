@@ -1,0 +1,98 @@
+"""Progress on stderr: a bar on a terminal, else a line now and then for those who ask."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from paretoik.api.progress import Observer, RunProgress, show_compilation
+from paretoik.compilation_notices import observe_compilation
+from paretoik.inputs import check_function
+
+
+@contextmanager
+def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
+    """Yield the observer of a verb, which also learns what is compiled.
+
+    That is ``observe`` itself; for None a bar where stderr is a terminal, for True that or else lines; for False, and
+    for None without a terminal, none. Raises InvalidInput for what cannot be called.
+    """
+    if observe is None or observe is True:
+        if sys.stderr.isatty():
+            with _bar(time_limit) as bar, show_compilation(bar):
+                yield bar
+            return
+        observe = _LinePrinter(time_limit) if observe else None
+    elif observe is False:
+        with observe_compilation(lambda notice: None):
+            yield None
+        return
+    check_function("observe", observe)
+    with show_compilation(observe):
+        yield observe
+
+
+@contextmanager
+def _bar(time_limit: float | None) -> Iterator[Observer]:
+    """Yield an observer that draws a bar on stderr while the body runs."""
+    from rich import progress as rich  # here: it takes a while, and only terminals need it
+    from rich.console import Console
+
+    bar = rich.Progress(
+        rich.BarColumn(), rich.TextColumn("{task.description}"), console=Console(stderr=True), transient=True
+    )
+    job = bar.add_task("beginning", total=None)
+
+    def show(progress: RunProgress) -> None:
+        text = progress_text(progress, time_limit)
+        bar.update(job, completed=progress.done, total=progress.total or None, description=text)
+
+    with bar:
+        yield show
+
+
+class _LinePrinter:
+    """Prints a line of progress on stderr, at most one in ``interval`` [s]."""
+
+    def __init__(self, time_limit: float | None, interval: float = 5.0) -> None:
+        self.time_limit, self.interval, self.due = time_limit, interval, 0.0
+
+    def __call__(self, progress: RunProgress) -> None:
+        now = time.monotonic()
+        if now >= self.due or progress.stage == "compilation":
+            self.due = now + self.interval
+            print(progress_text(progress, self.time_limit), file=sys.stderr, flush=True)
+
+
+def progress_text(progress: RunProgress, time_limit: float | None = None) -> str:
+    """Return progress in a line: what is done of what, what there is so far, and the time that is left.
+
+    A search or loop takes at most as long as what is done says. Elsewhere the time is what the verb estimates, and the
+    time so far where it cannot.
+
+    >>> from paretoik.api.progress import RunProgress
+    >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))
+    'step 3/12, front 9, at most 3:00 left'
+    >>> progress_text(RunProgress(stage="refinement", done=3, total=12, seconds=60.0, remaining=200.0))
+    'refinement 3/12, about 3:20 left'
+    """
+    if progress.total == 0:
+        return progress.summary or progress.stage
+    if progress.stage in ("generation", "step"):
+        remaining = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
+        if time_limit is not None:
+            remaining = min(remaining, max(time_limit - progress.seconds, 0.0))
+        left = f"at most {_minutes(remaining)} left"
+    elif progress.remaining is None:
+        left = f"{_minutes(progress.seconds)} so far"
+    else:
+        left = f"about {_minutes(progress.remaining)} left"
+    parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary]
+    return ", ".join([*filter(None, parts), left])
+
+
+def _minutes(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    return f"{minutes}:{seconds:02}"

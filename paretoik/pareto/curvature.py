@@ -1,0 +1,170 @@
+"""Whether a critical point is a minimum: the Hessian of the Lagrangian on the critical cone.
+
+The cone: ∇fᵢ·d = 0 where λᵢ > 0, ≤ 0 where λᵢ = 0; ∇c·d = 0 where a limit is strongly active, ≥ 0 where weakly. Without
+the rows ∇fᵢ·d = 0 every concave piece of a front would count as a saddle. Source: Nocedal & Wright, section 12.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.linalg import qr
+
+from paretoik.errors import EvaluationFailed, SolverFailed
+from paretoik.nlp.conic import Cone, Constraints
+from paretoik.nlp.criticality import Criticality
+from paretoik.nlp.program import Goal, Linearisation, Program
+from paretoik.nlp.sqp import SqpOptions, minimise
+from paretoik.pareto.violation import violation_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvatureOptions:
+    """Tolerances without unit: objectives and limits are divided by their ranges."""
+
+    curvature: float = 1e-7  # second derivative along a direction of length one, below which there is none
+    multiplier: float = 1e-6  # share of all multipliers from which on one counts
+    active: float = 1e-7  # slack up to which a limit is active
+    violation: float = 1e-8  # that counts as none
+    descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
+    restorations: int = 30  # iterations of SQP at most, that lead back within all limits from the first of these
+    slope: float = 1e-9  # along a direction that a weakly active limit or an objective without weight allows
+    dependent: float = 1e-9  # of rows of length one: what counts as none
+    names: int = 3  # limits and kinks that a reason names, at most
+
+
+OPTIONS = CurvatureOptions()
+
+
+def curvature_status(
+    program: Program, at: Linearisation, result: Criticality, constraints: Constraints, ranges: np.ndarray
+) -> tuple[str, str]:
+    """Return "minimum", "saddle" or "undetermined", and of the last the reason.
+
+    A saddle is called one where a step along negative curvature leads to a point that is better in every objective.
+    """
+    gradients = at.gradients[: len(ranges)] / ranges[:, None]
+    counts, strong = result.weights >= OPTIONS.multiplier, result.multipliers > OPTIONS.multiplier
+    weak = ~strong & (constraints.values <= OPTIONS.active)
+    hessian, cone_rows = _lagrangian(program, at, result, ranges)
+    fixed = np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows])
+    edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction lowers these
+    direction, curvature = _least_curved(fixed, hessian, at.unit)
+    if curvature >= -OPTIONS.curvature:
+        return "minimum", ""
+    directions = [direction]
+    if len(edges):
+        inner, inner_curvature = _least_curved(np.concatenate([fixed, edges]), hessian, at.unit)
+        directions += [inner] if inner_curvature < -OPTIONS.curvature else []
+    for candidate in directions:
+        for sign in (1.0, -1.0):
+            allowed = np.all(edges @ (sign * candidate) >= -OPTIONS.slope)
+            if allowed and _is_dominated(program, at, sign * at.unit * candidate, len(ranges)):
+                return "saddle", ""
+    names = edge_names(program, at, weak, ~counts)
+    if len(directions) > 1 or not names:
+        return "undetermined", f"curvature {curvature:.1e} along a direction in which no better point was found"
+    return "undetermined", f"curvature {curvature:.1e} along a direction that ends at {names}"
+
+
+def edge_names(
+    program: Program, at: Linearisation, weak: Bool[np.ndarray, " inequalities"], weightless: Bool[np.ndarray, " n_obj"]
+) -> str:
+    """Return the names of weakly active limits, kinks and objectives without weight, each once."""
+    bounds = int(np.count_nonzero(np.isfinite(program.upper)))
+    rows = np.flatnonzero(weak)
+    limits = [program.inequality_names[i] for i in rows[rows < at.elastic]]
+    totals = np.flatnonzero(np.isfinite(program.upper))
+    limits += [program.objective_names[totals[i - at.elastic]] for i in rows if 0 <= i - at.elastic < bounds]
+    kinks = [f"a kink of {name}" for name in program.kinked] if (rows >= at.elastic + bounds).any() else []
+    objectives = [f"{program.objective_names[i]}, which has no weight" for i in np.flatnonzero(weightless)]
+    names = list(dict.fromkeys([*kinks, *limits, *objectives]))
+    more = [f"{len(names) - OPTIONS.names} more"] if len(names) > OPTIONS.names else []
+    return ", ".join([*names[: OPTIONS.names], *more])
+
+
+def _least_curved(fixed: np.ndarray, hessian: np.ndarray, unit: float) -> tuple[np.ndarray, float]:
+    """Return the direction of least curvature that no row of ``fixed`` looks along, and that curvature; ∞ for none."""
+    tangent = null_space(fixed)
+    projected = tangent.T @ hessian @ tangent
+    if is_positive_definite(projected + OPTIONS.curvature / unit**2 * np.eye(len(projected))):
+        return np.zeros(len(hessian)), np.inf
+    values, vectors = np.linalg.eigh(projected)
+    direction: np.ndarray = tangent @ vectors[:, 0]
+    return direction, float(values[0] * unit**2)
+
+
+def _lagrangian(
+    program: Program, at: Linearisation, result: Criticality, ranges: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the Hessian (columns, columns) of the Lagrangian, lengths of cones included, and the rows that fix these.
+
+    On the critical cone the column of a cone changes as its length does.
+    """
+    count, finite = len(ranges), np.isfinite(program.upper)
+    elastic, bounds, ties = np.split(result.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
+    weights = np.zeros(len(program.upper))
+    weights[:count] = result.weights / ranges
+    weights[finite] += bounds
+    hessian = at.hessian(weights, np.concatenate([elastic, ties]), result.cone_multipliers).toarray()
+    rows = list[np.ndarray]()
+    for cone, multiplier in zip(at.cones, result.cone_multipliers, strict=True):
+        row, second = _length(cone, at.columns)
+        rows.append(row)
+        hessian += np.linalg.norm(multiplier) * second
+    return hessian, rows
+
+
+def null_space(rows: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "columns free"]:
+    """Return an orthonormal basis of the directions that no row looks along; rows count by direction, not length."""
+    unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    basis, triangle, _ = qr(unit.T, pivoting=True)
+    sizes = np.abs(np.diagonal(triangle))
+    free: np.ndarray = basis[:, np.count_nonzero(sizes > OPTIONS.dependent * sizes.max(initial=0.0)) :]
+    return free
+
+
+def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
+    """Return whether a symmetric matrix is positive definite, by Cholesky's factorisation."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the row that ties the column of a cone to its length, and the length's second derivatives."""
+    size, rows = float(np.linalg.norm(cone.values)), cone.rows.toarray()
+    top = np.zeros((1, columns))
+    top[0, cone.column] = 1.0
+    if size <= OPTIONS.active:  # a length of zero can only grow
+        return np.concatenate([top, rows]), np.zeros((columns, columns))
+    slope = (cone.values / size)[None] @ rows
+    return top - slope, (rows.T @ rows - slope.T @ slope) / size
+
+
+def _is_dominated(program: Program, at: Linearisation, direction: np.ndarray, n_obj: int) -> bool:
+    """Return whether a step along a direction leads to a feasible point that is better in every objective."""
+    values, steps = at.objectives[:n_obj], [at.retract(length * direction) for length in OPTIONS.descent_steps]
+    if any(x is not None and _is_better(program, x, values) for x in steps):
+        return True
+    if steps[0] is None:
+        return False
+    weights, upper = np.zeros(len(program.upper)), np.full(len(program.upper), np.inf)
+    weights[:n_obj], upper[:n_obj] = 1.0, values
+    goal = Goal(weights=weights, rows=np.eye(len(upper)), upper=upper)
+    settings = SqpOptions(iterations=OPTIONS.restorations, radius=OPTIONS.descent_steps[0], corrections=3)
+    try:
+        x = minimise(program, steps[0], goal, settings).x
+    except (SolverFailed, EvaluationFailed):
+        return False
+    return _is_better(program, x, values)
+
+
+def _is_better(program: Program, x: np.ndarray, values: np.ndarray) -> bool:
+    objectives, equalities, inequalities = program.evaluate(x)
+    violation = violation_of(program, objectives, equalities, inequalities)
+    return bool(np.all(objectives[: len(values)] < values) and violation <= OPTIONS.violation)

@@ -1,0 +1,72 @@
+"""Programs of motions as arrays, for compiled solvers."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Int
+
+from paretoik.trajectory.compiled import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
+from paretoik.trajectory.compiled.motion_arrays import MotionKernel
+from paretoik.trajectory.program import MotionProgram
+
+
+def motion_kernel(program: MotionProgram) -> MotionKernel:
+    """Return a program of sums and peaks as interior points take it; its registers are its own: one for a thread."""
+    evaluators, stencil = program.evaluators, program.stencil
+    variables, auxiliary = len(program.variables), len(program.variables) - program.rates
+    rows = len(program.rows) + len(program.epigraph_rows)
+    row = program.limited[:, 0]
+    limits = row < variables + rows  # the ties of slacks, which follow, hold as they are defined
+    row = np.where(row >= variables, row - auxiliary, row)
+    row_peaks = np.full(rows, -1, dtype=np.int64)
+    row_peaks[program.epigraph_rows] = program.epigraph_peaks
+    kinks, nesting = _kinks(program)
+    return MotionKernel(
+        value=evaluators.value.arrays,
+        slope=evaluators.gradient.arrays,
+        slope_of=evaluators.gradient_sparsity.rows,
+        slope_by=evaluators.gradient_sparsity.columns,
+        curvature=evaluators.hessian.arrays,
+        second_i=evaluators.hessian_sparsity.rows,
+        second_j=evaluators.hessian_sparsity.columns,
+        track=evaluators.path.arrays,
+        neighbours=stencil.neighbours,
+        coefficients=stencil.coefficients,
+        first_unknown=stencil.first_unknown,
+        unknowns=stencil.unknowns,
+        border=stencil.border,
+        stride=program.task.stride,
+        stops=program.task.ties_end,
+        ones=np.ones(len(program.task.instants)),
+        quadrature=np.array(program.task.weights),
+        inputs=program.inputs,
+        multipliers=evaluators.multipliers,
+        limited=np.stack([row, program.limited[:, 1]], axis=1)[limits],
+        sides=program.sides[limits],
+        bounds=program.bounds[limits],
+        totals=np.array([each.index if each.kind == "sum" else -1 - each.index for each in program.totals]),
+        peak_inputs=program.peak_inputs,
+        row_peaks=row_peaks,
+        kinks=kinks,
+        nesting=nesting,
+    )
+
+
+def _kinks(program: MotionProgram) -> tuple[Int[np.ndarray, "kinks 4"], int]:
+    """Return input, variable, sign and first tie of every slack, innermost first, and how deep kinks are nested."""
+    count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
+    function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
+    inner = [set[int]() for _ in range(count)]
+    for tie, column in zip(function - first_tie, variable - program.rates, strict=True):
+        if tie >= 0 and 0 <= column < count and column != tie // 2:
+            inner[tie // 2].add(int(column))
+    order, depths = list[int](), dict[int, int]()
+    while len(order) < count:
+        for j in range(count):
+            if j not in depths and inner[j] <= depths.keys():
+                depths[j] = 1 + max((depths[k] for k in inner[j]), default=0)
+                order.append(j)
+    table = [
+        (program.slack_inputs[j], program.rates + j, program.evaluators.signs[j], first_tie + 2 * j) for j in order
+    ]
+    return np.array(table, dtype=np.int64).reshape(-1, 4), max(depths.values(), default=0)

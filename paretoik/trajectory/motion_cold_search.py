@@ -1,0 +1,62 @@
+"""How optima of motions are found from nothing, as ε-sweeps ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import Infeasible
+from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.solutions import Solutions
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.levels import level_programs, refine_levels
+from paretoik.trajectory.plan import find_optima
+from paretoik.trajectory.plan_starts import initial_motions
+from paretoik.trajectory.program import MotionProgram
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionColdSearch:
+    """Plans each objective alone; leads coarse starts below bounds, level by level; a ``ColdSearch``."""
+
+    task: MotionTask
+    starts: int
+    seed: int
+    solver: Solver = "auto"
+    observe: Callable[[int, int], object] | None = None
+
+    @property
+    def multimodal(self) -> bool:
+        """Whether valleys are many: where the self-motion has several dimensions."""
+        return self.task.redundancy > 1
+
+    def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
+        """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
+        alone = replace(self.task, objectives=(self.task.objectives[objective],))
+        plan = find_optima(alone, starts=self.starts, seed=self.seed, solver=self.solver, observe=self._show)
+        return np.stack([optimum.motion.q for optimum in plan.optima])
+
+    def optima_below(
+        self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
+    ) -> Solutions | None:
+        """Return what half as many cold starts lead to for one objective, the others below ``upper``, best first."""
+        assert isinstance(program, MotionProgram)
+        weights = np.full(len(upper), weight)
+        weights[main] = 1.0
+        programs = level_programs(self.task, program.scales)
+        try:
+            return refine_levels(programs, self._coarse_starts, weights, upper, self._show, solver=self.solver)[0]
+        except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
+            return None
+
+    def _show(self, samples: int, starts: int, optima: int) -> None:
+        if self.observe is not None:
+            self.observe(samples, len(self.task.times))
+
+    @cached_property
+    def _coarse_starts(self) -> Float[np.ndarray, "starts samples dof"]:
+        return initial_motions(self.task, starts=-(-self.starts // 2), seed=self.seed)

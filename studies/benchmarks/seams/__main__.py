@@ -1,0 +1,141 @@
+"""Seams with a free tool axis beside a ladder graph over tool angles; losses first.
+
+    python -m studies.benchmarks.seams [--quick] [--cells NAME ...] [--json FILE]
+
+A wavy seam of 1 m and a fillet all around a pipe, welded by an industrial arm of six joints, the same on a rail, and an
+arm of seven joints; the tool's axis is given, its angle about it is free. Ours is ``pk.plan`` at its defaults, in a
+process of its own, a coarser seam planned before. Beside it the shortest path through all postures over a grid of tool
+angles (and of the rail's places, and of swivel angles), on the same cost, by a dynamic program that stores no edges;
+and tesseract's Descartes on the industrial arm, where the package ``tesseract-robotics`` is installed, with at most
+16 GB, on its own cost (Σ‖Δq‖, nearly the same path). All motions are judged by their samples alone: joint travel Σ|Δq|
+and ∫q̇² dt = ΣΔq²/Δt, within position and speed limits; the graphs' motions need not keep the limits of joints that
+can turn a whole turn.
+
+Goals: never above a graph at any resolution; from 401 samples on 10 % less travel and 20 % less ∫q̇² than the finest
+graph that Descartes holds in memory; 401 samples in 1 s and 0.4 GB, 1,401 in 3 s.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, versus
+from studies.benchmarks.seams import descartes, ladder_graph, ours
+from studies.benchmarks.seams.cells import CELLS
+from studies.benchmarks.seams.ladder_graph import Cost
+from studies.benchmarks.seams.seam_paths import SEAMS
+from studies.reporting import Row, report, study_parser
+
+COSTS: tuple[Cost, ...] = ("joint rates", "joint travel")
+UNITS = {"joint travel": "rad", "joint rates": "rad²/s"}
+RESOLUTIONS = {"6R": (0.1, 0.03, 0.01), "rail": (0.2, 0.1), "7R": (0.4, 0.3)}  # rad, and m of the rail
+SHARES = {"joint travel": 0.9, "joint rates": 0.8}  # goals from 401 samples on
+SECONDS = {401: 1.0, 1401: 3.0}
+NO_WORSE = 1 + 1e-9
+
+
+def cost_of(q: np.ndarray | None, times: np.ndarray, cost: Cost) -> float:
+    """Return the cost of a motion by its samples (samples, dof); inf of none."""
+    if q is None:
+        return np.inf
+    steps = np.diff(q, axis=0)
+    return float(np.abs(steps).sum() if cost == "joint travel" else (steps**2 / np.diff(times)[:, None]).sum())
+
+
+def descartes_motion(frames: np.ndarray, speed: np.ndarray, resolution: float) -> descartes.DescartesResult:
+    """Return what Descartes finds, with whole turns told apart only where it leaps without."""
+    result = descartes.plan_seam(frames, resolution, turns=False)
+    leaps = result.q is not None and bool((np.abs(np.diff(result.q, axis=0)) > speed).any())
+    return descartes.plan_seam(frames, resolution, turns=True) if leaps else result
+
+
+def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) -> list[Row]:
+    """Return the rows of a seam: both costs beside graphs of all resolutions, time and memory."""
+    times, frames = SEAMS[seam](samples, cell)
+    name, rows, fits = f"{cell}, {seam}, {samples} samples", list[Row](), resolutions[0]
+    if cell == "6R" and descartes.is_installed():
+        speed = np.asarray(CELLS[cell]().arm.velocity_limits) * np.diff(times)[0] * (1 + 1e-9)
+        for resolution in resolutions:
+            tell(f"{name}: Descartes, {resolution:g} rad")
+            peer = descartes_motion(frames, speed, resolution)
+            if peer.q is None:
+                rows.append(
+                    Row(
+                        table="Descartes",
+                        row=name,
+                        column=f"{resolution:g} rad",
+                        unit="",
+                        ours=np.nan,
+                        note=peer.message,
+                    )
+                )
+                break
+            fits = resolution
+            steps = float((np.abs(np.diff(peer.q, axis=0)) / speed).max())
+            for cost in COSTS:
+                rows.append(
+                    Row(
+                        table="Descartes",
+                        row=name,
+                        column=f"{cost}, {resolution:g} rad",
+                        unit=UNITS[cost],
+                        ours=cost_of(peer.q, times, cost),
+                        note=f"{peer.seconds:.3g} s, {peer.gigabytes:.2f} GB, {steps:.2f} of speed limits",
+                    )
+                )
+    for cost in COSTS:
+        tell(f"{name}: {cost}, ours")
+        plan = ours.plan_seam(cell, seam, samples, cost)
+        value = cost_of(plan.q, times, cost)
+        for resolution in resolutions:
+            tell(f"{name}: {cost}, graph, {resolution:g}")
+            begin = time.perf_counter()
+            graph = ladder_graph.shortest_path(CELLS[cell](), times, frames, resolution, cost)
+            seconds = time.perf_counter() - begin
+            goal = SHARES[cost] if samples >= 401 and resolution == fits else NO_WORSE
+            rows.append(
+                versus(
+                    table="cost beside a ladder graph",
+                    row=name,
+                    column=f"{cost}, graph of {resolution:g}",
+                    unit=UNITS[cost],
+                    ours=value,
+                    theirs=cost_of(graph.q, times, cost),
+                    source="ladder graph",
+                    goal=goal,
+                    note=f"graph {seconds:.3g} s; {plan.message}".removesuffix("; "),
+                )
+            )
+        rows += [
+            _limit(name, f"{cost}, time", "s", plan.seconds, SECONDS.get(samples)),
+            _limit(name, f"{cost}, memory", "GB", plan.gigabytes, 0.4 if samples == 401 else None),
+        ]
+    return rows
+
+
+def _limit(row: str, column: str, unit: str, value: float, goal: float | None) -> Row:
+    """Return a row of what ours takes, with its goal where there is one."""
+    lost = goal is not None and not value <= goal
+    note = "" if goal is None else f"{LOSS if lost else ''}goal {goal:g}"
+    return Row(table="time and memory", row=row, column=column, unit=unit, ours=value, note=note)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark."""
+    parser = study_parser(__doc__, quick="51 samples, the coarsest graphs")
+    parser.add_argument("--cells", nargs="+", choices=sorted(CELLS), default=list(CELLS), metavar="NAME")
+    options = parser.parse_args(arguments)
+    rows = []
+    for cell in options.cells:
+        for seam in SEAMS:
+            for samples in (51,) if options.quick else (51, 101, 401, 1401):
+                chosen = RESOLUTIONS[cell][:1] if options.quick else RESOLUTIONS[cell]
+                rows += seam_rows(cell, seam, samples, chosen)
+    report(losses_first(rows), json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
