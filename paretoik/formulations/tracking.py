@@ -44,6 +44,7 @@ from paretoik.trajectory.plan import Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 
+COEFFICIENTS = (4, 12)  # of a spline: the least, and those of paths that have enough samples
 INFEASIBLE_SHARE = 0.3  # of parents: optima lie on the limits, and are found far sooner from both sides
 
 
@@ -65,7 +66,8 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     differences
         The discretisation of Motion.
     coefficients, bases
-        Spline coefficients a direction of redundancy, and the most base motions.
+        Spline coefficients a direction of redundancy (None: 12, or as many as few samples bear), and the most base
+        motions.
     seed
         Of the roll-outs that become base motions; part of the problem, so that genes mean the same in every run.
 
@@ -97,11 +99,12 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         end_velocity: float | None = None,
         cyclic: bool = False,
         differences: Differences = "backward",
-        coefficients: int = 12,
+        coefficients: int | None = None,
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        check_size("coefficients", coefficients, 4)
+        if coefficients is not None:
+            check_size("coefficients", coefficients, COEFFICIENTS[0])
         check_size("bases", bases, 1)
         check_size("seed", seed, 0)
         self.task = motion_task(
@@ -122,7 +125,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.maximised = tuple(each.maximise for each in self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         samples = len(self.task.times)
-        if coefficients > samples - 2:
+        if coefficients is None:
+            coefficients = int(np.clip(samples - 2, *COEFFICIENTS))
+        elif coefficients > samples - 2:
             raise InvalidInput(
                 f"coefficients: at most {samples - 2} wanted on a path of {samples} samples, got {coefficients}"
             )

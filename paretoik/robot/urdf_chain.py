@@ -55,10 +55,10 @@ def select_chain(
     if start != robot.roots[0]:
         notices.insert(0, f"base {start!r} is not the root {robot.roots[0]!r}: what is above it is left out")
     for name in _massless_joints(robot, start, below, moving):
-        if name == moving[-1].name:
-            notices.append(f"joint {name!r}: moves no mass")
-        else:
-            faults.append(f"joint {name!r}: moves no mass, though other joints follow it")
+        follow = (
+            "" if name == moving[-1].name else ", though other joints follow it: no torques and energies of this arm"
+        )
+        notices.append(f"joint {name!r}: moves no mass{follow}")
     return Chain(
         base=start, tip=end, moving=moving, below=below, frozen=frozen, faults=tuple(faults), notices=tuple(notices)
     )

@@ -104,6 +104,7 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
         closed = accepted & (np.linalg.norm(back, axis=1) < 0.6 * reach) & (count[active] > 3)
         closed &= np.sum(heading[active] * first[active], axis=1) > OPTIONS.turn
         q[active[closed]] += back[closed]
+        heading[active[closed]] = first[active[closed]]  # it is the node that the curve began at
         steps.append((moved, q[moved], heading[moved]))
         step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
         active = active[~closed & (step_length[active] > 1e-4)]

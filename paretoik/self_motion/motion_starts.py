@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
+from paretoik.errors import Infeasible
 from paretoik.interruption import check_interruption
 from paretoik.self_motion.start_postures import reach_error, sample_postures
 from paretoik.task.motion_task import MotionTask
@@ -22,6 +24,7 @@ class StartOptions:
     travel_width: tuple[float, float] = (0.3, 1.0)  # shares of the path into which half of the travel falls
     perturbation: float = 1.0  # rad or m: RMS change of joints where the path leaves them free
     longest_jump: float = 0.7  # rad or m: of a joint from one sample to the next
+    finer: tuple[int, ...] = (2, 4)  # times as many samples, tried in turn where a joint would jump between two
 
 
 OPTIONS = StartOptions()
@@ -34,9 +37,23 @@ def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Fl
     with eigenvalues in (0, 1); the whole is then retracted to the path. Source: Tringali & Cocuzza 2020,
     section 3.1.2.
 
+    Where samples are too far apart for that, they are taken closer on the way.
+
     Raises OutOfReach, naming the sample, where no posture reaches the path; Infeasible where postures exist everywhere
     but no continuous motion was found.
     """
+    try:
+        return _roll_out(task, count, rng)
+    except Infeasible:
+        if not np.allclose(np.diff(task.times), task.times[1], rtol=1e-9):
+            raise
+        for finer in OPTIONS.finer:
+            with suppress(Infeasible):
+                return _roll_out(task.resample(finer * (len(task.times) - 1) + 1), count, rng)[:, ::finer]
+        raise
+
+
+def _roll_out(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
     start = _sample_first_postures(task, count, rng)
     if len(start) == 0:
         raise reach_error(task, rng, 0)

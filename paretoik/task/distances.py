@@ -57,6 +57,15 @@ def clearance(
     return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
 
 
+def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: ArrayLike = 0.0) -> str:
+    """Return in words which link of a posture is nearest to which obstacle, both counted from 1."""
+    starts, ends = nodes[:-1], nodes[1:]
+    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - np.asarray(radius)
+    obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    shape = type(obstacles[int(obstacle)]).__name__.lower()
+    return f"{f'link {link}' if link else 'the base'} and obstacle {int(obstacle) + 1}, a {shape}"
+
+
 def signed_distance(
     obstacle: Obstacle, starts: Float[np.ndarray, "*#batch 3"], ends: Float[np.ndarray, "*#batch 3"]
 ) -> Float[np.ndarray, "*batch"]:

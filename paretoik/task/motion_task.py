@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from paretoik.arrays import JointPaths, Times
 from paretoik.robot.arm import Arm
 from paretoik.task.between import finer_motion
 from paretoik.task.differences import Differences, quadrature_weights, simpson_weights, with_midpoints
+from paretoik.task.distances import closest_pair
 from paretoik.task.limits import Bounds, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
@@ -148,8 +149,7 @@ class MotionTask:
         batch = motion.q.shape[:-2]
         if self.obstacles:
             smallest = motion.clearance.min(axis=-1)
-            clearance_range = max(self.min_clearance, 0.01)  # m
-            columns.append(((self.min_clearance - smallest) / clearance_range)[..., None])
+            columns.append(((self.min_clearance - smallest) / self.clearance_range)[..., None])
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
 
@@ -165,15 +165,20 @@ class MotionTask:
         before, after = np.where(share < 1, bounds[last - 1], 0.0), np.where(share > 0, bounds[last], 0.0)
         return np.where(share < 1, 1 - share, 1.0) * before + np.where(share > 0, share, 1.0) * after
 
+    @property
+    def clearance_range(self) -> float:
+        """What violations of clearance are divided by [m]."""
+        return max(self.min_clearance, 0.01)
+
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
         """Return the worst violation of the motions' curves on a finer grid, 0 at least; see ``finer_motion``."""
         return np.maximum(self.violations(finer_motion(motions)).max(axis=1, initial=0.0), 0.0)
 
-    def describe_violation(self, motion: Motion) -> str:
+    def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
 
         Limits violated as much, within 0.1 %, are named too: of the least-violating motion, those that contradict each
-        other.
+        other. ``numbers`` are those that the samples go by, where they are some of another task's.
         """
         motion = motion.instants
         violations = self.violations(motion)
@@ -181,32 +186,46 @@ class MotionTask:
             return ""
         worst = int(np.argmax(violations))
         amount = f"by {100 * violations[worst]:.3g} % of its range"
-        name, where = self.limit_names[worst], self._where(worst, motion)
+        name, where = self.limit_names[worst], self._where(worst, motion, numbers)
         if name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
             message = f"{name} is {'exceeded' if where else 'violated'} {amount}{where}"
         others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
-        tied = [f"{self.limit_names[i]}{self._where(i, motion)}" for i in others if i != worst]
+        tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
-    def _where(self, limit: int, motion: Motion) -> str:
-        """Return in words when a limit is violated most; "" for a limit on the whole motion."""
+    def worst_instant(self, limit: int, motion: Motion) -> int:
+        """Return where in time a single motion violates a limit most; −1 for a limit on the whole motion."""
         name = self.limit_names[limit]
         kind, _, joint = name.partition(" of ")
         if name == "clearance":
-            instant = int(motion.clearance.argmin())
-        elif kind in self.bounds:
-            violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
-            instant = int(np.argmax(violation[..., self.arm.joint_names.index(joint)]))
-        else:
+            return int(motion.clearance.argmin())
+        if kind not in self.bounds:
+            return -1
+        violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
+        return int(np.argmax(violation[..., self.arm.joint_names.index(joint)]))
+
+    def worst_sample(self, limit: int, motion: Motion) -> int:
+        """Return the sample next to where a single motion violates a limit most; −1 for a limit on the whole motion."""
+        instant = self.worst_instant(limit, motion := motion.instants)
+        return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
+
+    def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
+        """Return in words when a limit is violated most; "" for a limit on the whole motion."""
+        instant = self.worst_instant(limit, motion)
+        if instant < 0:
             return ""
         time = float(motion.time[instant])
         sample = int(np.argmin(np.abs(self.times - time)))
-        if np.isclose(time, self.times[sample], rtol=0, atol=1e-9 * self.times[-1]):
-            return f" at sample {sample} ({time:.3g} s)"
-        before = int(np.searchsorted(self.times, time)) - 1
-        return f" between samples {before} and {before + 1} ({time:.3g} s)"
+        number = np.arange(len(self.times)) if numbers is None else numbers
+        where = f" at sample {number[sample]} ({time:.3g} s)"
+        if not np.isclose(time, self.times[sample], rtol=0, atol=1e-9 * self.times[-1]):
+            before = int(np.searchsorted(self.times, time)) - 1
+            where = f" between samples {number[before]} and {number[before + 1]} ({time:.3g} s)"
+        if self.limit_names[limit] != "clearance":
+            return where
+        return where + ", between " + closest_pair(self.obstacles, motion.links[instant], self.link_radius)
 
     def _limited_joints(self, bounds: Bounds) -> np.ndarray:
         return np.isfinite(bounds).any(axis=(0, 2))

@@ -13,7 +13,7 @@ from paretoik.robot.arm import Arm
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.objectives import Objective
+from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import task_errors
@@ -58,6 +58,9 @@ def motion_task(
     allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
     widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
     arm = replace(arm, position_limits=widest)
+    if lacks_masses(arm):
+        _check_limits_without_masses(arm, limits)
+        bounds.pop("torque", None)  # the arm's own: nothing is known of its torques
     task = MotionTask(
         arm=arm,
         tasks=followed,
@@ -74,6 +77,8 @@ def motion_task(
     )
     if task.start is not None:
         _check_start(task, task.start)
+    if lacks_masses(arm):
+        _check_functions_without_masses(task)
     return task
 
 
@@ -123,6 +128,40 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
     names = [member.name for member in members]
     if len(set(names)) != len(names):
         raise InvalidInput(f"{kind}s: names must differ, got {', '.join(names)}")
+
+
+def lacks_masses(arm: Arm) -> bool:
+    """Return whether torques and energies of an arm mean nothing: no link has mass, or of a URDF one has none."""
+    masses = [body.mass for body in arm.bodies]
+    return not any(masses) or (arm.source is not None and not all(masses[:-1]))
+
+
+def _check_limits_without_masses(arm: Arm, limits: Limits | None) -> None:
+    for kind in ("torque", "power"):
+        limit = getattr(limits, kind, None)
+        if limit is not None and np.isfinite(limits.bounds(arm, 3).get(kind, np.inf)).any():  # type: ignore[union-attr]
+            raise InvalidInput(f"{kind} limit: an arm with masses wanted, {arm.name} has links without")
+
+
+def _check_functions_without_masses(task: MotionTask) -> None:
+    """Raise InvalidInput, naming the first objective or constraint that torques or energies are part of."""
+    q = np.linspace(0.1, 0.7, len(task.times) * task.arm.dof).reshape(1, len(task.times), task.arm.dof)
+    if task.cyclic:
+        q[:, -1] = q[:, 0]
+    motion = task.motion(q)
+    for name in ("torque", "power", "kinetic_energy"):
+        values = np.full_like(getattr(motion, name), np.nan)
+        motion.__dict__[name] = values  # in place of what would be computed
+    for kind, members in (("objective", task.objectives), ("constraint", task.constraints)):
+        for member in members:
+            try:
+                values = evaluate_function(member.name, member.function, motion, member.form)
+            except Exception:  # a user's function may raise anything, here or later
+                continue
+            if np.isnan(values).all():
+                raise InvalidInput(
+                    f"{kind} {member.name}: an arm with masses wanted, {task.arm.name} has links without"
+                )
 
 
 def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:

@@ -20,6 +20,7 @@ from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.infeasibility import is_clearly_infeasible
 from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
 
@@ -35,6 +36,7 @@ class LevelOptions:
     distinct: float = 0.01  # rad or m, RMS: optima nearer than this are one
     feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
     max_optima: int = 8  # that are refined on a finer level
+    first_restored: int = 1  # motions whose violation is minimised first: where limits clearly contradict, no others
     cold: tuple[InteriorPointOptions, ...] = (  # in turn: each finds basins that the other leaves
         InteriorPointOptions(barrier=0.1, radius=0.4),
         InteriorPointOptions(barrier=0.01, radius=0.1),
@@ -55,14 +57,20 @@ def level_samples(samples: int) -> list[int]:
     return counts
 
 
-def coarsest_level(task: MotionTask) -> MotionTask:
-    """Return the task on the samples of its coarsest level."""
-    return task.subsample(level_samples(len(task.times))[0])
+def first_levels(samples: int) -> list[int]:
+    """Return the levels to start from in turn, where the one before leads to no motion: 0 is the coarsest."""
+    last = len(level_samples(samples)) - 1
+    return sorted({0, min(1, last), last})
 
 
-def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"]) -> list[MotionProgram]:
-    """Return the programs of all levels, coarse to fine, the task's own last, objectives divided by ``scales``."""
-    coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[:-1]]
+def coarsest_level(task: MotionTask, first: int = 0) -> MotionTask:
+    """Return the task on the samples of its coarsest level, or of the level ``first``."""
+    return task.subsample(level_samples(len(task.times))[first])
+
+
+def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first: int = 0) -> list[MotionProgram]:
+    """Return the programs of all levels from ``first`` on, the task's own last, objectives divided by ``scales``."""
+    coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[first:-1]]
     return [motion_program(level, scales) for level in (*coarser, task)]
 
 
@@ -87,7 +95,8 @@ def refine_levels(
 
     ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them,
     given their solutions, until it returns none. Where limits are violated at the end, ``restore`` first minimises the
-    violation alone. ``observe`` is called after each level with its number of samples, of starts and of optima.
+    violation alone; where none of the first level can be restored, its least-violating motions are returned.
+    ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
     optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
@@ -111,6 +120,8 @@ def refine_levels(
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
             observe(len(task.times), len(q), len(solutions))
+        if restore and first and not solutions.converged.any():
+            break
         if finer:
             q, coarser = _resample(task, solutions.x, finer.task), (program, solutions)
     return solutions, tuple(levels)
@@ -209,11 +220,20 @@ def _restore(
     if solutions.violation.max() <= OPTIONS.feasible:
         return solutions
     rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.max_optima)
-    restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
-    feasible = restored.violation <= OPTIONS.feasible
-    if not feasible.any():
-        return restored
-    return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
+    x = np.concatenate([solutions.x[rows], q])
+    attempts = list[Solutions]()
+    for part in (x[: OPTIONS.first_restored], x[OPTIONS.first_restored :]):
+        if not len(part):
+            break
+        attempts.append(minimise_violation(program, part, upper, OPTIONS.restoration))
+        restored = concatenate(attempts)
+        feasible = restored.violation <= OPTIONS.feasible
+        if feasible.any():
+            return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
+        best = int(np.argmin(restored.violation))
+        if is_clearly_infeasible(program.task, program.task.motion(restored.x[best])):
+            break
+    return restored
 
 
 def _resample(

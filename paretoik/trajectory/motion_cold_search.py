@@ -13,7 +13,7 @@ from paretoik.errors import Infeasible
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.levels import level_programs, refine_levels
+from paretoik.trajectory.levels import first_levels, level_programs, refine_levels
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.program import MotionProgram
@@ -47,9 +47,10 @@ class MotionColdSearch:
         assert isinstance(program, MotionProgram)
         weights = np.full(len(upper), weight)
         weights[main] = 1.0
-        programs = level_programs(self.task, program.scales)
+        first, starts = self._coarse_starts
+        programs = level_programs(self.task, program.scales, first)
         try:
-            return refine_levels(programs, self._coarse_starts, weights, upper, self._show, solver=self.solver)[0]
+            return refine_levels(programs, starts, weights, upper, self._show, solver=self.solver)[0]
         except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
             return None
 
@@ -58,5 +59,13 @@ class MotionColdSearch:
             self.observe(samples, len(self.task.times))
 
     @cached_property
-    def _coarse_starts(self) -> Float[np.ndarray, "starts samples dof"]:
-        return initial_motions(self.task, starts=-(-self.starts // 2), seed=self.seed)
+    def _coarse_starts(self) -> tuple[int, Float[np.ndarray, "starts samples dof"]]:
+        """The coarsest level that has starts, and these."""
+        stages = first_levels(len(self.task.times))
+        for first in stages:
+            try:
+                return first, initial_motions(self.task, starts=-(-self.starts // 2), seed=self.seed, first=first)
+            except Infeasible:  # too coarse, perhaps
+                if first == stages[-1]:
+                    raise
+        raise AssertionError("a level")

@@ -13,18 +13,24 @@ from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.interruption import Interrupted
-from paretoik.nlp.minimise import check_solver
+from paretoik.nlp.minimise import check_solver, minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, concatenate
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.infeasibility import (
+    infeasible_error,
+    is_clearly_infeasible,
+    without_obstacles,
+)
 from paretoik.trajectory.levels import (
     OPTIONS,
     Observe,
     coarsest_level,
     distinct_rows,
+    first_levels,
     level_programs,
     objective_scales,
     refine_levels,
@@ -93,9 +99,7 @@ def find_optima(
     known = _minimise_known(task, initial, solver)
     try:
         solutions, levels = _search(task, starts, seed, initial, solver, observe)
-        if not (solutions.converged.any() or (solutions.status == INTERRUPTED).any() or len(known)):
-            raise _failure(task, solutions)
-    except (Infeasible, Interrupted):
+    except (Infeasible, SolverFailed, Interrupted):
         if not len(known):
             raise
         solutions, levels = known, ()
@@ -121,11 +125,40 @@ def _search(
     solver: Solver,
     observe: Observe | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
-    """Return the distinct optima from starts on the coarsest level, and samples and optima of each level."""
-    level, rng = coarsest_level(task), np.random.default_rng(seed)
+    """Return the distinct optima from starts on the coarsest level that leads to some, and the levels from there on.
+
+    Raises Infeasible or SolverFailed where none leads to any.
+    """
+    stages = first_levels(len(task.times))
+    for first in stages:
+        try:
+            solutions, levels = _search_from(task, first, starts, seed, initial, solver, observe)
+        except Infeasible:  # too coarse, perhaps
+            if first == stages[-1]:
+                raise
+            continue
+        if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
+            return solutions, levels
+        level = task.subsample(solutions.x.shape[1])
+        if is_clearly_infeasible(level, level.motion(solutions.x[0])):
+            break
+    raise _failure(task, solutions, starts, seed)
+
+
+def _search_from(
+    task: MotionTask,
+    first: int,
+    starts: int,
+    seed: int,
+    initial: Float[np.ndarray, "motions time dof"] | None,
+    solver: Solver,
+    observe: Observe | None,
+) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
+    """Return the distinct optima from starts on the level ``first``, and samples and optima of each level."""
+    level, rng = coarsest_level(task, first), np.random.default_rng(seed)
     q = sample_starts(level, starts * max(task.redundancy, 1), rng)
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
-    programs = level_programs(task, objective_scales(task, q))
+    programs = level_programs(task, objective_scales(task, q), first)
     policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-starts // 2), rng)
     solutions, levels = refine_levels(
         programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
@@ -177,15 +210,17 @@ def _optima(
     )
 
 
-def _failure(task: MotionTask, solutions: Solutions) -> Infeasible | SolverFailed:
-    status, motions = STATUSES[int(solutions.status[0])], task.motion(solutions.x)
-    if solutions.violation.max() <= OPTIONS.feasible:
+def _failure(task: MotionTask, solutions: Solutions, starts: int, seed: int) -> Infeasible | SolverFailed:
+    status = STATUSES[int(solutions.status[0])]
+    if solutions.violation[0] <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
-    violations = task.violations(motions[0])
-    return Infeasible(
-        "no motion within the limits was found; of the least-violating one, "
-        f"{task.describe_violation(motions[0]) or status}",
-        motion=motions[0],
-        limit=task.limit_names[int(np.argmax(violations))] if task.limit_names else "",
-        violation=float(violations.max(initial=0.0)),
-    )
+    level = task.subsample(solutions.x.shape[1])
+    obstructed = bool(task.obstacles) and _is_feasible(without_obstacles(level), starts, seed)
+    return infeasible_error(task, level, level.motion(solutions.x[0]), obstructed=obstructed, status=status)
+
+
+def _is_feasible(level: MotionTask, starts: int, seed: int) -> bool:
+    """Return whether a start on a level leads to a motion within all limits."""
+    q = sample_starts(level, starts * max(level.redundancy, 1), np.random.default_rng(seed))
+    program = motion_program(level, objective_scales(level, q))
+    return bool(minimise(program, q, np.eye(1, len(program.upper)), options=OPTIONS.cold[0]).converged.any())

@@ -52,13 +52,15 @@ def _squared_velocity(motion: Any) -> Any:
     return np.sum(motion.dq**2, axis=-1)
 
 
-def initial_motions(task: MotionTask, *, starts: int, seed: int) -> Float[np.ndarray, "starts samples dof"]:
-    """Return starts over the coarsest level, ``starts`` for every degree of redundancy.
+def initial_motions(
+    task: MotionTask, *, starts: int, seed: int, first: int = 0
+) -> Float[np.ndarray, "starts samples dof"]:
+    """Return starts over the coarsest level, or the level ``first``, ``starts`` for every degree of redundancy.
 
     Half are the most promising of many roll-outs, half travel along the self-motion, which roll-outs hardly do.
     """
     count = starts * max(task.redundancy, 1)
-    return sample_starts(coarsest_level(task), count, np.random.default_rng(seed))
+    return sample_starts(coarsest_level(task, first), count, np.random.default_rng(seed))
 
 
 def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "starts samples dof"]:

@@ -83,11 +83,11 @@ class MotionValues:
 class MotionProgram:
     """The nonlinear program of a MotionTask.
 
-    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones.
-    ``inputs`` (inputs, instants) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u,
-    v and σ, of which there are ``peaks``. Limit i bounds, at instant ``limited``[i, 1], the variable, or beyond these
-    the row, ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations
-    are shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
+    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones. ``inputs``
+    (inputs, instants) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u, v and σ, of
+    which there are ``peaks``. Limit i bounds, at instant ``limited``[i, 1], the variable, or beyond these the row,
+    ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations are
+    shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
     ``epigraph_peaks[i]``.
     """
 
@@ -153,9 +153,13 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
-    def kinked(self) -> bool:
-        """Whether totals or limits have kinks."""
-        return bool(self.slacks or self.peaks or self.whole_functions)
+    def kinked(self) -> tuple[str, ...]:
+        """Names of totals that have kinks, or what else has in general."""
+        sparsity = self.evaluators.gradient_sparsity
+        by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
+        kinked_functions = set(sparsity.rows[by_slack].tolist())
+        names = tuple(total.name for total in self.totals if total.kind != "sum" or total.index in kinked_functions)
+        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
 
     @property
     def unsupported(self) -> tuple[str, ...]:

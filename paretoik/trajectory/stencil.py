@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from paretoik.errors import InvalidInput
 from paretoik.task.differences import first_derivative, second_derivative
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.spline import evaluate_with_midpoints, fit_spline
@@ -45,7 +46,10 @@ def stencil(task: MotionTask, orders: int) -> Stencil:
         first_unknown[-1] = first_unknown[0]
     if task.ties_end:
         first_unknown[-1] = first_unknown[-2]
-    border = min(2 * (width - 1), samples - 1) if task.cyclic else 0
+    spline = task.differences == "spline"
+    border = (width - 1) * (1 if spline else 2) if task.cyclic else 0
+    if task.cyclic and samples - 1 <= 2 * border:
+        raise InvalidInput(f"path: at least {2 * border + 2} samples of a cyclic motion wanted, got {samples}")
     return Stencil(
         neighbours=neighbours,
         coefficients=np.ascontiguousarray(coefficients),

@@ -9,6 +9,7 @@ from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.robot.kinematics import forward_kinematics
+from paretoik.task.motion_task_validation import lacks_masses
 from tests.robot.conftest import PANDA
 from tests.robot.urdf_text import LIMIT, chain_of_three, joint, link
 
@@ -84,14 +85,18 @@ def test_a_frozen_joint_outside_its_limits_is_told(write_urdf):
     assert "joint 'side': off the chain, frozen at 0 rad, outside its limits" in arm.notices
 
 
-def test_a_massless_moving_link_before_other_joints_is_a_fault_and_at_the_end_a_notice(write_urdf):
+def test_a_massless_moving_link_is_told_and_serves_kinematics_alone(write_urdf):
     parts = chain_of_three()
     parts[2] = link("c", "")
-    with pytest.raises(InvalidRobot, match="joint 'j2': moves no mass, though other joints follow it"):
-        Arm.from_urdf(write_urdf(*parts))
+    arm = Arm.from_urdf(write_urdf(*parts))
+    assert (
+        "joint 'j2': moves no mass, though other joints follow it: no torques and energies of this arm" in arm.notices
+    )
+    assert lacks_masses(arm)
     arm = Arm.from_urdf(write_urdf(*chain_of_three(last="")))
     assert "joint 'j3': moves no mass" in arm.notices
     assert arm.bodies[2].mass == 0.0
+    assert not lacks_masses(arm)
 
 
 def test_a_chain_without_a_moving_joint_is_refused(write_urdf):

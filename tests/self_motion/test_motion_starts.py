@@ -278,11 +278,15 @@ def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
     assert refused.value.sample == int(np.argmax(apart > 3.0))
 
 
-@pytest.mark.parametrize("short", [0.0, 1e-9])
-def test_leaving_a_stretched_posture_is_refused_with_the_condition_number(short):
-    task = task_of(tringali_3r(), line([REACH - short, 0.0], WITHIN, duration=1.0, samples=21))
+def test_leaving_a_stretched_posture_is_refused_with_the_condition_number():
+    task = task_of(tringali_3r(), line([REACH, 0.0], WITHIN, duration=1.0, samples=21))
     with pytest.raises(Infeasible, match=r"condition number of the Jacobian there: \d+"):
         rollout_starts(task, 60, chance())
+
+
+def test_leaving_a_nearly_stretched_posture_takes_closer_samples_on_the_way():
+    task = task_of(tringali_3r(), line([REACH - 1e-9, 0.0], WITHIN, duration=1.0, samples=21))
+    assert task.motion(rollout_starts(task, 60, chance())).tracking_error.max() < 1e-9
 
 
 def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
@@ -298,6 +302,8 @@ def test_a_cycle_that_only_closes_after_a_whole_turn_is_refused():
         rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
 
 
-def test_samples_too_far_apart_are_refused_as_such():
-    with pytest.raises(Infeasible, match=r"every sample can be reached, .* samples too far apart"):
-        rollout_starts(paper(samples=4), 60, chance())
+def test_where_samples_are_far_apart_closer_ones_are_taken_on_the_way():
+    task = paper(samples=4)
+    q = rollout_starts(task, 60, chance())
+    assert q.shape[1] == 4
+    assert task.motion(q).tracking_error.max() < 1e-9

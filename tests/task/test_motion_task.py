@@ -12,7 +12,11 @@ from tests.task.tasks import task
 
 
 def test_a_motion_task_knows_its_times_equations_and_redundancy():
-    result = task(arm=marcos_nr(4), path=line(Pose.planar(2, 1, 0), Pose.planar(1, 2, 1), duration=2.0, samples=11))
+    result = task(
+        arm=marcos_nr(4),
+        objectives=[pk.joint_travel],
+        path=line(Pose.planar(2, 1, 0), Pose.planar(1, 2, 1), duration=2.0, samples=11),
+    )
     assert (result.rows, result.redundancy, result.ends_at_rest, result.start) == (3, 1, False, None)
     np.testing.assert_array_equal(result.times, np.linspace(0, 2, 11))
     assert result.targets.shape == (11, 11)
@@ -30,14 +34,16 @@ def test_motions_of_a_task_carry_all_that_the_task_says():
 
 def test_the_arm_of_the_task_carries_the_position_limits_that_hold():
     declared = pk.Arm.planar(lengths=[0.2] * 3, position_limits=[1.0, 2.0, 3.0])
-    narrow = task(arm=declared, limits=Limits(position={"joint2": 0.5})).arm
+    narrow = task(arm=declared, objectives=[pk.joint_travel], limits=Limits(position={"joint2": 0.5})).arm
     np.testing.assert_array_equal(narrow.position_limits, [[-1, 1], [-0.5, 0.5], [-3, 3]])
     varying = (np.linspace(-1, 0, 21)[:, None] * np.ones(3), np.linspace(1, 3, 21)[:, None] * np.ones(3))
     np.testing.assert_array_equal(
-        task(arm=declared, limits=Limits(position=varying)).arm.position_limits, [[-1, 3]] * 3
+        task(arm=declared, objectives=[pk.joint_travel], limits=Limits(position=varying)).arm.position_limits,
+        [[-1, 3]] * 3,
     )
     np.testing.assert_array_equal(
-        task(arm=declared, limits=Limits(position=np.inf)).arm.position_limits, [[-np.inf, np.inf]] * 3
+        task(arm=declared, objectives=[pk.joint_travel], limits=Limits(position=np.inf)).arm.position_limits,
+        [[-np.inf, np.inf]] * 3,
     )
 
 

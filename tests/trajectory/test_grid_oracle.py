@@ -264,7 +264,7 @@ def test_the_sum_of_objectives_counts():
 
 
 def test_more_redundancy_than_one_is_refused_by_name():
-    task = task_of(line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=11), marcos_nr(4))
+    task = task_of(line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=11), marcos_nr(4), objectives=[pk.joint_travel])
     with pytest.raises(InvalidInput, match="redundancy 1 wanted, got 2"):
         grid_oracle(task)
 

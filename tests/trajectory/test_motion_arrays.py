@@ -94,6 +94,12 @@ def test_kinks_within_kinks_are_minima_with_certificates():
     assert certificate.status[0] == "minimum"
 
 
+def test_what_has_kinks_is_named():
+    program = motion_program(task_of(pk.kinetic_energy, pk.joint_travel, pk.peak_torque, pk.torque_norm))
+    assert program.kinked == ("joint_travel", "peak_torque")
+    assert motion_program(task_of(pk.kinetic_energy)).kinked == ()
+
+
 def test_slacks_come_innermost_first():
     kernel = motion_kernel(motion_program(task_of(nested)))
     assert kernel.nesting == 2
