@@ -36,7 +36,7 @@ class TighteningOptions:
     first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
     """
 
-    tolerance: float = 1e-4
+    tolerance: float = 5e-5
     target: float = 0.5
     rounds: int = 3
     feasible: float = 1e-8
