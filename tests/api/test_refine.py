@@ -74,10 +74,13 @@ def tuned():
     )
 
 
-def peaked():
-    return pk.Tracking(
-        pk.arms.tringali_3r(), tringali_2020.straight(21), objectives=[pk.kinetic_energy, pk.peak_velocity]
-    )
+@pk.objective(unit="rad", form="general")
+def spread(motion):
+    return motion.q[..., -1, 0] - motion.q[..., 0, 0]
+
+
+def relating():
+    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(21), objectives=[pk.kinetic_energy, spread])
 
 
 @pytest.mark.parametrize(
@@ -85,7 +88,7 @@ def peaked():
     [
         (tuned, {"refine": True, "solver": "sqp"}, "refine: a problem with gradients wanted, .* got Tuning"),
         (tuned, {"solver": "sqp"}, "solver: wants refine=True, got 'sqp' without it"),
-        (peaked, {"refine": True, "solver": "interior-point"}, "peak_velocity has kinks: take 'sqp'"),
+        (relating, {"refine": True, "solver": "interior-point"}, "spread relates samples: take 'sqp'"),
     ],
 )
 def test_a_solver_that_cannot_serve_is_refused_before_any_work(made, settings, words, monkeypatch, tmp_path):
