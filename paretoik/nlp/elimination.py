@@ -1,4 +1,4 @@
-"""Elimination of auxiliary columns, which few rows each have entries in, before dense factorisations of what is left."""
+"""Elimination of auxiliary columns, in which few rows have entries, before dense factorisations of what is left."""
 
 from __future__ import annotations
 
