@@ -204,7 +204,7 @@ LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
         ({"bases": 0}, "base"),
         ({"objectives": []}, "objectives: wants at least one, got none"),
         ({"objectives": [kinetic_energy, kinetic_energy]}, "names must differ, got kinetic_energy, kinetic_energy"),
-        ({"differences": "forward"}, "differences must be one of backward, central, got 'forward'"),
+        ({"differences": "forward"}, "differences must be one of backward, central, spline, got 'forward'"),
         ({"cyclic": True}, "cyclic=True wants a closed path"),
         ({"end_velocity": 1.0}, "end_velocity must be None .* got 1.0"),
         ({"start": [np.nan, 0.0, 0.0]}, "start must be 'free' or 3 finite joint positions"),
