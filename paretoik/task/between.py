@@ -11,7 +11,7 @@ from paretoik.task.motion import Motion
 from paretoik.task.spline import Derivatives
 
 INTERPOLANT_REFINEMENT = 4  # times finer: where finite differences are taken again
-SPLINE_REFINEMENT = 10  # times finer: where the derivatives are those of the curve
+SPLINE_REFINEMENT = 20  # times finer: where the derivatives are those of the curve
 NEAR_KNOT = 0.25  # share of a step of the grid: the correction's differences are taken this near to kinks at knots
 
 

@@ -188,7 +188,7 @@ def _optima(
     A motion that was given, keeps its limits between samples and is better than all optima comes first.
     """
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
-    held, status = hold_all(program, solutions.x, solver), solutions.status
+    held, status = hold_all(program, solutions.x, 1, solver), solutions.status
     if initial is not None and task.differences == "spline":
         known = kept_between(program, initial)
         held, status = [*held, *known], np.append(status, np.full(len(known), CONVERGED))

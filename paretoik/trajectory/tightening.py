@@ -88,13 +88,13 @@ def hold_between(
 
 
 def hold_all(
-    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], solver: Solver = "auto"
+    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver = "auto"
 ) -> list[HeldMotion]:
-    """Return motions optimal for one objective as ``hold_between`` does, until a signal those that are left as is."""
+    """Return motions as ``hold_between`` does; after a signal those that are left as they are."""
     held = list[HeldMotion]()
     for i, one in enumerate(x):
         try:
-            held.append(hold_between(program, one, 1, solver=solver))
+            held.append(hold_between(program, one, n_obj, solver=solver))
         except Interrupted:
             return held + [_held(program, rest) for rest in x[i:]]
     return held

@@ -19,7 +19,9 @@ SMALL = {"population": 30, "generations": 24, "seed": 1, "refine": True}
 def problem_of():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm]
-    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    return pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits, differences="backward"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +82,12 @@ def spread(motion):
 
 
 def relating():
-    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(21), objectives=[pk.kinetic_energy, spread])
+    return pk.Tracking(
+        pk.arms.tringali_3r(),
+        tringali_2020.straight(21),
+        objectives=[pk.kinetic_energy, spread],
+        differences="backward",
+    )
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ OBJECTIVES = [pk.joint_travel, pk.mechanical_energy, pk.peak_velocity, pk.peak_t
 def task_of(*objectives, samples=26, **settings):
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     path = tringali_2020.straight(samples)
+    settings = {"differences": "backward", **settings}
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=limits, bases=1, **settings).task
 
 
