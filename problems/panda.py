@@ -27,4 +27,5 @@ def across_the_table() -> Tracking:
         panda(),
         line(start, end, duration=1.5, samples=101),
         objectives=[kinetic_energy, torque_norm, joint_limit_distance],
+        differences="backward",
     )

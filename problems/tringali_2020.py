@@ -33,34 +33,43 @@ def round_trip(samples: int = 101) -> Path:
 
 def simulation_1() -> Tracking:
     """Least kinetic energy along the line, without limits."""
-    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy])
+    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy], differences="backward")
 
 
 def simulation_2() -> Tracking:
     """Least kinetic energy along the line, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy], limits=limits, differences="backward")
 
 
 def simulation_3() -> Tracking:
     """Least torque norm along the line, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(arms.tringali_3r(), straight(), objectives=[torque_norm], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[torque_norm], limits=limits, differences="backward")
 
 
 def simulation_4() -> Tracking:
     """Least torque norm along the line, positions, velocities, torques and powers limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY, torque=TORQUE, power=POWER)
-    return Tracking(arms.tringali_3r(), straight(), objectives=[torque_norm], limits=limits)
+    return Tracking(arms.tringali_3r(), straight(), objectives=[torque_norm], limits=limits, differences="backward")
 
 
 def simulation_5() -> Tracking:
     """Least kinetic energy around the circle, closed, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(arms.tringali_3r(), round_trip(), objectives=[kinetic_energy], limits=limits, cyclic=True)
+    return Tracking(
+        arms.tringali_3r(),
+        round_trip(),
+        objectives=[kinetic_energy],
+        limits=limits,
+        cyclic=True,
+        differences="backward",
+    )
 
 
 def energy_torque() -> Tracking:
     """Kinetic energy against torque norm along the line, joint positions and velocities limited."""
     limits = Limits(position=POSITION, velocity=VELOCITY)
-    return Tracking(arms.tringali_3r(), straight(), objectives=[kinetic_energy, torque_norm], limits=limits)
+    return Tracking(
+        arms.tringali_3r(), straight(), objectives=[kinetic_energy, torque_norm], limits=limits, differences="backward"
+    )

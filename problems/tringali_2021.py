@@ -47,7 +47,13 @@ def trajectory(number: int, samples: int = SAMPLES) -> Path:
 
 def problem(number: int, arm: Arm | None = None, samples: int = SAMPLES) -> Tracking:
     """Return the least kinetic energy along a trajectory, from the paper's start."""
-    return Tracking(arm or arms.tringali_3r(), trajectory(number, samples), objectives=[kinetic_energy], start=START)
+    return Tracking(
+        arm or arms.tringali_3r(),
+        trajectory(number, samples),
+        objectives=[kinetic_energy],
+        start=START,
+        differences="backward",
+    )
 
 
 def trajectory_1() -> Tracking:

@@ -72,7 +72,7 @@ INPUTS = {
     "path: a Path wanted": lambda: pk.Task(5),
     "axes must be one of": lambda: pk.Task(PATH, axes=[]),
     "seed: an integer of at least 0 wanted": lambda: pk.Tracking(
-        arm(), PATH, objectives=[pk.kinetic_energy], seed="a", coefficients=4
+        arm(), PATH, objectives=[pk.kinetic_energy], seed="a", coefficients=4, differences="backward"
     ),
     "motion: time: must hold": lambda: pk.Motion(arm=arm(), time="x", q=np.zeros((3, 3))),
     "objective kinetic_energy: a Motion wanted, got int": lambda: pk.kinetic_energy(5),

@@ -171,6 +171,7 @@ def test_the_fingerprint_tells_what_makes_genes_mean_something_else():
             limits=pk.Limits(velocity=6.0),
             coefficients=4,
             bases=2,
+            differences="backward",
         ),
         ZDT1(n_var=5),
     ]

@@ -90,7 +90,14 @@ def epsilon_front(
             observe=count_observer(session.observe, "point"),
         )
         front = certified_front(
-            problem, formulation, x, np.arange(len(x)), ranges, {"settings": settings}, observe=session.observe
+            problem,
+            formulation,
+            x,
+            np.arange(len(x)),
+            ranges,
+            {"settings": settings},
+            solver=solver,
+            observe=session.observe,
         )
         status = {"status": session.signal or "epsilon", "counts": {"seconds": round(session.seconds, 3)}}
         return replace(front, provenance={**front.provenance, **status})

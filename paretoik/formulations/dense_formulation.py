@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
-from paretoik.nlp.program import Solver
+from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.cold_search import StartSearch
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
@@ -34,6 +34,12 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         if front.genes is None:
             raise InvalidInput(f"refine: a front of {', '.join(self.names)} with its genes wanted, got one without")
         return self.points(np.array(front.genes))
+
+    def hold_between(
+        self, x: Points, ranges: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
+    ) -> tuple[Points, Sequence[Program]]:
+        """Return the points as they are, and their program."""
+        return x, [self.program()] * len(x)
 
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
         """Return points as individuals: what is certified is what is reported.

@@ -81,6 +81,14 @@ class Differentiable(Protocol):
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
         """Return points as individuals; ``genes`` are theirs where they are known."""
 
+    def hold_between(
+        self, x: Points, ranges: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
+    ) -> tuple[Points, Sequence[Program]]:
+        """Return optimal points that keep their limits where the program does not look, and the program of each.
+
+        What no program can hold there stays as it is. Objectives are divided by ``ranges``.
+        """
+
     def branches(self, x: Points) -> list[str]:
         """Return a label for each point: those of one branch can be led into each other."""
 

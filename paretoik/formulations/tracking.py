@@ -8,6 +8,7 @@ weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), sprea
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,6 +26,7 @@ from paretoik.formulations.base_motions import (
 from paretoik.formulations.encoding import Encoding, encoding
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
+from paretoik.interruption import STOP
 from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
@@ -42,6 +44,7 @@ from paretoik.task.task import Task
 from paretoik.trajectory.motion_cold_search import MotionColdSearch
 from paretoik.trajectory.plan import Plan, find_optima
 from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import motion_program
 
 COEFFICIENTS = (4, 12)  # of a spline: the least, and those of paths that have enough samples
@@ -64,7 +67,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     start, end_velocity, cyclic
         "free" or joint positions (dof,); None (free) or 0 (stop at the end); whether the motion must close.
     differences
-        The discretisation of Motion.
+        The discretisation of Motion. "spline" keeps limits between samples: what a refined motion still exceeds is in
+        ``violation_between``. "backward" and "central" are the papers': limits hold at the samples alone, and
+        ``Limits(margin=...)`` tightens them by a share of their ranges.
     coefficients, bases
         Spline coefficients a direction of redundancy (None: 12, or as many as few samples bear), and the most base
         motions.
@@ -98,7 +103,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         start: object = "free",
         end_velocity: float | None = None,
         cyclic: bool = False,
-        differences: Differences = "backward",
+        differences: Differences = "spline",
         coefficients: int | None = None,
         bases: int = 12,
         seed: int = 0,
@@ -202,15 +207,28 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals; they are exact, and genes would only be near them."""
+        """Return motions as individuals; they are exact, and genes would only be near them.
+
+        After a signal nobody looks between samples any more.
+        """
         motions = self.task.motion(x)
         return Individuals(
             x=x,
             objectives=np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1),
             genes=None,
             motions=motions,
-            violation_between=self.task.violation_between(motions),
+            violation_between=np.full(len(x), np.nan) if STOP[0] else self.task.violation_between(motions),
         )
+
+    def hold_between(
+        self, x: Float[np.ndarray, "points time dof"], ranges: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
+    ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
+        """Return motions that keep their limits between samples, as far as a few rounds lead, and their programs."""
+        natural = self.program()
+        if self.task.differences != "spline" or not len(x):
+            return x, [natural] * len(x)
+        held = hold_all(self.program(ranges), x, len(self.names), solver)
+        return np.stack([each.x for each in held]), [replace(natural, bounds=each.bounds) for each in held]
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
         """Return the label of each motion's branch."""

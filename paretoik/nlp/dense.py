@@ -33,7 +33,7 @@ class DenseProgram:
     objective_names: tuple[str, ...] = ()
     inequality_names: tuple[str, ...] = ()
     rounding: float = 0.0
-    kinked: bool = False
+    kinked: tuple[str, ...] = ()
     unsupported: tuple[()] = ()
 
     def project(self, x: Float[np.ndarray, "points unknowns"]) -> Float[np.ndarray, "points unknowns"]:

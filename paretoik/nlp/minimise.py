@@ -83,12 +83,15 @@ def _interior_point(
     count = len(x)
     if program.kinked:
         options = [each._replace(iterations=each.kink_iterations * each.iterations) for each in options]
-    ends: list[Any] = [None] * count
+    unknown = np.full(len(program.upper), np.nan)
+    ends: list[Any] = [(start, INTERRUPTED, 0, unknown, np.nan, np.nan) for start in x]
     remaining = iter(range(count))
 
     def work() -> None:
         kernel = program.kernel
         for i in remaining:  # whichever thread is free takes the next point
+            if STOP[0]:
+                return
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
             end = search(kernel, *start, options[i], STOP)
             ends[i] = (*end[:4], *end[5:7])
@@ -96,7 +99,7 @@ def _interior_point(
     # Python handles signals in the main thread, between its instructions: that one waits, even for a single point.
     _join([_pool().submit(work) for _ in range(min(count, _cores()))])
     for i in range(count if program.kinked else 0):  # what was minimised is smoothed
-        if ends[i][1] != NOT_FINITE:
+        if ends[i][1] not in (NOT_FINITE, INTERRUPTED):
             F, violation = _exact_values(program, ends[i][0], rows, upper[i])
             ends[i] = (*ends[i][:3], F, ends[i][4], violation)
     return _collect(ends, x.shape, len(program.upper))

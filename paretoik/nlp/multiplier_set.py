@@ -24,6 +24,7 @@ from scipy import sparse
 from scipy.linalg import qr, solve_triangular
 
 from paretoik.errors import SolverFailed
+from paretoik.nlp.elimination import eliminate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,16 +41,20 @@ OPTIONS = MultiplierSetOptions()
 
 
 def share_ranges(
-    gradients: Float[np.ndarray, "n_obj columns"], active: Float[np.ndarray, "rows columns"]
+    gradients: Float[np.ndarray, "n_obj columns"],
+    active: Float[np.ndarray, "rows columns"],
+    unknowns: int | None = None,
 ) -> Float[np.ndarray, "n_obj n_obj 2"] | None:
     """Return the least and largest λᵢ / (λᵢ + λⱼ) over all multipliers of a critical point; None where λ is unique.
 
-    Raises SolverFailed where Clarabel ends without a solution.
+    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed where Clarabel ends without a solution.
     """
     longest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     scaled, lengths = gradients / longest, np.linalg.norm(active, axis=1)
     rows = active[lengths > OPTIONS.negligible]
     rows = rows / lengths[lengths > OPTIONS.negligible, None]
+    if unknowns is not None and unknowns < gradients.shape[1] and _are_unique(scaled, rows, unknowns):
+        return None
     basis, triangle, order = qr(rows.T, pivoting=True, mode="economic")  # rows[order].T = basis · triangle
     sizes = np.abs(np.diagonal(triangle))
     rank = int(np.count_nonzero(sizes > OPTIONS.singular * sizes.max(initial=0.0)))
@@ -61,6 +66,25 @@ def share_ranges(
         return None
     weights = left[:, small]
     return _solve_blocks(weights, *_by_parameters(along.T @ weights, triangle, order))
+
+
+def _are_unique(
+    gradients: Float[np.ndarray, "n_obj columns"], rows: Float[np.ndarray, "rows columns"], unknowns: int
+) -> bool:
+    """Return whether gradients depend on each other in one way across rows, auxiliary columns being eliminated.
+
+    Multiples of rows, added to gradients and to other rows, leave what is across all rows as it is.
+    """
+    left = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows))
+    reduced = left.reduced
+    across, others = reduced[-len(gradients) :], reduced[: -len(gradients)]
+    lengths = np.linalg.norm(others, axis=1)
+    others = others[lengths > OPTIONS.singular] / lengths[lengths > OPTIONS.singular, None]
+    basis, triangle, _ = qr(others.T, pivoting=True, mode="economic")
+    sizes = np.abs(np.diagonal(triangle))
+    basis = basis[:, : np.count_nonzero(sizes > OPTIONS.singular * sizes.max(initial=0.0))]
+    singular = np.linalg.svd(across - across @ basis @ basis.T, compute_uv=False)
+    return int(np.count_nonzero(singular > OPTIONS.singular)) >= len(gradients) - 1
 
 
 def _by_parameters(

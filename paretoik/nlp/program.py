@@ -129,8 +129,8 @@ class Program(Protocol):
         """What compiled solvers take, None where F or c has parts that they cannot take."""
 
     @property
-    def kinked(self) -> bool:
-        """Whether F or c has kinks: compiled solvers smooth them, and what they return of F is to be evaluated."""
+    def kinked(self) -> tuple[str, ...]:
+        """Names of what has kinks: compiled solvers smooth them, and what they return of F is to be evaluated."""
 
     @property
     def unsupported(self) -> tuple[str, ...]:

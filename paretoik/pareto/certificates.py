@@ -7,6 +7,7 @@ computed of one point leaves that one undetermined, with the reason, and no othe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +49,7 @@ class _Certificate:
 
 
 def certify(
-    program: Program,
+    program: Program | Sequence[Program],
     x: Points,
     *,
     ranges: Float[np.ndarray, " n_obj"],
@@ -56,7 +57,7 @@ def certify(
     violation_between: Float[np.ndarray, " points"],
     observe: Observe | None = None,
 ) -> Certificates:
-    """Return the certificates of points of a program whose first objectives are those of the front.
+    """Return the certificates of points of a program, or of one each, whose first objectives are those of the front.
 
     ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
     not look, between samples. ``observe`` is called with what is done and with all. After a signal the points that are
@@ -64,12 +65,13 @@ def certify(
     """
     count, n_obj = len(x), len(ranges)
     certificates = list[_Certificate]()
-    for i, one in enumerate(x):
+    programs = program if isinstance(program, Sequence) else [program] * count
+    for i, (each, one) in enumerate(zip(programs, x, strict=True)):
         try:
             check_interruption()
-            certificates.append(_certify_point(program, one, ranges))
+            certificates.append(_certify_point(each, one, ranges))
         except Interrupted:
-            certificates.append(_unknown(program, one, n_obj, "interrupted before it was certified"))
+            certificates.append(_unknown(each, one, n_obj, "interrupted before it was certified"))
             continue
         if observe is not None:
             observe(i + 1, count)

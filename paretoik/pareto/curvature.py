@@ -15,6 +15,7 @@ from scipy.linalg import qr
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.conic import Cone, Constraints
 from paretoik.nlp.criticality import Criticality
+from paretoik.nlp.elimination import eliminate
 from paretoik.nlp.program import Goal, Linearisation, Program
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.pareto.violation import violation_of
@@ -51,12 +52,12 @@ def curvature_status(
     hessian, cone_rows = _lagrangian(program, at, result, ranges)
     fixed = np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows])
     edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction lowers these
-    direction, curvature = _least_curved(fixed, hessian, at.unit)
+    direction, curvature = _least_curved(fixed, hessian, at)
     if curvature >= -OPTIONS.curvature:
         return "minimum", ""
     directions = [direction]
     if len(edges):
-        inner, inner_curvature = _least_curved(np.concatenate([fixed, edges]), hessian, at.unit)
+        inner, inner_curvature = _least_curved(np.concatenate([fixed, edges]), hessian, at)
         directions += [inner] if inner_curvature < -OPTIONS.curvature else []
     for candidate in directions:
         for sign in (1.0, -1.0):
@@ -85,9 +86,9 @@ def edge_names(
     return ", ".join([*names[: OPTIONS.names], *more])
 
 
-def _least_curved(fixed: np.ndarray, hessian: np.ndarray, unit: float) -> tuple[np.ndarray, float]:
+def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> tuple[np.ndarray, float]:
     """Return the direction of least curvature that no row of ``fixed`` looks along, and that curvature; ∞ for none."""
-    tangent = null_space(fixed)
+    tangent, unit = null_space(fixed, at.unknowns), at.unit
     projected = tangent.T @ hessian @ tangent
     if is_positive_definite(projected + OPTIONS.curvature / unit**2 * np.eye(len(projected))):
         return np.zeros(len(hessian)), np.inf
@@ -117,13 +118,27 @@ def _lagrangian(
     return hessian, rows
 
 
-def null_space(rows: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "columns free"]:
-    """Return an orthonormal basis of the directions that no row looks along; rows count by direction, not length."""
+def null_space(
+    rows: Float[np.ndarray, "rows columns"], unknowns: int | None = None
+) -> Float[np.ndarray, "columns free"]:
+    """Return a basis of the directions that no row looks along, orthonormal in its first ``unknowns`` columns, or all.
+
+    Auxiliary columns, which follow those, are eliminated first: their rows are sparse. Rows count by direction, not
+    length.
+    """
+    count = rows.shape[1]
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
-    basis, triangle, _ = qr(unit.T, pivoting=True)
+    left = eliminate(unit, count if unknowns is None else unknowns)
+    rest = left.reduced
+    lengths = np.linalg.norm(rest, axis=1)
+    rest = rest[lengths > OPTIONS.dependent] / lengths[lengths > OPTIONS.dependent, None]
+    basis, triangle, _ = qr(rest.T, pivoting=True)
     sizes = np.abs(np.diagonal(triangle))
-    free: np.ndarray = basis[:, np.count_nonzero(sizes > OPTIONS.dependent * sizes.max(initial=0.0)) :]
-    return free
+    basis = basis[:, np.count_nonzero(sizes > OPTIONS.dependent * sizes.max(initial=0.0)) :]
+    directions = np.zeros((count, basis.shape[1]))
+    directions[left.free] = basis
+    directions[left.columns] = -left.table[left.pivots][:, left.free] @ basis
+    return directions
 
 
 def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:

@@ -68,7 +68,8 @@ def weight_ratios(
     intervals = np.stack([ratios, ratios], axis=-1)
     if constraints.cones:
         return intervals
-    shares = share_ranges(gradients, constraints.jacobian[constraints.values <= OPTIONS.active].toarray())
+    active = constraints.jacobian[constraints.values <= OPTIONS.active].toarray()
+    shares = share_ranges(gradients, active, constraints.unknowns)
     if shares is None:
         return intervals
     with np.errstate(divide="ignore"):

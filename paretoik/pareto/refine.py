@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -25,18 +26,23 @@ class RefineOptions:
     """How points are refined; objectives are divided by their ranges.
 
     ``weight`` is that of the sum of all objectives beside the first: no gain is left that costs next to nothing. A
-    point is left as it is where its criticality is at most ``critical`` and its violation at most ``violation``. So
-    many points are refined at a time as ``batch`` says: in between somebody may look, or end it. ``warm`` is tried
-    first, ``near`` and ``cold`` where that does not converge, or where an objective rises by more than ``rise``, a
-    share of its range.
+    point is left as it is where its criticality is at most ``critical`` and its violation at most ``violation``. What a
+    solver returns is optimal if its stationarity is at most ``stationary``, or else its criticality ``flat``. So
+    many points are refined at a time as ``batch`` says: in between somebody may look, or end it. ``straight`` is tried
+    first; where that does not converge, or an objective rises by more than ``rise``, a share of its range, comes
+    ``below``: all objectives count the same, none may rise (Benson 1978). It converges in a tenth of the iterations
+    where the way straight ahead is curved. Last come ``near`` and ``cold``, straight ahead again.
     """
 
     weight: float = 0.1
     critical: float = 1e-8
+    flat: float = 1e-6
+    stationary: float = 1e-6
     violation: float = 1e-8
     rise: float = 1e-9
     batch: int = 4
-    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    straight: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=75)
+    below: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
     near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
 
@@ -55,15 +61,11 @@ def refine(
     returns true, and after a signal, the others stay as they are.
     """
     x, converged = x.copy(), np.zeros(len(x), dtype=bool)
-    weights = np.zeros((1, len(program.upper)))
-    weights[0, :n_obj] = OPTIONS.weight
-    weights[0, 0] += 1.0
-    ahead = np.eye(n_obj, len(program.upper))
-    ahead[1:, 0] = -1.0  # F_j − F_0
+    attempts = _attempts(n_obj, len(program.upper))
     for first in range(0, len(x), OPTIONS.batch):
         rows = np.arange(first, min(first + OPTIONS.batch, len(x)))
         try:
-            _refine_rows(program, x, converged, rows, weights, ahead, solver)
+            _refine_rows(program, x, converged, rows, attempts, n_obj, solver)
         except Interrupted:
             break
         if observe is not None and observe(int(rows[-1]) + 1, len(x)):
@@ -71,31 +73,56 @@ def refine(
     return x, converged
 
 
+class _Attempt(NamedTuple):
+    """Minimise weights · F where rows · F is no more than at the start."""
+
+    weights: Float[np.ndarray, "1 objectives"]
+    rows: Float[np.ndarray, "n_obj objectives"]
+    options: InteriorPointOptions
+
+
+def _attempts(n_obj: int, objectives: int) -> tuple[_Attempt, ...]:
+    """Return what is tried in turn."""
+    equal, straight = np.zeros((1, objectives)), np.zeros((1, objectives))
+    equal[0, :n_obj], straight[0, :n_obj] = 1.0, OPTIONS.weight
+    straight[0, 0] += 1.0
+    below, ahead = np.eye(n_obj, objectives), np.eye(n_obj, objectives)
+    ahead[1:, 0] = -1.0  # F_j − F_0
+    return (
+        _Attempt(straight, ahead, OPTIONS.straight),
+        _Attempt(equal, below, OPTIONS.below),
+        _Attempt(straight, ahead, OPTIONS.near),
+        _Attempt(straight, ahead, OPTIONS.cold),
+    )
+
+
 def _refine_rows(
     program: Program,
     x: Points,
     converged: Bool[np.ndarray, " points"],
     rows: Int[np.ndarray, " rows"],
-    weights: Float[np.ndarray, "1 objectives"],
-    ahead: Float[np.ndarray, "n_obj objectives"],
+    attempts: tuple[_Attempt, ...],
+    n_obj: int,
     solver: Solver,
 ) -> None:
     """Refine some of the points in place. Raises Interrupted after a signal, with what converged by then kept."""
     for i in rows:
         check_interruption()
-        converged[i] = _is_critical(program, x[i], len(ahead))
-    for barrier in (OPTIONS.warm, OPTIONS.near, OPTIONS.cold):
+        converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical)
+    for attempt in attempts:
         rest = rows[~converged[rows]]
         if not len(rest):
             return
-        upper = np.array([ahead @ program.evaluate(one)[0] for one in x[rest]])
+        upper = np.array([attempt.rows @ program.evaluate(one)[0] for one in x[rest]])
         try:
-            solutions = minimise(program, x[rest], weights, upper, barrier, rows=ahead, solver=solver)
+            solutions = minimise(
+                program, x[rest], attempt.weights, upper, attempt.options, rows=attempt.rows, solver=solver
+            )
         except Interrupted as stop:
             if stop.partial is not None:
-                _keep(program, x, converged, rest, stop.partial, len(ahead))
+                _keep(program, x, converged, rest, stop.partial, n_obj)
             raise
-        _keep(program, x, converged, rest, solutions, len(ahead))
+        _keep(program, x, converged, rest, solutions, n_obj)
 
 
 def _keep(
@@ -111,7 +138,13 @@ def _keep(
     feasible = solutions.violation <= OPTIONS.violation
     good = better & (solutions.converged | (feasible & np.isfinite(solutions.objectives).all(axis=1)))
     x[rows[good]] = solutions.x[good]
-    converged[rows[good]] = solutions.converged[good]
+    for i, solved, stationarity in zip(
+        rows[good], solutions.converged[good], solutions.stationarity[good], strict=True
+    ):
+        # in a flat valley a solver stops where rounding hides its gain, though all objectives together may have one
+        converged[i] = solved and (
+            stationarity <= OPTIONS.stationary or _is_critical(program, x[i], n_obj, OPTIONS.flat)
+        )
 
 
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
@@ -121,11 +154,11 @@ def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> 
     return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
 
 
-def _is_critical(program: Program, x: np.ndarray, n_obj: int) -> bool:
+def _is_critical(program: Program, x: np.ndarray, n_obj: int, tolerance: float) -> bool:
     try:
         at = program.linearise(x)
         if violation_at(program, at) > OPTIONS.violation:
             return False
-        return criticality_at(program, at, np.ones(n_obj)).value <= OPTIONS.critical
+        return criticality_at(program, at, np.ones(n_obj)).value <= tolerance
     except (SolverFailed, EvaluationFailed):
         return False

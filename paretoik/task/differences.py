@@ -1,7 +1,8 @@
-"""Finite differences and quadrature: the two discretisations of a motion.
+"""Finite differences and quadrature: the discretisations of a motion.
 
 "backward" as in Tringali & Cocuzza 2020: v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
-rectangle at the right end. "central": second order, integrals by the trapezoid rule. On a cycle v₀ = v_N.
+rectangle at the right end. "central": second order, integrals by the trapezoid rule. On a cycle v₀ = v_N. "spline": the
+derivatives of the cubic spline near the samples (``task.spline``), integrals by Simpson's rule with midpoints.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Series
 
-Differences: TypeAlias = Literal["backward", "central"]
+Differences: TypeAlias = Literal["backward", "central", "spline"]
 Samples: TypeAlias = Float[np.ndarray, "*batch time columns"]
 Instants: TypeAlias = Float[np.ndarray, "*#batch time"]
 
@@ -46,6 +47,24 @@ def quadrature_weights(time: Series, differences: Differences) -> Series:
     zero = np.zeros((*step.shape[:-1], 1))
     left, right = np.concatenate([zero, step], axis=-1), np.concatenate([step, zero], axis=-1)
     return left if differences == "backward" else (left + right) / 2
+
+
+def simpson_weights(time: Series) -> Series:
+    """Return the weights (*batch, time) [s] of Simpson's rule: every other time is in the middle of its neighbours."""
+    sixth = (time[..., 2::2] - time[..., :-2:2]) / 6
+    weights = np.zeros(time.shape)
+    weights[..., :-2:2] += sixth
+    weights[..., 1::2] += 4 * sixth
+    weights[..., 2::2] += sixth
+    return weights
+
+
+def with_midpoints(time: Series) -> Series:
+    """Return times (*batch, 2 · time − 1) with the middle of every interval."""
+    dense = np.empty((*time.shape[:-1], 2 * time.shape[-1] - 1))
+    dense[..., ::2] = time
+    dense[..., 1::2] = (time[..., 1:] + time[..., :-1]) / 2
+    return dense
 
 
 def _central_first_derivative(values: Samples, time: Instants, *, cyclic: bool) -> Samples:

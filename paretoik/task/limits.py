@@ -78,6 +78,7 @@ class Constraint:
 
         Raises InvalidInput, naming the constraint, where the function returns another shape or something not real.
         """
+        motion = motion.instants
         values = evaluate_function(f"constraint {self.name}", self.function, motion, self.form)
         if self.form == "integral":
             values = motion.integral(values)
@@ -124,7 +125,10 @@ def constraint(
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
     """Return the violation of a joint limit at each sample as a fraction of its range; not positive where it holds."""
-    values, lower, upper = getattr(motion, LIMITED[kind]), bounds[..., 0], bounds[..., 1]
+    lower, upper = bounds[..., 0], bounds[..., 1]
+    values = getattr(motion, LIMITED[kind])
+    if kind == "velocity" and motion.derivatives is not None:
+        values = motion.derivatives.velocity_bounds
     return np.maximum(values - upper, lower - values) / limit_ranges(lower, upper)
 
 

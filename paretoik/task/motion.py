@@ -17,10 +17,17 @@ from paretoik.inputs import real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.task.curves import CLOSURE_TOLERANCE
-from paretoik.task.differences import Differences, first_derivative, quadrature_weights, second_derivative
+from paretoik.task.differences import (
+    Differences,
+    first_derivative,
+    quadrature_weights,
+    second_derivative,
+    simpson_weights,
+)
 from paretoik.task.distances import clearance
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import retract_nearest, task_errors
+from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
 from paretoik.task.task import Task
 
 
@@ -28,11 +35,14 @@ from paretoik.task.task import Task
 class Motion:
     """Joint motions of one arm, (*batch, time, dof): the samples ``q`` [rad, m] at ``time`` (*batch, time) [s].
 
-    A motion *is* the C² interpolant of its samples, projected back onto its tasks (``at``). Velocities and
-    accelerations at the samples follow ``differences``: "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ =
-    (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the rectangle at the right end), or "central" (second order,
-    integrals by the trapezoid rule). A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from
-    the batch; arrays are read-only.
+    A motion *is* a C² curve, projected back onto its tasks (``at``). Velocities and accelerations at the samples follow
+    ``differences``: "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt,
+    integrals by the rectangle at the right end), or "central" (second order, integrals by the trapezoid rule), the
+    curve being the cubic spline through the samples; or "spline": those of the curve itself, a cubic spline that passes
+    within about δ⁴q/36 of the inner samples, so that limits that hold there hold in between; objectives and limits are
+    evaluated on ``instants``, the samples and the middles between them, integrals by Simpson's rule. ``ends_at_rest``
+    makes that spline end with velocity 0. A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks
+    from the batch; arrays are read-only. ``derivatives`` are given where they do not follow from the samples.
 
     Raises InvalidInput where shapes don't fit the arm, a number is not finite, times don't increase, or a cyclic motion
     does not close.
@@ -46,6 +56,8 @@ class Motion:
     link_radius: float = 0.0
     differences: Differences = "backward"
     cyclic: bool = False
+    ends_at_rest: bool = False
+    derivatives: Derivatives | None = None
 
     def __post_init__(self) -> None:
         q, time = real_array("motion: q", self.q), real_array("motion: time", self.time)
@@ -81,7 +93,8 @@ class Motion:
     def __getitem__(self, index: int | slice | np.ndarray) -> Motion:
         if self.q.ndim == 2:
             raise TypeError("a single motion cannot be indexed")
-        return replace(self, q=self.q[index], time=self.time[index])
+        derivatives = None if self.derivatives is None else self.derivatives[index]
+        return replace(self, q=self.q[index], time=self.time[index], derivatives=derivatives)
 
     def __iter__(self) -> Iterator[Motion]:
         return (self[i] for i in range(len(self)))
@@ -94,16 +107,28 @@ class Motion:
     @cached_property
     def dq(self) -> JointPaths:
         """Joint velocities (*batch, time, dof) [rad/s, m/s]."""
+        if self.derivatives is not None:
+            return self.derivatives.dq
+        if self.differences == "spline":
+            return _read_only(self.spline.velocity)
         return _read_only(first_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def ddq(self) -> JointPaths:
         """Joint accelerations (*batch, time, dof) [rad/s², m/s²]."""
+        if self.derivatives is not None:
+            return self.derivatives.ddq
+        if self.differences == "spline":
+            return _read_only(self.spline.acceleration)
         return _read_only(second_derivative(self.q, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
     def jerk(self) -> JointPaths:
-        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of the accelerations."""
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of the accelerations, of a spline those after."""
+        if self.derivatives is not None:
+            return self.derivatives.jerk
+        if self.differences == "spline":
+            return _read_only(np.concatenate([self.spline.jerk, self.spline.jerk[..., -1:, :]], axis=-2))
         return _read_only(first_derivative(self.ddq, self.time, self.differences, cyclic=self.cyclic))
 
     @cached_property
@@ -168,17 +193,41 @@ class Motion:
         """Distance of the links, capsules of ``link_radius``, from the nearest obstacle (*batch, time) [m]."""
         return _read_only(clearance(self.obstacles, self.links, self.link_radius))
 
+    @cached_property
+    def spline(self) -> Spline:
+        """The cubic spline near the samples: the curve of a motion whose ``differences`` are "spline"."""
+        return fit_spline(self.q, self.time, cyclic=self.cyclic, ends_at_rest=self.ends_at_rest)
+
+    @cached_property
+    def instants(self) -> Motion:
+        """The motion at the times at which objectives and limits are evaluated.
+
+        The motion itself, or with differences="spline" its samples and the middles between them, (*batch, 2 · time − 1,
+        dof); positions at the samples are those of ``q``.
+        """
+        if self.differences != "spline" or self.derivatives is not None:
+            return self
+        time, q, derivatives = evaluate_with_midpoints(self.spline, self.q)
+        return replace(self, time=time, q=q, derivatives=derivatives)
+
     @property
     def weights(self) -> Series:
         """Quadrature weights (*batch, time) [s] of integrals over the samples."""
+        if self.differences == "spline" and self.derivatives is not None:
+            return simpson_weights(self.time)
         return quadrature_weights(self.time, self.differences)
 
     def integral(self, series: Series) -> np.ndarray:
         """Return the time integral (*batch,) of values at the samples (*batch, time)."""
         return np.asarray(np.sum(series * self.weights, axis=-1))
 
-    def at(self, t: Float[np.ndarray, " instants"]) -> Float[np.ndarray, "*batch instants dof"]:
-        """Return joint positions (*batch, instants, dof) at times t [s]: the interpolant, projected onto the tasks.
+    def at(
+        self, t: Float[np.ndarray, " instants"], *, project: bool = True
+    ) -> Float[np.ndarray, "*batch instants dof"]:
+        """Return joint positions (*batch, instants, dof) at times t [s]: the curve, projected onto the tasks.
+
+        Without ``project`` it is the spline itself: with differences="spline" the one whose velocities and
+        accelerations are limited, within about δ⁴q/36 of the path.
 
         Raises InvalidInput for times outside the motion, Infeasible where it cannot be projected.
         """
@@ -187,6 +236,14 @@ class Motion:
         outside = instants[~((instants >= first - 1e-12) & (instants <= last + 1e-12))]
         if len(outside):
             raise InvalidInput(f"at: wants times from {first:g} s to {last:g} s, got {outside[0]:g} s")
+        if self.differences == "spline" and self.derivatives is None:
+            q = self.spline.at(instants)[0]
+        else:
+            q = self._interpolate(instants)
+        return self._project(q, instants) if self.tasks and project else q
+
+    def _interpolate(self, instants: np.ndarray) -> Float[np.ndarray, "*batch instants dof"]:
+        """Return the cubic spline through the samples."""
         ends = "periodic" if self.cyclic else "not-a-knot"
         flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
         if np.all(times == times[0]):
@@ -195,8 +252,6 @@ class Motion:
             interpolated = np.stack(
                 [CubicSpline(s, q, bc_type=ends)(instants) for s, q in zip(times, flat, strict=True)]
             )
-        if self.tasks:
-            interpolated = self._project(interpolated, instants)
         return interpolated.reshape(*self.q.shape[:-2], len(instants), self.arm.dof)
 
     def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:

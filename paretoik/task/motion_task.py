@@ -11,7 +11,8 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import JointPaths, Times
 from paretoik.robot.arm import Arm
-from paretoik.task.differences import Differences, quadrature_weights
+from paretoik.task.between import finer_motion
+from paretoik.task.differences import Differences, quadrature_weights, simpson_weights, with_midpoints
 from paretoik.task.distances import closest_pair
 from paretoik.task.limits import Bounds, Constraint, relative_violation
 from paretoik.task.motion import Motion
@@ -47,10 +48,27 @@ class MotionTask:
         """Sample times (time,) [s]."""
         return self.tasks[0].path.times
 
+    @cached_property
+    def instants(self) -> Times:
+        """Times [s] at which objectives and limits are evaluated: samples, of splines the middles between them too."""
+        return with_midpoints(self.times) if self.differences == "spline" else self.times
+
     @property
+    def stride(self) -> int:
+        """Number of instants from one sample to the next."""
+        return 2 if self.differences == "spline" else 1
+
+    @cached_property
     def weights(self) -> Times:
-        """Weights (time,) [s] of integrals over the samples."""
+        """Weights [s] of integrals over the instants."""
+        if self.differences == "spline":
+            return simpson_weights(self.instants)
         return quadrature_weights(self.times, self.differences)
+
+    @property
+    def ties_end(self) -> bool:
+        """Whether motions end at rest because their last sample is the nearest on the path to the one before."""
+        return self.ends_at_rest and self.differences != "spline"
 
     @property
     def rows(self) -> int:
@@ -78,6 +96,7 @@ class MotionTask:
             link_radius=self.link_radius,
             differences=self.differences,
             cyclic=self.cyclic,
+            ends_at_rest=self.ends_at_rest,
         )
 
     def subsample(self, samples: int) -> MotionTask:
@@ -120,8 +139,11 @@ class MotionTask:
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
         """Return the largest violation of every limit as a fraction of its range; not positive where it holds."""
+        motion = motion.instants
         columns = [
-            relative_violation(kind, bounds, motion).max(axis=-2)[..., self._limited_joints(bounds)]
+            relative_violation(kind, self.bounds_at(kind, motion.time), motion).max(axis=-2)[
+                ..., self._limited_joints(bounds)
+            ]
             for kind, bounds in self.bounds.items()
         ]
         batch = motion.q.shape[:-2]
@@ -131,16 +153,26 @@ class MotionTask:
         columns += [constraint.violation(motion)[..., None] for constraint in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*batch, 0))
 
+    def bounds_at(
+        self, kind: str, time: Float[np.ndarray, "*batch instants"]
+    ) -> Float[np.ndarray, "*batch #time dof 2"]:
+        """Return the limits of a kind at times; where they vary along the path they are linear between samples."""
+        bounds = self.bounds[kind]
+        if len(bounds) == 1 or np.array_equal(time, self.times):
+            return bounds
+        last = np.clip(np.searchsorted(self.times, time, side="right"), 1, len(self.times) - 1)
+        share = ((time - self.times[last - 1]) / np.diff(self.times)[last - 1])[..., None, None]
+        before, after = np.where(share < 1, bounds[last - 1], 0.0), np.where(share > 0, bounds[last], 0.0)
+        return np.where(share < 1, 1 - share, 1.0) * before + np.where(share > 0, share, 1.0) * after
+
     @property
     def clearance_range(self) -> float:
         """What violations of clearance are divided by [m]."""
         return max(self.min_clearance, 0.01)
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
-        """Return the worst violation of the interpolated motions on a grid four times finer, 0 at least."""
-        finer = self.resample(4 * (len(self.times) - 1) + 1)
-        between = finer.motion(motions.at(finer.times))
-        return np.maximum(finer.violations(between).max(axis=1, initial=0.0), 0.0)
+        """Return the worst violation of the motions' curves on a finer grid, 0 at least; see ``finer_motion``."""
+        return np.maximum(self.violations(finer_motion(motions)).max(axis=1, initial=0.0), 0.0)
 
     def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
@@ -148,6 +180,7 @@ class MotionTask:
         Limits violated as much, within 0.1 %, are named too: of the least-violating motion, those that contradict each
         other. ``numbers`` are those that the samples go by, where they are some of another task's.
         """
+        motion = motion.instants
         violations = self.violations(motion)
         if not len(violations) or violations.max() <= 0:
             return ""
@@ -162,27 +195,37 @@ class MotionTask:
         tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
-    def worst_sample(self, limit: int, motion: Motion) -> int:
-        """Return the sample at which a single motion violates a limit most; −1 for a limit on the whole motion."""
+    def worst_instant(self, limit: int, motion: Motion) -> int:
+        """Return where in time a single motion violates a limit most; −1 for a limit on the whole motion."""
         name = self.limit_names[limit]
         kind, _, joint = name.partition(" of ")
         if name == "clearance":
             return int(motion.clearance.argmin())
         if kind not in self.bounds:
             return -1
-        violation = relative_violation(kind, self.bounds[kind], motion)[..., self.arm.joint_names.index(joint)]
-        return int(np.argmax(violation))
+        violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
+        return int(np.argmax(violation[..., self.arm.joint_names.index(joint)]))
+
+    def worst_sample(self, limit: int, motion: Motion) -> int:
+        """Return the sample next to where a single motion violates a limit most; −1 for a limit on the whole motion."""
+        instant = self.worst_instant(limit, motion := motion.instants)
+        return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
 
     def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
-        """Return in words at which sample a limit is violated most; "" for a limit on the whole motion."""
-        sample = self.worst_sample(limit, motion)
-        if sample < 0:
+        """Return in words when a limit is violated most; "" for a limit on the whole motion."""
+        instant = self.worst_instant(limit, motion)
+        if instant < 0:
             return ""
-        number = sample if numbers is None else int(numbers[sample])
-        where = f" at sample {number} ({self.times[sample]:.3g} s)"
+        time = float(motion.time[instant])
+        sample = int(np.argmin(np.abs(self.times - time)))
+        number = np.arange(len(self.times)) if numbers is None else numbers
+        where = f" at sample {number[sample]} ({time:.3g} s)"
+        if not np.isclose(time, self.times[sample], rtol=0, atol=1e-9 * self.times[-1]):
+            before = int(np.searchsorted(self.times, time)) - 1
+            where = f" between samples {number[before]} and {number[before + 1]} ({time:.3g} s)"
         if self.limit_names[limit] != "clearance":
             return where
-        return where + ", between " + closest_pair(self.obstacles, motion.links[sample], self.link_radius)
+        return where + ", between " + closest_pair(self.obstacles, motion.links[instant], self.link_radius)
 
     def _limited_joints(self, bounds: Bounds) -> np.ndarray:
         return np.isfinite(bounds).any(axis=(0, 2))

@@ -37,7 +37,10 @@ class Objective:
 
         Raises InvalidInput, naming the objective, where the function returns another shape or something not real.
         """
-        values = evaluate_function(f"objective {self.name}", self.function, motion, self.form)
+        name = f"objective {self.name}"
+        check_motion(name, motion)
+        motion = motion.instants
+        values = evaluate_function(name, self.function, motion, self.form)
         if self.form == "integral":
             return motion.integral(values)
         if self.form == "peak":
@@ -93,10 +96,15 @@ def check_form(form: str) -> None:
         raise InvalidInput(f"form must be one of {', '.join(get_args(Form))}, got {form!r}")
 
 
-def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
-    """Return a function's values after checking shape and type; errors begin with ``name``."""
+def check_motion(name: str, motion: object) -> None:
+    """Raise InvalidInput, which begins with ``name``, for what is no motion."""
     if not hasattr(motion, "q"):
         raise InvalidInput(f"{name}: a Motion wanted, got {type(motion).__name__}")
+
+
+def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
+    """Return a function's values after checking shape and type; errors begin with ``name``."""
+    check_motion(name, motion)
     shape = motion.q.shape[:-1] if form in ("integral", "peak") else motion.q.shape[:-2]
     values = function(motion)
     if values is None:

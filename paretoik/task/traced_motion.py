@@ -55,8 +55,8 @@ class TracedMotion:
 
     @property
     def time(self) -> np.ndarray:
-        """Sample times (time,) [s]."""
-        return self.task.times
+        """Times [s] at which functions are evaluated: the task's instants."""
+        return self.task.instants
 
     @cached_property
     def torque(self) -> TracedArray:
@@ -137,7 +137,7 @@ def trace_sample(task: MotionTask, *, duration: float | None = None) -> TracedMo
 
     ``duration`` [s] is what means over time divide by; by default the task's own.
     """
-    trace = Trace(len(task.times))
+    trace = Trace(len(task.instants))
     seconds = float(np.ptp(task.times)) if duration is None else duration
     q, dq, ddq, jerk = (trace.inputs(task.arm.dof) for _ in range(4))
     return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
@@ -146,7 +146,7 @@ def trace_sample(task: MotionTask, *, duration: float | None = None) -> TracedMo
 def trace_motion(task: MotionTask) -> TracedMotion:
     """Return a whole motion of a task, for functions that combine several samples."""
     trace = Trace(None)
-    q, dq, ddq, jerk = (trace.inputs(len(task.times), task.arm.dof) for _ in range(4))
+    q, dq, ddq, jerk = (trace.inputs(len(task.instants), task.arm.dof) for _ in range(4))
     return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
 
 

@@ -129,7 +129,10 @@ def _add_limits(functions: Functions) -> None:
     """Add the limits that are not on positions and rates themselves."""
     motion, task = functions.motion, functions.motion.task
     series: dict[str, Callable[[], Any]] = {"torque": lambda: motion.torque, "power": lambda: motion.power}
-    for kind, limits in task.bounds.items():
+    if task.differences == "spline" and "velocity" in task.bounds:
+        _add_inner_velocities(functions)
+    for kind in task.bounds:
+        limits = task.bounds_at(kind, task.instants)
         for j, joint in enumerate(task.arm.joint_names if kind in series else ()):
             if np.isfinite(limits[:, j]).any():
                 _add_row(functions, f"{kind} of {joint}", series[kind]().entries[j], limits[:, j])
@@ -137,14 +140,28 @@ def _add_limits(functions: Functions) -> None:
         _add_row(functions, "clearance", motion.clearance.entries, np.array([task.min_clearance, np.inf]))
 
 
+def _add_inner_velocities(functions: Functions) -> None:
+    """Add the limits on the Bernstein coefficients of velocities between samples, vᵢ + h aᵢ / 2; see ``Spline``."""
+    motion, task = functions.motion, functions.motion.task
+    half, bounds = np.zeros(len(task.instants)), np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
+    half[:-1:2] = np.diff(task.times) / 2
+    between = task.bounds_at("velocity", task.instants)
+    bounds[:-1:2] = between if len(between) == 1 else between[1::2]
+    half_step = motion.trace.parameter(half)
+    for j, joint in enumerate(task.arm.joint_names):
+        if np.isfinite(bounds[:, j]).any():
+            value = motion.dq.entries[j] + half_step * motion.ddq.entries[j]
+            _add_row(functions, f"velocity of {joint}", value, bounds[:, j])
+
+
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray) -> None:
-    """Add a function of a sample between bounds (time or 1, 2), by its smooth pieces where it has kinks."""
-    tape, samples = functions.motion.trace.tape, len(functions.motion.task.times)
-    entry, both = as_entry(tape, value), np.broadcast_to(bounds, (samples, 2))
+    """Add a function of an instant between bounds (instants or 1, 2), by its smooth pieces where it has kinks."""
+    tape, instants = functions.motion.trace.tape, len(functions.motion.task.instants)
+    entry, both = as_entry(tape, value), np.broadcast_to(bounds, (instants, 2))
     below, above = smooth_pieces(tape, entry, -1), smooth_pieces(tape, entry, 1)
     sides = [(entry, both)]
     if len(below) > 1 or len(above) > 1:
-        free = np.full(samples, np.inf)
+        free = np.full(instants, np.inf)
         sides = [(piece, np.stack([both[:, 0], free], axis=1)) for piece in below]
         sides += [(piece, np.stack([-free, both[:, 1]], axis=1)) for piece in above]
     for piece, limits in sides:

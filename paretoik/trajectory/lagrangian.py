@@ -11,9 +11,9 @@ from paretoik.trajectory.program import MotionProgram
 
 def lagrangian_hessian(
     program: MotionProgram,
-    inputs: Float[np.ndarray, "inputs time"],
+    inputs: Float[np.ndarray, "inputs instants"],
     basis: sparse.csr_array,
-    function_gradients: Float[np.ndarray, "functions variables time"],
+    function_gradients: Float[np.ndarray, "functions variables instants"],
     path_jacobian: Float[np.ndarray, "time rows dof"],
     weights: Float[np.ndarray, " objectives"],
     multipliers: Float[np.ndarray, " inequalities"],
@@ -23,22 +23,22 @@ def lagrangian_hessian(
 
     The path's multipliers ν are those that leave no gradient in the row space of its Jacobian.
     """
-    p, (functions, variables, samples) = program, function_gradients.shape
+    p, (_functions, variables, instants) = program, function_gradients.shape
     orders, n = p.stencil.orders, p.task.arm.dof
     by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
-    factors, by_variable = _function_weights(p, weights, by_limit, functions, variables)
+    factors, by_variable = _function_weights(p, weights, by_limit, function_gradients.shape)
     by_variable += np.einsum("fs,fvs->vs", factors, function_gradients)
-    gradient = by_variable[: p.rates].reshape(orders, n, samples).swapaxes(1, 2).ravel()
+    gradient = by_variable[: p.rates].reshape(orders, n, instants).swapaxes(1, 2).ravel()
     u = p.whole_inputs(inputs)
     for each, part in zip(p.whole_functions, by_part, strict=True):
         gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
-    by_position = _by_positions(p, gradient.reshape(orders, samples, n).swapaxes(1, 2))
+    by_position = _by_positions(p, gradient.reshape(orders, instants, n).swapaxes(1, 2), len(path_jacobian))
     right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
     square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
     inputs, (first, last) = inputs.copy(), p.evaluators.multipliers[:2]
-    inputs[first:last] = np.linalg.solve(square, right[..., None])[..., 0].T
+    inputs[first:last, :: p.task.stride] = np.linalg.solve(square, right[..., None])[..., 0].T
     inputs[last:] = factors
-    hessian = basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, samples) @ basis)
+    hessian = basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, instants) @ basis)
     if p.whole_functions:
         unknowns = p.stencil.unknowns
         directions = whole_basis(p, basis)[:, :unknowns]
@@ -50,10 +50,10 @@ def lagrangian_hessian(
 
 def whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
     """Return how the inputs of functions of the whole motion change with the columns."""
-    orders, n, samples = program.stencil.orders, program.task.arm.dof, len(program.task.times)
-    order = np.arange(orders * n * samples).reshape(orders, n, samples).swapaxes(1, 2).ravel()
+    orders, n, instants = program.stencil.orders, program.task.arm.dof, len(program.task.instants)
+    order = np.arange(orders * n * instants).reshape(orders, n, instants).swapaxes(1, 2).ravel()
     rows = basis[order]
-    rows.resize((4 * n * samples, basis.shape[1]))
+    rows.resize((4 * n * instants, basis.shape[1]))
     return rows
 
 
@@ -83,11 +83,11 @@ def _part_multipliers(
 
 
 def _function_weights(
-    program: MotionProgram, weights: np.ndarray, by_limit: np.ndarray, functions: int, variables: int
-) -> tuple[Float[np.ndarray, "functions time"], Float[np.ndarray, "variables time"]]:
-    """Return the Lagrangian's weights of all functions of a sample, and those of the variables that limits bound."""
-    samples = len(program.task.times)
-    factors, by_variable = np.zeros((functions, samples)), np.zeros((variables, samples))
+    program: MotionProgram, weights: np.ndarray, by_limit: np.ndarray, shape: tuple[int, int, int]
+) -> tuple[Float[np.ndarray, "functions instants"], Float[np.ndarray, "variables instants"]]:
+    """Return the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound."""
+    functions, variables, instants = shape
+    factors, by_variable = np.zeros((functions, instants)), np.zeros((variables, instants))
     for total, weight in zip(program.totals, weights, strict=True):
         if total.kind == "sum":
             factors[total.index] += weight * program.task.weights
@@ -98,22 +98,24 @@ def _function_weights(
     return factors, by_variable
 
 
-def _by_positions(program: MotionProgram, by_u: Float[np.ndarray, "orders dof time"]) -> Float[np.ndarray, "time dof"]:
-    """Return what a gradient by positions and rates of all samples is by positions."""
+def _by_positions(
+    program: MotionProgram, by_u: Float[np.ndarray, "orders dof instants"], samples: int
+) -> Float[np.ndarray, "time dof"]:
+    """Return what a gradient by positions and rates of all instants is by positions of the samples."""
     shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
-    gradient = np.zeros((by_u.shape[2], by_u.shape[1]))
+    gradient = np.zeros((samples, by_u.shape[1]))
     np.add.at(gradient, program.stencil.neighbours, shares)
     return gradient
 
 
 def _by_variables(
-    program: MotionProgram, seconds: Float[np.ndarray, "entries time"], variables: int, samples: int
+    program: MotionProgram, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
 ) -> sparse.csr_array:
-    """Return second derivatives by the variables of all samples as a symmetric matrix."""
+    """Return second derivatives by the variables of all instants as a symmetric matrix."""
     i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns
-    s = np.arange(samples)
-    row, column = (i[:, None] * samples + s).ravel(), (j[:, None] * samples + s).ravel()
-    off = np.repeat(i != j, samples)
+    s = np.arange(instants)
+    row, column = (i[:, None] * instants + s).ravel(), (j[:, None] * instants + s).ravel()
+    off = np.repeat(i != j, instants)
     places = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
     entries = np.concatenate([seconds.ravel(), seconds.ravel()[off]])
-    return sparse.coo_array((entries, places), shape=(variables * samples,) * 2).tocsr()
+    return sparse.coo_array((entries, places), shape=(variables * instants,) * 2).tocsr()

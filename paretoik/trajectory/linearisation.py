@@ -20,8 +20,8 @@ class MotionLinearisation:
 
     Columns are steps of the self-motion, then slack and epigraph variables of samples, peaks and functions of the whole
     motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of the tasks' ``path_jacobian``.
-    ``basis`` (variables · time, columns) says how all variables move, ``function_gradients`` are those of the functions
-    of a sample by its variables.
+    ``basis`` (variables · instants, columns) says how all variables move, ``function_gradients`` are those of the
+    functions of an instant by its variables.
     """
 
     program: MotionProgram
@@ -30,7 +30,7 @@ class MotionLinearisation:
     normal: Float[np.ndarray, "time dof redundancy"]
     path_jacobian: Float[np.ndarray, "time rows dof"]
     basis: sparse.csr_array
-    function_gradients: Float[np.ndarray, "functions variables time"]
+    function_gradients: Float[np.ndarray, "functions variables instants"]
     gradients: Float[np.ndarray, "objectives columns"]
     inequalities: Float[np.ndarray, " inequalities"]
     jacobian: sparse.csr_array
@@ -98,7 +98,7 @@ class MotionLinearisation:
         targets = task.targets.copy()
         if task.cyclic:
             q[-1], targets[-1] = q[0], targets[0]
-        if task.ends_at_rest:
+        if task.ties_end:
             q[-1] = q[-2]
         retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(self.path_jacobian))
         if not retracted.on_path.all():
@@ -114,10 +114,10 @@ class MotionLinearisation:
         self, step: Float[np.ndarray, " columns"], x: Float[np.ndarray, "time dof"]
     ) -> Float[np.ndarray, " inequalities"]:
         """Return limits and ties at the motion x, slack and epigraph variables being what the step makes them."""
-        p, u, samples = self.program, self.unknowns, len(x)
+        p, u, instants = self.program, self.unknowns, len(self.program.task.instants)
         values = p.values(x)
-        inputs, column = values.inputs.copy(), u + p.slacks * samples
-        inputs[p.slack_inputs] = self.values.inputs[p.slack_inputs] + step[u:column].reshape(p.slacks, samples)
+        inputs, column = values.inputs.copy(), u + p.slacks * instants
+        inputs[p.slack_inputs] = self.values.inputs[p.slack_inputs] + step[u:column].reshape(p.slacks, instants)
         inputs[p.peak_inputs] = self.values.inputs[p.peak_inputs] + step[column : column + p.peaks, None]
         parts, column = list(p.limit_values(inputs, p.evaluators.value(inputs))), column + p.peaks
         for each, before, after in zip(p.whole_functions, self.values.parts, values.parts, strict=True):
@@ -131,19 +131,20 @@ class MotionLinearisation:
 
 def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
     """Return the program's values and first derivatives at a motion on the path."""
-    task, samples, n = program.task, len(q), q.shape[1]
+    task, samples, instants, n = program.task, len(q), len(program.task.instants), q.shape[1]
     values = program.values(q)
     evaluators, sparsity = program.evaluators, program.evaluators.gradient_sparsity
-    path_jacobian = evaluators.path(values.inputs)[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
+    at_samples = evaluators.path(values.inputs[:, :: task.stride])
+    path_jacobian = at_samples[task.rows :].reshape(task.rows, n, samples).transpose(2, 0, 1)
     normal = np.linalg.svd(path_jacobian)[2][:, task.rows :].swapaxes(-1, -2)
     if task.cyclic:
         normal[-1] = normal[0]
-    if task.ends_at_rest:
+    if task.ties_end:
         across = row_space_basis(path_jacobian[-1])
         normal[-1] = normal[-2] - across @ (across.T @ normal[-2])
     slopes = evaluators.gradient(values.inputs)
     functions = len(slopes) - len(sparsity.rows)
-    function_gradients = np.zeros((functions, len(program.variables), samples))
+    function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
     basis, columns = _basis(program, normal, sum(each.epigraph_columns for each in program.whole_functions))
     gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
@@ -151,7 +152,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
         if total.kind == "sum":
             gradients[k] = basis.T @ (function_gradients[total.index] * task.weights).ravel()
         elif total.kind == "peak":
-            gradients[k, program.stencil.unknowns + program.slacks * samples + total.index] = 1.0
+            gradients[k, program.stencil.unknowns + program.slacks * instants + total.index] = 1.0
     return MotionLinearisation(
         program=program,
         values=values,
@@ -168,23 +169,23 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
 
 
 def _basis(program: MotionProgram, normal: np.ndarray, wholes: int) -> tuple[sparse.csr_array, int]:
-    """Return how variables (variables · time) change with the columns, and how many columns there are."""
-    stencil, (samples, n, r) = program.stencil, normal.shape
+    """Return how variables (variables · instants) change with the columns, and how many columns there are."""
+    stencil, instants, (_, n, r) = program.stencil, len(program.task.instants), normal.shape
     variables, orders = len(program.variables), stencil.orders
     moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])
-    begin = stencil.first_unknown[stencil.neighbours][..., None] + np.arange(r)  # (time, width, r)
-    row = np.arange(orders * n * samples).reshape(orders, n, samples)
+    begin = stencil.first_unknown[stencil.neighbours][..., None] + np.arange(r)  # (instants, width, r)
+    row = np.arange(orders * n * instants).reshape(orders, n, instants)
     rows = np.broadcast_to(row[..., None, None], moves.shape)
     places = np.broadcast_to(begin, moves.shape)
     free = np.broadcast_to((stencil.first_unknown[stencil.neighbours] >= 0)[..., None], moves.shape) & (moves != 0)
-    slacks, peaks = np.arange(program.slacks * samples), np.arange(program.peaks * samples)
+    slacks, peaks = np.arange(program.slacks * instants), np.arange(program.peaks * instants)
     columns = stencil.unknowns + len(slacks) + program.peaks + wholes
     entries = np.concatenate([moves[free], np.ones(len(slacks) + len(peaks))])
-    row = np.concatenate([rows[free], orders * n * samples + np.arange(len(slacks) + len(peaks))])
+    row = np.concatenate([rows[free], orders * n * instants + np.arange(len(slacks) + len(peaks))])
     column = np.concatenate(
-        [places[free], stencil.unknowns + slacks, stencil.unknowns + len(slacks) + peaks // samples]
+        [places[free], stencil.unknowns + slacks, stencil.unknowns + len(slacks) + peaks // instants]
     )
-    return sparse.csr_array(sparse.coo_array((entries, (row, column)), shape=(variables * samples, columns))), columns
+    return sparse.csr_array(sparse.coo_array((entries, (row, column)), shape=(variables * instants, columns))), columns
 
 
 def _whole_functions(
@@ -221,9 +222,9 @@ def _whole_functions(
 
 
 def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
-    """Return the Jacobian of limits, divided by their ranges, and of ties of samples."""
+    """Return the Jacobian of limits, divided by their ranges, and of ties of instants."""
     which, at = program.limited.T
-    functions, variables, samples = function_gradients.shape
+    functions, variables, instants = function_gradients.shape
     scales = np.append(program.ranges[: program.elastic], np.ones(len(which) - program.elastic))
     sides, simple = program.sides / scales, which < variables
     i, function = np.flatnonzero(~simple), program.sums + which[~simple] - variables
@@ -233,6 +234,6 @@ def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: s
     k, v = np.nonzero(nonzero[function])
     entries = np.concatenate([sides[simple], function_gradients[function[k], v, at[i[k]]] * sides[i[k]]])
     rows = np.concatenate([np.flatnonzero(simple), i[k]])
-    columns = np.concatenate([which[simple] * samples + at[simple], v * samples + at[i[k]]])
-    by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * samples))
+    columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[k]]])
+    by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
     return sparse.csr_array(by_variables.tocsr() @ basis)

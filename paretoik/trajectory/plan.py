@@ -15,7 +15,7 @@ from paretoik.errors import Infeasible, SolverFailed
 from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver, minimise
 from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import INTERRUPTED, STATUSES, Solutions, concatenate
+from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, concatenate
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.task.motion import Motion
@@ -37,17 +37,22 @@ from paretoik.trajectory.levels import (
 )
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.restarts import RestartPolicy, disturb_best
+from paretoik.trajectory.tightening import hold_all, kept_between
 from paretoik.trajectory.transcription import motion_program
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
-    """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status."""
+    """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status.
+
+    ``violation_between`` is the worst violation of its limits on a finer grid, as a share of their ranges.
+    """
 
     motion: Motion
     objective: float
     label: str
     status: str
+    violation_between: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +104,8 @@ def find_optima(
         if not len(known):
             raise
         solutions, levels = known, ()
-    return Plan(optima=_optima(task, _merge(task, solutions, known) if len(known) else solutions), levels=levels)
+    solutions = _merge(task, solutions, known) if len(known) else solutions
+    return Plan(optima=_optima(task, solutions, initial, solver), levels=levels)
 
 
 def _minimise_known(
@@ -175,12 +181,33 @@ def _merge(task: MotionTask, solutions: Solutions, known: Solutions) -> Solution
     return insert_best(both[both.converged], known, np.ones(1))
 
 
-def _optima(task: MotionTask, solutions: Solutions) -> tuple[Optimum, ...]:
-    motions = task.motion(solutions.x)
+def _optima(
+    task: MotionTask, solutions: Solutions, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
+) -> tuple[Optimum, ...]:
+    """Return the optima, best first, limits that they exceed between samples being tightened.
+
+    A motion that was given, keeps its limits between samples and is better than all optima comes first.
+    """
+    program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
+    held, status = hold_all(program, solutions.x, 1, solver), solutions.status
+    if initial is not None and task.differences == "spline":
+        known = kept_between(program, initial)
+        held, status = [*held, *known], np.append(status, np.full(len(known), CONVERGED))
+    motions = task.motion(np.stack([each.x for each in held]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
+    merit = task.objectives[0].sign * values
+    best = int(np.argmin(merit))
+    rows = [i for i in range(len(solutions)) if i != best]
+    order = [best, *sorted(rows, key=lambda i: merit[i])] if task.differences == "spline" else range(len(solutions))
     return tuple(
-        Optimum(motion=motion, objective=float(value), label=label, status=STATUSES[int(status)])
-        for motion, value, label, status in zip(motions, values, labels, solutions.status, strict=True)
+        Optimum(
+            motion=motions[i],
+            objective=float(values[i]),
+            label=labels[i],
+            status=STATUSES[int(status[i])],
+            violation_between=held[i].violation,
+        )
+        for i in order
     )
 
 

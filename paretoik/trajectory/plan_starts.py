@@ -77,7 +77,7 @@ def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples
 
 
 def _grid_paths(level: MotionTask, objectives: tuple[Objective, ...]) -> Float[np.ndarray, "paths samples dof"]:
-    task = replace(level, objectives=objectives)
+    task = replace(level, objectives=objectives, differences="backward", ends_at_rest=False)  # as grids want it
     return grid_oracle(task, resolution=OPTIONS.spacing, classes=OPTIONS.classes, quick=True).q
 
 

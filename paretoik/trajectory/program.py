@@ -1,9 +1,10 @@
-"""The nonlinear program of a motion, as solvers see it: one evaluation of everything at every sample.
+"""The nonlinear program of a motion, as solvers see it: one evaluation of everything at every instant.
 
-The variables of a sample are u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), and slacks v
-where functions have kinks; peaks have an epigraph variable σ for the whole motion. Integral objectives are sums over
-samples of functions of these; limits bound u itself, or further functions such as torque. The path is an equation in q
-at every sample. Functions that relate samples to one another are ``WholeFunction``.
+The instants are the samples, with differences="spline" the middles between them too. The variables of an instant are
+u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), and slacks v where functions have kinks;
+peaks have an epigraph variable σ for the whole motion. Integral objectives are sums over instants of functions of
+these; limits bound u itself, or further functions such as torque. The path is an equation in q at every sample.
+Functions that relate samples to one another are ``WholeFunction``.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class MotionValues:
     ``parts`` the smooth parts of every function of the whole motion.
     """
 
-    inputs: Float[np.ndarray, "inputs time"]
+    inputs: Float[np.ndarray, "inputs instants"]
     objectives: Float[np.ndarray, " objectives"]
     inequalities: Float[np.ndarray, " inequalities"]
     ties: Float[np.ndarray, " ties"]
@@ -82,11 +83,11 @@ class MotionValues:
 class MotionProgram:
     """The nonlinear program of a MotionTask.
 
-    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones.
-    ``inputs`` (inputs, time) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u, v
-    and σ, of which there are ``peaks``. Limit i bounds, at sample ``limited``[i, 1], the variable, or beyond these the
-    row, ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations
-    are shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
+    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones. ``inputs``
+    (inputs, instants) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u, v and σ, of
+    which there are ``peaks``. Limit i bounds, at instant ``limited``[i, 1], the variable, or beyond these the row,
+    ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations are
+    shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
     ``epigraph_peaks[i]``.
     """
 
@@ -95,7 +96,7 @@ class MotionProgram:
     stencil: Stencil
     totals: tuple[Total, ...]
     evaluators: Evaluators
-    inputs: Float[np.ndarray, "inputs time"]
+    inputs: Float[np.ndarray, "inputs instants"]
     variables: Int[np.ndarray, " variables"]
     peaks: int
     sums: int
@@ -152,9 +153,13 @@ class MotionProgram:
         return tuple(names[row] for row in self.limited[: self.elastic, 0])
 
     @property
-    def kinked(self) -> bool:
-        """Whether totals or limits have kinks."""
-        return bool(self.slacks or self.peaks or self.whole_functions)
+    def kinked(self) -> tuple[str, ...]:
+        """Names of totals that have kinks, or what else has in general."""
+        sparsity = self.evaluators.gradient_sparsity
+        by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
+        kinked_functions = set(sparsity.rows[by_slack].tolist())
+        names = tuple(total.name for total in self.totals if total.kind != "sum" or total.index in kinked_functions)
+        return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
 
     @property
     def unsupported(self) -> tuple[str, ...]:
@@ -164,11 +169,11 @@ class MotionProgram:
     @property
     def rounding(self) -> float:
         """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
-        return 1e-6 if self.task.ends_at_rest else 0.0
+        return 1e-6 if self.task.ties_end else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin at the start and end at rest, where they have to."""
-        return self.pin(_end_at_rest(self.task, x) if self.task.ends_at_rest else x)
+        return self.pin(_end_at_rest(self.task, x) if self.task.ties_end else x)
 
     def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin at the start, where one is given, to the bit."""
@@ -213,7 +218,7 @@ class MotionProgram:
         )
 
     def limit_values(
-        self, inputs: Float[np.ndarray, "inputs time"], values: Float[np.ndarray, "functions time"]
+        self, inputs: Float[np.ndarray, "inputs instants"], values: Float[np.ndarray, "functions instants"]
     ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
         """Return the limits, divided by their ranges, and the ties, from inputs and values of functions of a sample."""
         every = np.concatenate([inputs[self.variables], values[self.sums :]])
@@ -221,8 +226,8 @@ class MotionProgram:
         limits = self.sides * (every[row, sample] - self.bounds)
         return limits[: self.elastic] / self.ranges[: self.elastic], limits[self.elastic :]
 
-    def whole_inputs(self, inputs: Float[np.ndarray, "inputs time"]) -> Float[np.ndarray, " whole_inputs"]:
-        """Return the inputs of functions of the whole motion: position, ..., jerk (time, dof) each."""
+    def whole_inputs(self, inputs: Float[np.ndarray, "inputs instants"]) -> Float[np.ndarray, " whole_inputs"]:
+        """Return the inputs of functions of the whole motion: position, ..., jerk (instants, dof) each."""
         u = inputs[: self.rates].reshape(self.stencil.orders, self.task.arm.dof, -1).swapaxes(1, 2)
         return np.concatenate([u.ravel(), np.zeros((4 - len(u)) * u[0].size)])
 

@@ -41,18 +41,20 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
     if task.ends_at_rest and task.differences == "central":
-        raise InvalidInput("end_velocity=0: differences='backward' is wanted where motions are polished, got 'central'")
+        raise InvalidInput(
+            "end_velocity=0: differences 'spline' or 'backward' wanted where motions are refined, got 'central'"
+        )
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
     functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
     evaluators = _evaluators(functions, _path_equations(functions))
-    samples, n = len(task.times), task.arm.dof
+    instants, n = len(task.instants), task.arm.dof
     orders = _orders(task, evaluators.gradient_sparsity.columns, functions.whole_functions)
-    inputs = np.zeros((evaluators.inputs, samples))
+    inputs = np.zeros((evaluators.inputs, instants))
     for i, values in parameters.items():
         inputs[tape.entries[i][1]] = values
     ties = len(functions.epigraph_rows) + evaluators.ties
-    bounds = [*functions.bounds, *[np.tile([0.0, np.inf], (samples, 1))] * ties]
+    bounds = [*functions.bounds, *[np.tile([0.0, np.inf], (instants, 1))] * ties]
     limited, sides, limits, ranges = _limits(task, orders, len(evaluators.auxiliary), bounds)
     return MotionProgram(
         task=task,
@@ -71,7 +73,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
         sides=sides,
         bounds=limits,
         ranges=ranges,
-        kinks=ties * samples,
+        kinks=ties * instants,
         whole_functions=tuple(functions.whole_functions),
     )
 
@@ -151,7 +153,7 @@ def _reformulate(functions: Functions) -> Reformulation:
 
 def _path_equations(functions: Functions) -> list[int]:
     motion, task = functions.motion, functions.motion.task
-    targets = task.targets.copy()
+    targets = np.repeat(task.targets, task.stride, axis=0)[: len(task.instants)]  # those between samples do not count
     if task.cyclic:
         targets[-1] = targets[0]
     parameters: list[Any] = [motion.trace.parameter(column) for column in targets.T]
@@ -161,28 +163,38 @@ def _path_equations(functions: Functions) -> list[int]:
 
 def _orders(task: MotionTask, columns: np.ndarray, whole_functions: Sequence[WholeFunction]) -> int:
     """Return how many of position, velocity, acceleration and jerk functions and limits depend on."""
-    n, samples = task.arm.dof, len(task.times)
+    n, instants = task.arm.dof, len(task.instants)
     local = [int(j) // n for j in columns[columns < 4 * n]] + [
         ORDERS.index(kind) for kind in task.bounds if kind in ORDERS
     ]
-    return 1 + max([1, *local, *(int(i) // (n * samples) for each in whole_functions for i in each.columns)])
+    return 1 + max([1, *local, *(int(i) // (n * instants) for each in whole_functions for i in each.columns)])
 
 
 def _limits(
     task: MotionTask, orders: int, auxiliary: int, rows: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program, those of rows last."""
-    samples, n = len(task.times), task.arm.dof
-    free = np.tile([-np.inf, np.inf], (samples, n, 1))
-    simple = [np.broadcast_to(task.bounds.get(kind, free), free.shape) for kind in ORDERS[:orders]]
-    none = np.tile([-np.inf, np.inf], (samples, auxiliary, 1))
+    instants, n = len(task.instants), task.arm.dof
+    free = np.tile([-np.inf, np.inf], (instants, n, 1))
+    simple = [_simple_bounds(task, kind, free) for kind in ORDERS[:orders]]
+    none = np.tile([-np.inf, np.inf], (instants, auxiliary, 1))
     both = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
-    which, sample, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # kinks last
+    which, instant, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # kinks last
     if task.start is not None:
-        moves = (sample > 0) | (which >= n)
-        which, sample, side = which[moves], sample[moves], side[moves]
-    ranges = limit_ranges(both[sample, which, 0], both[sample, which, 1])
-    return np.stack([which, sample], axis=1), 1.0 - 2.0 * side, both[sample, which, side], ranges
+        moves = (instant > 0) | (which >= n)
+        which, instant, side = which[moves], instant[moves], side[moves]
+    ranges = limit_ranges(both[instant, which, 0], both[instant, which, 1])
+    return np.stack([which, instant], axis=1), 1.0 - 2.0 * side, both[instant, which, side], ranges
+
+
+def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
+    """Return the limits on a variable; those on a spline's velocities and accelerations hold between samples."""
+    if kind not in task.bounds:
+        return free
+    bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))
+    if kind in ("velocity", "acceleration") and task.stride > 1:
+        bounds[1 :: task.stride] = free[1 :: task.stride]
+    return bounds
 
 
 def _without_orders(evaluators: Evaluators, dof: int, orders: int) -> Evaluators:

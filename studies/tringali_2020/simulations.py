@@ -65,6 +65,7 @@ def with_arm(problem: pk.Tracking, masses: str, samples: int | None = None) -> p
         cyclic=task.cyclic,
         coefficients=4,  # the least: plans and ε-constraints use no genes
         bases=1,
+        differences="backward",
     )
 
 

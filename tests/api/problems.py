@@ -14,4 +14,5 @@ def tracking(*objectives, **limits) -> pk.Tracking:
         limits=pk.Limits(**limits),
         coefficients=4,
         bases=2,
+        differences="backward",
     )

@@ -20,7 +20,12 @@ def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_
     started = solve(problem, population=max(12, len(front)), generations=1, seed=3, initial=front.motions)
     np.testing.assert_array_less(started.objectives.min(axis=0), front.objectives.min(axis=0) * (1 + 1e-6))
     finer = pk.Tracking(
-        pk.arms.tringali_3r(), PATH, objectives=(pk.kinetic_energy, pk.torque_norm), coefficients=12, bases=2
+        pk.arms.tringali_3r(),
+        PATH,
+        objectives=(pk.kinetic_energy, pk.torque_norm),
+        coefficients=12,
+        bases=2,
+        differences="backward",
     )
     wild = finer.decode(np.column_stack([np.full(4, 0.5), np.tile([0.5, -0.5], (4, 6)) * np.arange(1, 5)[:, None] / 4]))
     with pytest.warns(RuntimeWarning, match=r"initial: \d of 4 motions start approximately"):

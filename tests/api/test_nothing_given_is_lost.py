@@ -47,7 +47,7 @@ def drawn(seed, *, joints=3, cyclic=False, objectives=(pk.kinetic_energy,), samp
                 path = pk.circle(place, 0.15, duration=1.0, samples=samples)
             else:
                 path = pk.line(place, place + rng.normal(scale=0.2, size=len(place)), duration=1.0, samples=samples)
-            return pk.Tracking(arm, path, objectives=list(objectives), cyclic=cyclic, bases=2)
+            return pk.Tracking(arm, path, objectives=list(objectives), cyclic=cyclic, bases=2, differences="backward")
         except pk.ParetoikError:
             continue
     raise AssertionError("no path within reach")

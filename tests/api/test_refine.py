@@ -19,7 +19,9 @@ SMALL = {"population": 30, "generations": 24, "seed": 1, "refine": True}
 def problem_of():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm]
-    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    return pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits, differences="backward"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +76,17 @@ def tuned():
     )
 
 
-def peaked():
+@pk.objective(unit="rad", form="general")
+def spread(motion):
+    return motion.q[..., -1, 0] - motion.q[..., 0, 0]
+
+
+def relating():
     return pk.Tracking(
-        pk.arms.tringali_3r(), tringali_2020.straight(21), objectives=[pk.kinetic_energy, pk.peak_velocity]
+        pk.arms.tringali_3r(),
+        tringali_2020.straight(21),
+        objectives=[pk.kinetic_energy, spread],
+        differences="backward",
     )
 
 
@@ -85,7 +95,7 @@ def peaked():
     [
         (tuned, {"refine": True, "solver": "sqp"}, "refine: a problem with gradients wanted, .* got Tuning"),
         (tuned, {"solver": "sqp"}, "solver: wants refine=True, got 'sqp' without it"),
-        (peaked, {"refine": True, "solver": "interior-point"}, "peak_velocity has kinks: take 'sqp'"),
+        (relating, {"refine": True, "solver": "interior-point"}, "spread relates samples: take 'sqp'"),
     ],
 )
 def test_a_solver_that_cannot_serve_is_refused_before_any_work(made, settings, words, monkeypatch, tmp_path):

@@ -31,7 +31,9 @@ def good() -> Tracking:
 def front():
     goals = [pk.kinetic_energy, pk.torque_norm]
     return pk.epsilon_front(
-        pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=goals), points=5, starts=6
+        pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=goals, differences="backward"),
+        points=5,
+        starts=6,
     )
 
 

@@ -13,7 +13,7 @@ from paretoik.robot.kinematics import forward_kinematics
 
 PANDA = File(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
 OBJECTIVES = [kinetic_energy, joint_travel]
-SMALL = {"bases": 4, "coefficients": 5, "objectives": OBJECTIVES}
+SMALL = {"bases": 4, "coefficients": 5, "objectives": OBJECTIVES, "differences": "backward"}
 DOWN = (np.pi, 0.0, 0.0)
 
 

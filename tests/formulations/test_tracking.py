@@ -204,7 +204,7 @@ LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
         ({"bases": 0}, "base"),
         ({"objectives": []}, "objectives: wants at least one, got none"),
         ({"objectives": [kinetic_energy, kinetic_energy]}, "names must differ, got kinetic_energy, kinetic_energy"),
-        ({"differences": "forward"}, "differences must be one of backward, central, got 'forward'"),
+        ({"differences": "forward"}, "differences must be one of backward, central, spline, got 'forward'"),
         ({"cyclic": True}, "cyclic=True wants a closed path"),
         ({"end_velocity": 1.0}, "end_velocity must be None .* got 1.0"),
         ({"start": [np.nan, 0.0, 0.0]}, "start must be 'free' or 3 finite joint positions"),
@@ -224,7 +224,7 @@ def test_a_path_that_leaves_reach_is_refused_with_its_sample(beyond, backwards):
     ends = [[0.4895 + beyond, 0.0], [0.3, 0.1]]
     path = line(*(ends[::-1] if backwards else ends), duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"m from the nearest point found, \[0\.\d+, ") as refused:
-        Tracking(tringali_3r(), path, objectives=OBJECTIVES)
+        Tracking(tringali_3r(), path, objectives=OBJECTIVES, differences="backward")
     first = int(np.argmax(np.linalg.norm(path.positions, axis=1) > 0.4895))
     assert refused.value.sample == first
 
@@ -246,7 +246,7 @@ def test_a_gap_between_branches_is_a_refusal_not_a_jump():
     arm = pk.Arm.planar(lengths=[1.0, 0.3, 0.3])
     path = line([0.4, 0.0], [0.9, 0.0], duration=1.0, samples=21)
     with pytest.raises(Infeasible, match="condition number"):
-        Tracking(arm, path, objectives=[pk.joint_travel])
+        Tracking(arm, path, objectives=[pk.joint_travel], differences="backward")
 
 
 def test_feasible_motions_never_jump_from_sample_to_sample():

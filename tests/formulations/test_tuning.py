@@ -57,7 +57,7 @@ def genes_of(problem, count=6, seed=0):
 
 @pytest.fixture(scope="module")
 def optimum():
-    problem = pk.Tracking(tringali_3r(), AHEAD, objectives=[pk.kinetic_energy], start=START)
+    problem = pk.Tracking(tringali_3r(), AHEAD, objectives=[pk.kinetic_energy], start=START, differences="backward")
     return pk.plan(problem, starts=8).best.motion
 
 

@@ -36,7 +36,9 @@ def test_units_do_not_matter():
         effort = pk.objective(unit="", form="integral")(
             lambda motion, factor=factor: factor * np.sum(motion.dq**2, axis=-1)
         )
-        problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1)
+        problem = pk.Tracking(
+            pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[effort], bases=1, differences="backward"
+        )
         q = problem.decode(np.atleast_2d((problem.xl + problem.xu) / 2)).q
         criticalities.append(certify_motions(problem.task, q, np.array([factor])).kkt_residual[0])
     assert criticalities[0] > 1e-3

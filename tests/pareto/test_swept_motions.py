@@ -72,7 +72,9 @@ def test_a_certified_front_is_saved_and_loaded(front, tmp_path):
 def test_three_objectives_make_a_front_of_certified_points():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     goals = [pk.kinetic_energy, pk.torque_norm, pk.joint_limit_distance]
-    problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits)
+    problem = pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=goals, limits=limits, differences="backward"
+    )
     swept_front = pk.epsilon_front(problem, points=8, starts=16)
     assert len(swept_front) >= 5
     assert swept_front.certificates.kkt_residual.max() <= 1e-6
@@ -110,6 +112,7 @@ def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
         pk.line([2.0, 0.0], [1.5, 1.0], duration=1.0, samples=26),
         objectives=[pk.joint_limit_distance, pk.manipulability],
         limits=pk.Limits(position=3.0),
+        differences="backward",
     )
     front = pk.epsilon_front(problem, points=5, starts=8)
     ranges = np.ptp(front.minimised, axis=0)

@@ -97,7 +97,7 @@ def test_the_last_sample_may_count_more():
 
 def test_looking_ahead_costs_less_than_the_least_velocities_and_more_than_the_optimum():
     path = straight(0.1)
-    problem = pk.Tracking(tringali_3r(), path, objectives=[pk.kinetic_energy], start=START)
+    problem = pk.Tracking(tringali_3r(), path, objectives=[pk.kinetic_energy], start=START, differences="backward")
     optimum = pk.plan(problem, starts=8).best.objective
     ahead, local = (
         pk.resolve(tringali_3r(), path, m, start=START)

@@ -127,7 +127,9 @@ def test_the_planner_s_optimum_comes_nearer_as_its_steps_are_halved():
     apart, differ = [], []
     for samples in (26, 51):
         path = line(FROM, TO, duration=1.0, samples=samples)
-        planned = plan(Tracking(tringali_3r("fitted"), path, objectives=[kinetic_energy]), starts=12).best
+        planned = plan(
+            Tracking(tringali_3r("fitted"), path, objectives=[kinetic_energy], differences="backward"), starts=12
+        ).best
         extremal = integrate_extremal(paper(samples), planned.motion.q[0], tolerance=1e-7)
         apart.append(np.abs(extremal.motion.q - planned.motion.q).mean())
         differ.append(float(kinetic_energy(extremal.motion) - planned.objective))

@@ -161,7 +161,7 @@ POSTURES = np.zeros((5, 3))
         ({"time": np.array([0, 1, np.nan, 3, 4])}, "every time must be finite, it is not at sample 2"),
         ({"time": np.array([0.0, 1.0, 1.0, 3.0, 0.5])}, "times must increase, they don't at sample 2"),
         ({"q": np.zeros((2, 5, 3)), "time": np.array([[0.0, 1, 2, 3, 4], [0.0, 1, 2, 1, 4]])}, "don't at sample 3"),
-        ({"differences": "forward"}, "differences must be one of backward, central, got 'forward'"),
+        ({"differences": "forward"}, "differences must be one of backward, central, spline, got 'forward'"),
         ({"q": np.arange(15.0).reshape(5, 3), "cyclic": True}, "cyclic motion: must end where .* 12 rad or m"),
     ],
 )

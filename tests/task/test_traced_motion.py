@@ -26,7 +26,9 @@ LIMITED = pk.Arm.planar(
 BENT = pk.line([0.5, 0.1], [0.3, 0.4], duration=2.0, samples=17)
 TASKS = {
     "planar, central": pk.Tracking(LIMITED, BENT, objectives=[pk.kinetic_energy], differences="central", bases=1).task,
-    "planar, backward": pk.Tracking(LIMITED, BENT, objectives=[pk.kinetic_energy], bases=1).task,
+    "planar, backward": pk.Tracking(
+        LIMITED, BENT, objectives=[pk.kinetic_energy], bases=1, differences="backward"
+    ).task,
     "planar 3R": tringali_2020.simulation_4().task.subsample(21),
     "Panda": panda.across_the_table().task.subsample(11),
 }
@@ -119,7 +121,9 @@ def test_users_own_are_those_of_real_motions_with_their_slopes(function, name):
 
 def test_what_an_objective_wants_is_said_as_on_real_motions():
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
-    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1).task
+    task = pk.Tracking(
+        pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1, differences="backward"
+    ).task
     with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance wants position limits"):
         trace_sample_function(trace_sample(task), "objective it", pk.joint_limit_distance.function)
     with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance wants obstacles"):

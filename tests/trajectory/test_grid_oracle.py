@@ -139,14 +139,14 @@ def test_the_lower_bound_comes_near_as_nodes_move_together(limits, samples, reso
 
 def test_the_planner_finds_nothing_that_the_oracle_does_not_know_of():
     oracle = along_the_line()
-    plan = pk.plan(pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy]), starts=24)
+    plan = pk.plan(pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy], differences="backward"), starts=24)
     assert oracle.exact
     assert oracle.lower_bound < plan.best.objective < oracle.best < 1.02 * plan.best.objective
     assert oracle.labels[0] == plan.best.label
 
 
 def test_polishing_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
-    problem = pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy])
+    problem = pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy], differences="backward")
     led = pk.plan(problem, starts=1, initial=problem.task.motion(along_the_line().q))
     reached = np.array([optimum.objective for optimum in led.optima])
     for optimum in pk.plan(problem, starts=24).optima:

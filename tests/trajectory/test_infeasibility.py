@@ -17,6 +17,7 @@ POSITION = np.deg2rad([90, 120, 120])
 def refusal(*, samples=101, objective=pk.kinetic_energy, **settings):
     """The error that a plan of a line ends with."""
     path = tringali_2020.straight(samples)
+    settings = {"differences": "backward", **settings}
     problem = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[objective], **settings)
     with pytest.raises(pk.Infeasible) as raised:
         pk.plan(problem, starts=8)
@@ -34,7 +35,7 @@ def test_finer_levels_come_after_the_coarsest():
 @pytest.mark.parametrize("samples", [26, 51])
 def test_a_circle_nearly_at_full_reach_is_planned_for(samples):
     path = pk.circle([0.0, 0.0], 0.9999 * 0.4895, duration=2.0, samples=samples)
-    planned = pk.plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy]))
+    planned = pk.plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], differences="backward"))
     assert planned.best.status == "converged"
     assert planned.best.objective == pytest.approx(1.566, abs=3e-3)
 
@@ -73,27 +74,31 @@ def test_an_obstacle_without_which_there_is_a_motion_is_blamed_rather_than_joint
 @pytest.mark.parametrize("samples", [3, 4, 5, 8])
 def test_paths_of_few_samples_are_planned_for(samples):
     path = tringali_2020.straight(samples)
-    planned = pk.plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy]), starts=8)
+    planned = pk.plan(
+        pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], differences="backward"), starts=8
+    )
     assert planned.best.status == "converged"
     assert planned.best.motion.tracking_error.max() <= 1e-10
 
 
 def test_a_cycle_of_too_few_samples_is_refused_by_their_number():
     path = pk.circle([0.3, 0.0], 0.05, duration=1.0, samples=4)
-    problem = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], cyclic=True)
+    problem = pk.Tracking(
+        pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], cyclic=True, differences="backward"
+    )
     with pytest.raises(pk.InvalidInput, match="path: at least 6 samples of a cyclic motion wanted, got 4"):
         pk.plan(problem)
 
 
 def test_an_arm_without_masses_serves_kinematics_and_refuses_dynamics_by_name():
     arm, path = pk.Arm.planar(lengths=[0.3, 0.3, 0.2], name="bare"), tringali_2020.straight(8)
-    planned = pk.plan(pk.Tracking(arm, path, objectives=[_effort]), starts=4)
+    planned = pk.plan(pk.Tracking(arm, path, objectives=[_effort], differences="backward"), starts=4)
     assert planned.best.status == "converged"
     for objective in (pk.kinetic_energy, pk.torque_norm, pk.peak_torque):
         with pytest.raises(pk.InvalidInput, match=f"objective {objective.name}: an arm with masses wanted, bare has"):
-            pk.Tracking(arm, path, objectives=[objective])
+            pk.Tracking(arm, path, objectives=[objective], differences="backward")
     with pytest.raises(pk.InvalidInput, match="torque limit: an arm with masses wanted, bare has links without"):
-        pk.Tracking(arm, path, objectives=[_effort], limits=pk.Limits(torque=1.0))
+        pk.Tracking(arm, path, objectives=[_effort], limits=pk.Limits(torque=1.0), differences="backward")
 
 
 @pk.objective(unit="rad²/s", form="integral")

@@ -41,7 +41,9 @@ def tool_detour(factor):
 
 def tracking(other, samples=26, limits=LIMITS):
     path = tringali_2020.straight(samples)
-    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits)
+    return pk.Tracking(
+        pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy, other], limits=limits, differences="backward"
+    )
 
 
 def front_of(other, samples=26, limits=LIMITS):

@@ -39,6 +39,7 @@ OBJECTIVES = [pk.joint_travel, pk.mechanical_energy, pk.peak_velocity, pk.peak_t
 def task_of(*objectives, samples=26, **settings):
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     path = tringali_2020.straight(samples)
+    settings = {"differences": "backward", **settings}
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=limits, bases=1, **settings).task
 
 
@@ -92,6 +93,12 @@ def test_kinks_within_kinks_are_minima_with_certificates():
     certificate = certify_motions(task, best.x, np.ones(1))
     assert certificate.kkt_residual[0] <= 1e-6
     assert certificate.status[0] == "minimum"
+
+
+def test_what_has_kinks_is_named():
+    program = motion_program(task_of(pk.kinetic_energy, pk.joint_travel, pk.peak_torque, pk.torque_norm))
+    assert program.kinked == ("joint_travel", "peak_torque")
+    assert motion_program(task_of(pk.kinetic_energy)).kinked == ()
 
 
 def test_slacks_come_innermost_first():

@@ -44,6 +44,7 @@ def memory(motion):
 
 def problem_of(*objectives, samples=26, **settings):
     path = tringali_2020.straight(samples)
+    settings = {"differences": "backward", **settings}
     return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, limits=LIMITS, bases=1, **settings)
 
 
@@ -196,7 +197,15 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
         )
         path = tringali_2020.straight(26)
         return pk.plan(
-            pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1), starts=2
+            pk.Tracking(
+                pk.arms.tringali_3r(),
+                path,
+                objectives=[pk.kinetic_energy],
+                limits=limits,
+                bases=1,
+                differences="backward",
+            ),
+            starts=2,
         )
 
     with pytest.raises(pk.Infeasible, match=r"torque of joint\d .*at sample \d+"):
@@ -207,7 +216,9 @@ def test_a_torque_limit_just_below_the_least_possible_is_refused_by_name_and_jus
 def test_the_least_violation_is_found_where_limits_cannot_hold():
     limits = pk.Limits(velocity=1.0)
     path = tringali_2020.straight(26)
-    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1).task
+    task = pk.Tracking(
+        pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], limits=limits, bases=1, differences="backward"
+    ).task
     q = initial_motions(task, starts=3, seed=0)
     program = motion_program(task)
     eased = minimise_violation(program, q, np.full(1, np.inf), InteriorPointOptions())

@@ -19,7 +19,9 @@ def test_the_printed_arm_has_five_unconstrained_energy_optima():
 
 
 def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima():
-    free = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm])
+    free = pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(), objectives=[pk.torque_norm], differences="backward"
+    )
     tried = []
     planned = pk.plan(free, seed=0, observe=lambda level: tried.append((level.done, int(level.summary.split()[0]))))
     assert tried[0][0] == 26
@@ -54,7 +56,9 @@ def some_arm(seed, *, limited=False):
 @pytest.mark.parametrize("limited", [False, True])
 def test_no_way_through_the_grid_beats_the_plan_of_a_random_arm(seed, limited):
     arm, ends = some_arm(seed, limited=limited)
-    problem = pk.Tracking(arm, pk.line(*ends, duration=1.0, samples=51), objectives=[pk.kinetic_energy])
+    problem = pk.Tracking(
+        arm, pk.line(*ends, duration=1.0, samples=51), objectives=[pk.kinetic_energy], differences="backward"
+    )
     try:
         grid = grid_oracle(problem.task, resolution=0.06, quick=True).best
     except Infeasible:
@@ -70,7 +74,9 @@ def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_
         return motion.kinetic_energy
 
     original = tringali_2021.problem(4, samples=51)
-    problem = pk.Tracking(original.task.arm, original.task.tasks, objectives=[strict], start=tringali_2021.START)
+    problem = pk.Tracking(
+        original.task.arm, original.task.tasks, objectives=[strict], start=tringali_2021.START, differences="backward"
+    )
     with pytest.raises(InvalidInput, match="functions that bear NaN in rates wanted, got ValueError: nan given"):
         grid_oracle(problem.task, quick=True)
     assert pk.plan(problem).best.objective < 1.001 * pk.plan(original).best.objective
@@ -80,7 +86,12 @@ def test_a_grid_lets_a_joint_rest_that_may_not_move():
     limits = pk.Limits(velocity=[0.0, 9.0, 9.0])
     original = tringali_2021.problem(1, samples=26).task
     task = pk.Tracking(
-        original.arm, original.tasks, objectives=[pk.kinetic_energy], limits=limits, start=original.start
+        original.arm,
+        original.tasks,
+        objectives=[pk.kinetic_energy],
+        limits=limits,
+        start=original.start,
+        differences="backward",
     ).task
     assert np.isfinite(step_windows(task, 0.1)).all()
     assert (step_windows(task, 0.1) > 0).all()
@@ -118,18 +129,18 @@ def test_torque_limits_hold_and_cost():
     worst = np.abs(free.motion.torque).max()
     arm, path = pk.arms.tringali_3r(), tringali_2020.straight()
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY, torque=0.9 * worst)
-    held = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm], limits=limits)).best
+    held = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm], limits=limits, differences="backward")).best
     assert np.abs(held.motion.torque).max() <= 0.9 * worst * (1 + 1e-8)
     assert held.objective > free.objective
 
 
 def test_a_given_start_stays_and_given_motions_are_starts():
     arm, path = pk.arms.tringali_3r(), tringali_2020.straight(51)
-    free = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy])).optima[-1]
+    free = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], differences="backward")).optima[-1]
     start = free.motion.q[0]
-    held = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], start=start))
+    held = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], start=start, differences="backward"))
     assert np.array_equal(held.best.motion.q[0], start)
-    problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy])
+    problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], differences="backward")
     planned = pk.plan(problem, starts=1, initial=free.motion)
     assert any(optimum.objective == pytest.approx(free.objective, rel=1e-9) for optimum in planned.optima)
 
@@ -144,7 +155,7 @@ def test_a_users_own_objective_is_planned_for_and_units_do_not_matter():
         return 1e6 * np.linalg.norm(motion.dq, axis=-1) ** 2
 
     planned = [
-        pk.plan(pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[o]))
+        pk.plan(pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(51), objectives=[o], differences="backward"))
         for o in (effort, million)
     ]
     assert planned[1].best.objective == pytest.approx(1e6 * planned[0].best.objective, rel=1e-9)
@@ -169,7 +180,11 @@ def test_what_cannot_be_planned_is_named(change, said):
 def test_limits_that_cannot_hold_are_named_with_joint_and_sample():
     limits = pk.Limits(velocity=0.5)
     problem = pk.Tracking(
-        pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=[pk.kinetic_energy], limits=limits
+        pk.arms.tringali_3r(),
+        tringali_2020.straight(26),
+        objectives=[pk.kinetic_energy],
+        limits=limits,
+        differences="backward",
     )
     with pytest.raises(pk.Infeasible, match=r"velocity of joint\d is exceeded by .* at sample \d+") as raised:
         pk.plan(problem, starts=4)

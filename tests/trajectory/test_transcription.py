@@ -32,7 +32,11 @@ def test_sums_and_rates_are_those_of_the_motion(make):
     task = make().task
     if len(task.objectives) > 1:
         task = pk.Tracking(
-            task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy, pk.torque_norm, pk.manipulability], bases=1
+            task.arm,
+            task.tasks[0].path,
+            objectives=[pk.kinetic_energy, pk.torque_norm, pk.manipulability],
+            bases=1,
+            differences="backward",
         ).task
     program, q = motion_program(task), motion_of(task)
     inputs = sample_inputs(program, q, np.ones(program.sums), 0.0)
@@ -83,7 +87,9 @@ def test_slopes_and_second_derivatives_are_those_of_central_differences(name):
 
 def test_the_path_equations_have_the_jacobian_and_the_curvature_of_the_chain():
     task = panda.across_the_table().task
-    task = pk.Tracking(task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy], bases=1).task
+    task = pk.Tracking(
+        task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy], bases=1, differences="backward"
+    ).task
     program, q = motion_program(task), motion_of(task)
     inputs = sample_inputs(program, q, np.zeros(1), 0.0)
     n, rows, step = task.arm.dof, task.rows, 1e-6
@@ -105,4 +111,6 @@ def test_what_has_no_derivative_is_named():
         return np.abs(np.fft.fft(motion.q[..., 0]))
 
     with pytest.raises(pk.InvalidInput, match=r"objective spectrum.*fft"):
-        motion_program(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[spectrum], bases=1).task)
+        motion_program(
+            pk.Tracking(pk.arms.tringali_3r(), path, objectives=[spectrum], bases=1, differences="backward").task
+        )

@@ -12,8 +12,9 @@ from paretoik.compilation import compiled
 class MotionKernel(NamedTuple):
     """A MotionProgram of sums and peaks, as arrays; see there, and ``self_motion_steps`` for the stencil.
 
-    A point has a row of joint positions for each sample, then rows with the epigraph variables σ of its peaks.
-    Functions of a sample are sums, limited rows, the rows of peaks σ − piece among them, then the ties of slacks v.
+    A point has a row of joint positions for each sample, then rows with the epigraph variables σ of its peaks. Path
+    equations are evaluated at the samples, functions at all instants. Functions of an instant are sums, limited rows,
+    the rows of peaks σ − piece among them, then the ties of slacks v.
     """
 
     value: tuple[np.ndarray, ...]
@@ -29,6 +30,7 @@ class MotionKernel(NamedTuple):
     first_unknown: np.ndarray
     unknowns: int
     border: int  # so many unknowns, the last, belong to the border
+    stride: int  # instants from one sample to the next
     stops: bool  # the last sample is the nearest to the one before
     ones: np.ndarray
     quadrature: np.ndarray
@@ -52,58 +54,67 @@ class MotionKernel(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """What the steps write: U variables of a sample, V slacks, K sums, G limited rows, r unknowns a sample."""
+    """What the steps write: U variables of an instant, V slacks, K sums, G limited rows, r unknowns a sample."""
 
     inputs: np.ndarray
+    path_inputs: np.ndarray  # (inputs, time)
     tracked: np.ndarray  # path equations and their Jacobian
     tangent: np.ndarray  # (time, dof, r)
     normal: np.ndarray  # (time, dof, rows)
     triangle: np.ndarray  # (time, rows, rows)
-    values: np.ndarray  # (K + G + 2V, time)
+    values: np.ndarray  # (K + G + 2V, instants)
     slopes: np.ndarray
     seconds: np.ndarray
-    gradients: np.ndarray  # (K + G + 2V, U + V + peaks, time) of functions by variables; by u, slacks follow
+    gradients: np.ndarray  # (K + G + 2V, U + V + peaks, instants) of functions by variables; by u, slacks follow
     objective_gradients: np.ndarray  # (K, time, dof) of sums by q
-    by_row: np.ndarray  # (U + G, time): a number a variable and a limited row
-    gradient_u: np.ndarray  # (U, time)
+    by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
+    gradient_u: np.ndarray  # (U, instants)
     gradient_q: np.ndarray  # (time, dof)
-    du: np.ndarray  # (U, time)
+    du: np.ndarray  # (U, instants)
     projected: np.ndarray  # (unknowns,)
     widths: np.ndarray  # (V, 2): size of a kink's argument, and the width over which it is smoothed
-    arguments: np.ndarray  # (V, time): half the difference of a kink's pieces
-    arguments_at: np.ndarray  # (V, time): arguments where functions were last linearised
-    slopes_at: np.ndarray  # (V, time): λ there, derivative of the smoothed absolute value of the argument
-    duals: np.ndarray  # (V, time): λ̂, as Newton's method expects it
-    bends: np.ndarray  # (V, time): second derivative, between λ and its dual
-    slack_gradients: np.ndarray  # (V, U, time)
-    slack_weights: np.ndarray  # (V, time): the Lagrangian's weight of a kink's bend
+    arguments: np.ndarray  # (V, instants): half the difference of a kink's pieces
+    arguments_at: np.ndarray  # (V, instants): arguments where functions were last linearised
+    slopes_at: np.ndarray  # (V, instants): λ there, derivative of the smoothed absolute value of the argument
+    duals: np.ndarray  # (V, instants): λ̂, as Newton's method expects it
+    bends: np.ndarray  # (V, instants): second derivative, between λ and its dual
+    slack_gradients: np.ndarray  # (V, U, instants)
+    slack_weights: np.ndarray  # (V, instants): the Lagrangian's weight of a kink's bend
+
+
+@compiled
+def sample_count(kernel):
+    """Return the number of samples."""
+    return (len(kernel.ones) - 1) // kernel.stride + 1
 
 
 @compiled
 def allocate(kernel, n):
     """Return the workspace for motions of n joints."""
-    samples, slacks, unknowns = len(kernel.ones), len(kernel.kinks), kernel.unknowns
+    samples, instants = sample_count(kernel), len(kernel.ones)
+    slacks, unknowns = len(kernel.kinks), kernel.unknowns
     variables = kernel.coefficients.shape[0] * n
     rows = kernel.multipliers[1] - kernel.multipliers[0]
     sums = kernel.multipliers[2] - kernel.multipliers[1]
     limited = len(kernel.row_peaks)
     functions = sums + limited + 2 * slacks
-    by_slack = np.zeros((6, slacks, samples))
+    by_slack = np.zeros((6, slacks, instants))
     return Workspace(
         kernel.inputs.copy(),
+        kernel.inputs[:, :: kernel.stride].copy(),
         np.empty((rows + rows * n, samples)),
         np.zeros((samples, n, n - rows)),
         np.zeros((samples, n, rows)),
         np.zeros((samples, rows, rows)),
-        np.empty((functions, samples)),
-        np.empty((functions + len(kernel.slope_of), samples)),
-        np.empty((len(kernel.second_i), samples)),
-        np.zeros((functions, variables + slacks + len(kernel.peak_inputs), samples)),
+        np.empty((functions, instants)),
+        np.empty((functions + len(kernel.slope_of), instants)),
+        np.empty((len(kernel.second_i), instants)),
+        np.zeros((functions, variables + slacks + len(kernel.peak_inputs), instants)),
         np.zeros((sums, samples, n)),
-        np.zeros((variables + limited, samples)),
-        np.zeros((variables, samples)),
+        np.zeros((variables + limited, instants)),
+        np.zeros((variables, instants)),
         np.zeros((samples, n)),
-        np.zeros((variables, samples)),
+        np.zeros((variables, instants)),
         np.zeros(unknowns),
         np.zeros((slacks, 2)),
         by_slack[0],
@@ -111,6 +122,6 @@ def allocate(kernel, n):
         by_slack[2],
         by_slack[3],
         by_slack[4],
-        np.zeros((slacks, variables, samples)),
+        np.zeros((slacks, variables, instants)),
         by_slack[5],
     )

@@ -15,7 +15,7 @@ from paretoik.nlp.compiled import kernel_steps as steps
 from paretoik.nlp.compiled.array_loops import add_scaled, clear, inner_product, norm
 from paretoik.nlp.compiled.kernel_steps import implement
 from paretoik.trajectory.compiled import kink_smoothing, peak_border, self_motion_steps
-from paretoik.trajectory.compiled.motion_arrays import MotionKernel, allocate
+from paretoik.trajectory.compiled.motion_arrays import MotionKernel, allocate, sample_count
 
 
 @implement(steps.dimensions, MotionKernel)
@@ -55,7 +55,7 @@ def add_auxiliary(kernel, work, x):
 @implement(steps.remove_auxiliary, MotionKernel)
 def remove_auxiliary(kernel, x):
     """Return the motion of a point."""
-    return x[: len(kernel.ones)].copy()
+    return x[: sample_count(kernel)].copy()
 
 
 @implement(steps.set_smoothing, MotionKernel)
@@ -74,7 +74,7 @@ def restore(kernel, work, x):
 @implement(steps.evaluate, MotionKernel)
 def evaluate(kernel, work, x, F, c):
     """Write the sums and the distances from limits of the motion x."""
-    samples, n = len(kernel.ones), x.shape[1]
+    samples, n = sample_count(kernel), x.shape[1]
     sums, variables = len(work.objective_gradients), len(work.gradient_u)
     inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
     limited, sides, bounds = kernel.limited, kernel.sides, kernel.bounds
@@ -84,7 +84,7 @@ def evaluate(kernel, work, x, F, c):
     for total in range(len(F)):
         k, peak = kernel.totals[total], -1 - kernel.totals[total]
         F[total] = 0.0 if k >= 0 else x[samples + peak // n, peak % n]
-        for s in range(samples if k >= 0 else 0):
+        for s in range(len(quadrature) if k >= 0 else 0):
             F[total] += quadrature[s] * values[k, s]
     for i in range(len(sides)):
         row, s = limited[i, 0], limited[i, 1]
@@ -95,14 +95,17 @@ def evaluate(kernel, work, x, F, c):
 @implement(steps.linearise, MotionKernel)
 def linearise(kernel, work, x):
     """Prepare the tangent of the path and the gradients at x; return False at a singularity."""
-    slopes, gradients, samples = work.slopes, work.gradients, len(kernel.ones)
+    slopes, gradients, instants = work.slopes, work.gradients, len(kernel.ones)
     slope_of, slope_by = kernel.slope_of, kernel.slope_by
     self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
     if len(kernel.kinks):
         peak_border.copy_peaks(kernel, work, x)
         kink_smoothing.evaluate_functions(kernel, work)
         kink_smoothing.linearise_kinks(kernel, work)
-    run(kernel.track, work.inputs, work.tracked)
+    for s in range(work.path_inputs.shape[1]):
+        for j in range(x.shape[1]):
+            work.path_inputs[j, s] = x[s, j]
+    run(kernel.track, work.path_inputs, work.tracked)
     if not self_motion_steps.tangent_frames(work.tracked, work.tangent, work.normal, work.triangle):
         return False
     if kernel.stops:
@@ -112,7 +115,7 @@ def linearise(kernel, work, x):
     for f in range(functions if len(kernel.kinks) else 0):  # entries that are always 0 by themselves
         clear(gradients[f])
     for e in range(len(slope_of)):
-        for s in range(samples):
+        for s in range(instants):
             gradients[slope_of[e], slope_by[e], s] = slopes[functions + e, s]
     if len(kernel.kinks):
         kink_smoothing.chain_gradients(kernel, work)
@@ -173,13 +176,15 @@ def prepare_multipliers(kernel, work, weights):
                 inputs[first[1] + kernel.totals[total], s] = weights[total] * quadrature[s]
     if len(kernel.kinks):
         kink_smoothing.tie_multipliers(kernel, work, weights)
-    self_motion_steps.path_multipliers(work.gradient_q, work.normal, work.triangle, inputs[first[0] : first[1]])
+    self_motion_steps.path_multipliers(
+        work.gradient_q, work.normal, work.triangle, kernel.stride, inputs[first[0] : first[1]]
+    )
 
 
 @implement(steps.residual_norm, MotionKernel)
 def residual_norm(kernel, residual):
     """Return the root mean square over time."""
-    return np.sqrt(len(kernel.ones)) * norm(residual)
+    return np.sqrt(sample_count(kernel)) * norm(residual)
 
 
 @implement(steps.assemble, MotionKernel)
@@ -225,8 +230,9 @@ def _sample_hessian(kernel, work, s, row, phi):
             row[a] = gradients[sums + g, a, s]
         for a in range(variables):
             scaled = by_row[variables + g, s] * row[a]
-            for b in range(variables):
-                phi[a, b] += scaled * row[b]
+            if scaled != 0.0:
+                for b in range(variables):
+                    phi[a, b] += scaled * row[b]
 
 
 @implement(steps.expand_step, MotionKernel)
@@ -241,21 +247,21 @@ def directional_derivatives(kernel, work, dx, dF, dc):
     """Write the derivatives of sums and limits along dx."""
     du, by_row, gradients = work.du, work.by_row, work.gradients
     limited, sides = kernel.limited, kernel.sides
-    (variables, samples), n = du.shape, dx.shape[1]
+    (variables, instants), n, samples = du.shape, dx.shape[1], sample_count(kernel)
     sums = len(work.objective_gradients)
     self_motion_steps.apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
     for total in range(len(dF)):
         k, peak = kernel.totals[total], -1 - kernel.totals[total]
         dF[total] = inner_product(work.objective_gradients[k], dx) if k >= 0 else dx[samples + peak // n, peak % n]
     for a in range(variables):
-        for s in range(samples):
+        for s in range(instants):
             by_row[a, s] = du[a, s]
     for g in range(len(kernel.row_peaks)):
         peak = kernel.row_peaks[g]
-        for s in range(samples):
+        for s in range(instants):
             by_row[variables + g, s] = 0.0 if peak < 0 else dx[samples + peak // n, peak % n]
         for a in range(variables):
-            for s in range(samples):
+            for s in range(instants):
                 by_row[variables + g, s] += gradients[sums + g, a, s] * du[a, s]
     for i in range(len(sides)):
         dc[i] = sides[i] * by_row[limited[i, 0], limited[i, 1]]
@@ -264,11 +270,13 @@ def directional_derivatives(kernel, work, dx, dF, dc):
 @implement(steps.retract, MotionKernel)
 def retract(kernel, work, x, dx, length, trial):
     """Write the motion on the path that a step leads to; return whether it got there."""
-    samples = len(kernel.ones)
+    samples = sample_count(kernel)
     for s in range(x.shape[0]):
         for j in range(x.shape[1]):
             trial[s, j] = x[s, j] + length * dx[s, j]
     if kernel.stops:
         for j in range(x.shape[1]):
             trial[samples - 1, j] = trial[samples - 2, j]
-    return self_motion_steps.retract_motion(kernel.track, work.inputs, trial, work.normal, work.triangle, work.tracked)
+    return self_motion_steps.retract_motion(
+        kernel.track, work.path_inputs, trial, work.normal, work.triangle, work.tracked
+    )

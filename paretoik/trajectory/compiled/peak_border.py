@@ -10,6 +10,7 @@ import numpy as np
 
 from paretoik.compilation import compiled
 from paretoik.trajectory.compiled import self_motion_steps
+from paretoik.trajectory.compiled.motion_arrays import sample_count
 
 
 @compiled
@@ -21,22 +22,22 @@ def peak_rows(kernel, n):
 @compiled
 def copy_peaks(kernel, work, x):
     """Write the σ of a point where the functions of a sample read them."""
-    samples, n = len(kernel.ones), x.shape[1]
+    samples, n = sample_count(kernel), x.shape[1]
     for k in range(len(kernel.peak_inputs)):
-        for s in range(samples):
+        for s in range(len(kernel.ones)):
             work.inputs[kernel.peak_inputs[k], s] = x[samples + k // n, k % n]
 
 
 @compiled
 def lift_peaks(kernel, work, x):
     """Write the least σ that a motion allows into its point; the functions of a sample were evaluated at σ = 0."""
-    samples, n = len(kernel.ones), x.shape[1]
+    samples, n = sample_count(kernel), x.shape[1]
     sums = len(work.objective_gradients)
     for k in range(len(kernel.peak_inputs)):
         largest = -np.inf
         for g in range(len(kernel.row_peaks)):
             if kernel.row_peaks[g] == k:
-                for s in range(samples):
+                for s in range(len(kernel.ones)):
                     largest = max(largest, -work.values[sums + g, s])
         x[samples + k // n, k % n] = largest
 
@@ -73,7 +74,7 @@ def assemble_peaks(kernel, work, A, B, C):
                     for s in range(samples):
                         work.gradient_u[a, s] += work.by_row[variables + g, s] * work.gradients[sums + g, a, s]
         C[row, row] = total
-        for s in range(samples):
+        for s in range(work.gradient_q.shape[0]):
             for j in range(work.gradient_q.shape[1]):
                 work.gradient_q[s, j] = 0.0
         self_motion_steps.add_transposed_stencil(
@@ -89,6 +90,6 @@ def assemble_peaks(kernel, work, A, B, C):
 @compiled
 def step_peaks(kernel, step, dx):
     """Write how σ changes with a step of the unknowns."""
-    samples, n = len(kernel.ones), dx.shape[1]
+    samples, n = sample_count(kernel), dx.shape[1]
     for k in range(len(kernel.peak_inputs)):
         dx[samples + k // n, k % n] = step[kernel.unknowns + k]

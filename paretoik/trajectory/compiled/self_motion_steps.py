@@ -1,7 +1,7 @@
 """Numerical steps on motions: finite-difference stencils, bases of the self-motion, retraction onto the path; compiled.
 
-The variables u of a sample, its position and rates, are sums over the samples ``neighbours`` (time, width) with
-``coefficients`` (orders, time, width). The unknowns of a sample begin at ``first_unknown`` (time,), −1 where it is
+The variables u of an instant, position and rates, are sums over the samples ``neighbours`` (instants, width) with
+``coefficients`` (orders, instants, width). The unknowns of a sample begin at ``first_unknown`` (time,), −1 where it is
 fixed: steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
 """
 
@@ -19,7 +19,7 @@ NEWTON = 8  # steps back to the path at most
 
 @compiled
 def apply_stencil(q, neighbours, coefficients, u):
-    """Write the variables (orders · dof, time) of the samples of q (time, dof)."""
+    """Write the variables (orders · dof, instants) of q (time, dof)."""
     orders, samples, width = coefficients.shape
     n = q.shape[1]
     for o in range(orders):
@@ -33,7 +33,7 @@ def apply_stencil(q, neighbours, coefficients, u):
 
 @compiled
 def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient_q):
-    """Add the gradient by q (time, dof) that belongs to one by u (variables, time), times ``scale`` (time,)."""
+    """Add the gradient by q (time, dof) that belongs to one by u (variables, instants), times ``scale`` (instants,)."""
     orders, samples, width = coefficients.shape
     n = gradient_q.shape[1]
     for o in range(orders):
@@ -75,7 +75,7 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 
 @compiled
 def add_hessian(i, phi, neighbours, coefficients, tangent, first_unknown, local, half, A, B, C):
-    """Add the Hessian ``phi`` by u of sample i to that of the unknowns, banded with a border."""
+    """Add the Hessian ``phi`` by u of instant i to that of the unknowns, banded with a border."""
     orders, _, width = coefficients.shape
     n, r = tangent.shape[1], tangent.shape[2]
     size = A.shape[0]
@@ -220,8 +220,11 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
 
 
 @compiled
-def path_multipliers(gradient_q, normal, triangle, multipliers):
-    """Write ν (rows, time) with Jᵀ ν = −(gradient in the row space), the multipliers of the path."""
+def path_multipliers(gradient_q, normal, triangle, stride, multipliers):
+    """Write ν with Jᵀ ν = −(gradient in the row space), the multipliers of the path, (rows, instants).
+
+    The samples are one instant in ``stride``; ν of the others stays as it is, 0.
+    """
     samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):
@@ -229,5 +232,5 @@ def path_multipliers(gradient_q, normal, triangle, multipliers):
             for j in range(n):
                 y -= normal[s, j, i] * gradient_q[s, j]
             for a in range(i + 1, rows):
-                y -= triangle[s, i, a] * multipliers[a, s]
-            multipliers[i, s] = y / triangle[s, i, i]
+                y -= triangle[s, i, a] * multipliers[a, s * stride]
+            multipliers[i, s * stride] = y / triangle[s, i, i]

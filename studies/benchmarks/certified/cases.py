@@ -95,6 +95,7 @@ def five_joints() -> pk.Tracking:
         pk.line(start, end, duration=1.0, samples=101),
         objectives=[pk.kinetic_energy, pk.torque_norm],
         limits=pk.Limits(position=np.deg2rad(150.0), velocity=4.0),
+        differences="backward",
     )
 
 
@@ -104,7 +105,7 @@ def panda_by_position() -> pk.Tracking:
     (only,) = whole.tasks
     start, end = only.path.positions[[0, -1]]
     path = pk.line(start, end, duration=float(whole.times[-1]), samples=len(whole.times))
-    return pk.Tracking(panda.panda(), path, objectives=whole.objectives)
+    return pk.Tracking(panda.panda(), path, objectives=whole.objectives, differences="backward")
 
 
 CASES = (

@@ -42,7 +42,9 @@ def trade_off_maker(name: str) -> Callable[[], pk.Tracking]:
         path = tringali_2020.round_trip() if task.cyclic else tringali_2020.straight()
         sides: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
         objectives = [pk.kinetic_energy, pk.torque_norm]
-        return pk.Tracking(task.arm, path, objectives=objectives, limits=pk.Limits(**sides), cyclic=task.cyclic)
+        return pk.Tracking(
+            task.arm, path, objectives=objectives, limits=pk.Limits(**sides), cyclic=task.cyclic, differences="backward"
+        )
 
     return make
 

@@ -181,7 +181,7 @@ def refine_within(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: A
     made, counted = q.copy(), account.budget.kind == "evaluations"
     for rows in np.array_split(np.arange(len(q)), -(-len(q) // AT_ONCE)):
         before, left = account.spent, account.left
-        found = minimise(program, q[rows], factors, caps[rows], REFINE.warm)
+        found = minimise(program, q[rows], factors, caps[rows], REFINE.below)
         total = np.cumsum(found.iterations)
         paid = total <= left if counted else np.full(len(rows), account.left >= 0)
         account.iterations += int(found.iterations[paid].sum()) if counted else int(total[-1])

@@ -57,7 +57,9 @@ def tracking(name: str, masses: str = "printed", samples: int = SAMPLES) -> pk.T
     path = tringali_2020.round_trip(samples) if task.cyclic else tringali_2020.straight(samples)
     sides: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
     arm = pk.arms.tringali_3r(masses)  # type: ignore[arg-type]
-    return pk.Tracking(arm, path, objectives=task.objectives, limits=pk.Limits(**sides), cyclic=task.cyclic)
+    return pk.Tracking(
+        arm, path, objectives=task.objectives, limits=pk.Limits(**sides), cyclic=task.cyclic, differences="backward"
+    )
 
 
 @lru_cache(maxsize=64)

@@ -36,7 +36,9 @@ from tests.pareto.motions import certify_motions
 def small():
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     both = [pk.kinetic_energy, pk.torque_norm]
-    return pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=both, limits=limits)
+    return pk.Tracking(
+        pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=both, limits=limits, differences="backward"
+    )
 
 
 SMALL = Case(name="small", make=small, points=4, raced=True)

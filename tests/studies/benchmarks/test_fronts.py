@@ -32,7 +32,13 @@ def _small():
 
     def make():
         return pk.Tracking(
-            arm, path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits, coefficients=8, bases=3
+            arm,
+            path,
+            objectives=[pk.kinetic_energy, pk.torque_norm],
+            limits=limits,
+            coefficients=8,
+            bases=3,
+            differences="backward",
         )
 
     with pytest.MonkeyPatch.context() as patch:
@@ -228,7 +234,14 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
     limits = pk.Limits(position=np.deg2rad([90.0, 120.0, 120.0]), velocity=3.8)
     both = [pk.kinetic_energy, pk.torque_norm]
     problem = pk.Tracking(
-        pk.arms.tringali_3r(), path, objectives=both, limits=limits, cyclic=cyclic, coefficients=8, bases=3
+        pk.arms.tringali_3r(),
+        path,
+        objectives=both,
+        limits=limits,
+        cyclic=cyclic,
+        coefficients=8,
+        bases=3,
+        differences="backward",
     )
     task, ranges, free = problem.task, np.array([0.04, 0.1]), np.full(2, np.inf)
     start = problem.decode(problem.sample_starts(1, np.random.default_rng(0))).q[0]

@@ -1,0 +1,53 @@
+"""Elimination of auxiliary columns, in which few rows have entries, before dense factorisations of what is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+PIVOT_TOLERANCE = 1e-9  # of rows of length one: an entry that is none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Elimination:
+    """Rows with auxiliary columns eliminated from all but one row each, their pivots.
+
+    ``pivots`` are the rows of ``columns``, ``rest`` says which rows are none, ``free`` which columns stay.
+    """
+
+    table: Float[np.ndarray, "rows columns"]
+    pivots: list[int]
+    columns: list[int]
+    rest: Bool[np.ndarray, " rows"]
+    free: Bool[np.ndarray, " columns"]
+
+    @property
+    def reduced(self) -> Float[np.ndarray, "rest free"]:
+        """What other rows have in the columns that stay."""
+        return self.table[np.ix_(self.rest, self.free)]
+
+
+def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows: int | None = None) -> Elimination:
+    """Eliminate the columns from ``unknowns`` on (Gauss & Jordan), pivots being among the first ``pivot_rows``, or all.
+
+    Pivots are the largest entries; a column without any stays.
+    """
+    table, (count, size) = rows.copy(), rows.shape
+    rest, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
+    pivots, columns = list[int](), list[int]()
+    end = count if pivot_rows is None else pivot_rows
+    for column in range(unknowns, size):
+        sizes = np.abs(table[:end, column]) * rest[:end]
+        pivot = int(np.argmax(sizes)) if end else 0
+        if not end or sizes[pivot] <= PIVOT_TOLERANCE:
+            continue
+        pivots.append(pivot)
+        columns.append(column)
+        rest[pivot], free[column] = False, False
+        table[pivot] /= table[pivot, column]
+        others = np.flatnonzero(table[:, column])
+        others = others[others != pivot]
+        table[others] -= table[others, column][:, None] * table[pivot]
+    return Elimination(table=table, pivots=pivots, columns=columns, rest=rest, free=free)

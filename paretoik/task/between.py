@@ -1,0 +1,54 @@
+"""Motions between their samples: the projected curve on a finer grid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from paretoik.task.differences import first_derivative, second_derivative
+from paretoik.task.motion import Motion
+from paretoik.task.spline import Derivatives
+
+INTERPOLANT_REFINEMENT = 4  # times finer: where finite differences are taken again
+SPLINE_REFINEMENT = 20  # times finer: where the derivatives are those of the curve
+NEAR_KNOT = 0.25  # share of a step of the grid: the correction's differences are taken this near to kinks at knots
+
+
+def finer_motion(motions: Motion, refinement: int | None = None) -> Motion:
+    """Return the projected curves of motions (*batch, time, dof) of one task on a finer grid.
+
+    With differences="spline" velocities and accelerations are those of the projected curve: the spline's own, and the
+    differences of the small correction onto the path. Otherwise they are the motion's differences on the finer grid.
+
+    Raises Infeasible where a motion leaves the path between its samples.
+    """
+    time = motions.time.reshape(-1, motions.time.shape[-1])[0]
+    if motions.differences != "spline":
+        even = np.linspace(0.0, time[-1], (refinement or INTERPOLANT_REFINEMENT) * (len(time) - 1) + 1)
+        return replace(motions, time=even, q=motions.at(even))
+    share = np.arange(count := refinement or SPLINE_REFINEMENT) / count
+    near = NEAR_KNOT / count
+    share = np.concatenate([[0.0, near], share[1:], [1 - near]])
+    finer = np.append((time[:-1, None] + np.diff(time)[:, None] * share).ravel(), time[-1])
+    q, (spline, dq, ddq, jerk) = motions.at(finer), motions.spline.at(finer)
+    correction = q - spline
+    if motions.cyclic:
+        correction[..., -1, :] = correction[..., 0, :]
+    dq = dq + first_derivative(correction, finer, "central", cyclic=motions.cyclic)
+    ddq = ddq + _second_derivative(correction, finer, cyclic=motions.cyclic)
+    index = np.arange(len(finer)) % (count + 2)
+    on_grid = (index != 1) & (index != count + 1)
+    dq, ddq, jerk = dq[..., on_grid, :], ddq[..., on_grid, :], jerk[..., on_grid, :]
+    derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
+    return replace(motions, time=finer[on_grid], q=q[..., on_grid, :], derivatives=derivatives)
+
+
+def _second_derivative(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarray:
+    """Return second derivatives by central differences, at the ends continued linearly."""
+    second = second_derivative(values, time, "central", cyclic=cyclic)
+    if not cyclic:
+        for end, near, next_near in ((0, 1, 2), (-1, -2, -3)):
+            share = (time[near] - time[end]) / (time[next_near] - time[near])
+            second[..., end, :] = (1 + share) * second[..., near, :] - share * second[..., next_near, :]
+    return second

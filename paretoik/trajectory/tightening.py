@@ -1,0 +1,176 @@
+"""Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
+
+A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
+instants, may exceed a limit a little; what they exceed it by is taken from the limit there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
+
+from paretoik.errors import Infeasible
+from paretoik.interruption import Interrupted
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Solver
+from paretoik.task.between import SPLINE_REFINEMENT, finer_motion
+from paretoik.task.limits import LIMITED
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import evaluate_function
+from paretoik.trajectory.program import MotionProgram
+
+
+@dataclass(frozen=True, kw_only=True)
+class TighteningOptions:
+    """When limits are tightened: where a motion exceeds one between samples by more than a ``tolerance`` of its range.
+
+    At the samples a violation up to ``feasible`` of it is none.
+
+    At most so many ``rounds``, each by at most ``largest`` of a range, where more than ``target`` of the tolerance is
+    exceeded. ``weight`` is that of all objectives beside the first, as when fronts are refined. ``warm`` is tried
+    first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
+    """
+
+    tolerance: float = 5e-5
+    target: float = 0.5
+    rounds: int = 3
+    feasible: float = 1e-8
+    largest: float = 0.4
+    shares: tuple[float, ...] = (1.0, 0.5)
+    weight: float = 0.1
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
+    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)
+
+
+OPTIONS = TighteningOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldMotion:
+    """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples."""
+
+    x: Float[np.ndarray, "time dof"]
+    bounds: Float[np.ndarray, " limits"]
+    violation: float
+
+
+def hold_between(
+    program: MotionProgram, x: Float[np.ndarray, "time dof"], n_obj: int, *, solver: Solver = "auto"
+) -> HeldMotion:
+    """Return an optimal motion that keeps its limits between samples, as far as a few rounds lead.
+
+    Of several objectives all give way alike (Pascoletti & Serafini 1984). Programs of finite differences, motions that
+    keep their limits, and those of which no round makes a better one, are returned as they are.
+    """
+    best = _held(program, x)
+    if program.task.differences != "spline":
+        return best
+    current = best
+    for _ in range(OPTIONS.rounds):
+        if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation):
+            break
+        bounds = _tightened_bounds(program, current)
+        for share in OPTIONS.shares:
+            tighter = replace(program, bounds=current.bounds + share * (bounds - current.bounds))
+            solved = _solve_again(tighter, current.x, n_obj, solver)
+            if solved is not None:
+                break
+        else:
+            break
+        current = _held(tighter, solved)
+        best = min(best, current, key=lambda held: held.violation)
+    return best
+
+
+def hold_all(
+    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver = "auto"
+) -> list[HeldMotion]:
+    """Return motions as ``hold_between`` does; after a signal those that are left as they are."""
+    held = list[HeldMotion]()
+    for i, one in enumerate(x):
+        try:
+            held.append(hold_between(program, one, n_obj, solver=solver))
+        except Interrupted:
+            return held + [_held(program, rest) for rest in x[i:]]
+    return held
+
+
+def kept_between(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
+    """Return those of the motions that keep their limits, at samples and in between."""
+    at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
+    return [each for each in (_held(program, one) for one in at_samples) if each.violation <= OPTIONS.tolerance]
+
+
+def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
+    return HeldMotion(x=x, bounds=program.bounds, violation=violation_between(program.task, x))
+
+
+def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
+    """Return the worst violation of a motion between its samples; infinite where it leaves its path there."""
+    try:
+        return float(task.violation_between(task.motion(x[None]))[0])
+    except Infeasible:
+        return np.inf
+
+
+def _solve_again(program: MotionProgram, x: np.ndarray, n_obj: int, solver: Solver) -> np.ndarray | None:
+    """Return the motion that a tighter program has instead; None where it has none."""
+    weights = np.zeros((1, len(program.upper)))
+    weights[0, :n_obj] = OPTIONS.weight
+    weights[0, 0] += 1.0
+    rows = np.eye(n_obj, len(program.upper))
+    rows[1:, 0] = -1.0  # F_j − F_0
+    upper = (rows @ program.evaluate(x)[0])[None]
+    upper[0, 0] = np.inf
+    for options in (OPTIONS.warm, OPTIONS.holding):
+        solutions = minimise(program, x[None], weights, upper, options, rows=rows, solver=solver)
+        if solutions.converged[0]:
+            return np.asarray(solutions.x[0])
+    return None
+
+
+def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndarray, " limits"]:
+    """Return the bounds of a program, each moved inwards by what is exceeded within half a sample around it.
+
+    Where the limit itself is not active, as the excess is that of the projection, it bounds the value there instead.
+    """
+    task, bounds, elastic = program.task, held.bounds.copy(), program.elastic
+    curve = finer_motion(task.motion(held.x))
+    half = SPLINE_REFINEMENT // task.stride
+    row, instant = program.limited[:elastic].T
+    sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
+    slack = program.values(held.x).inequalities * ranges + sides * (program.bounds - bounds)[:elastic]
+    after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the interval that follows
+    for name in dict.fromkeys(names.tolist()):
+        for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
+            chosen = np.flatnonzero((names == name) & (sides == side))
+            padded = np.pad(excess, (half, 2 * half), constant_values=-np.inf)
+            windows = sliding_window_view(padded, 2 * half + 1)[::half]
+            around = windows.max(axis=1)[instant[chosen] + after[chosen]]
+            near = windows[:, half // 2 : 2 * half + 1 - half // 2].max(axis=1)[instant[chosen] + after[chosen]]
+            tolerable = OPTIONS.target * OPTIONS.tolerance * ranges[chosen]
+            shift = np.where(around > tolerable, around, 0.0)
+            shift = np.where(near > tolerable, np.maximum(shift, near + np.maximum(slack[chosen], 0.0)), shift)
+            bounds[chosen] += side * np.minimum(shift, OPTIONS.largest * ranges[chosen])
+    return bounds
+
+
+def _excess(
+    task: MotionTask, name: str, curve: Motion
+) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]:
+    """Return by how much a limit is exceeded over time, below and above."""
+    if name == "clearance":
+        return task.min_clearance - curve.clearance, np.full(curve.time.shape, -np.inf)
+    for constraint in task.constraints:
+        if constraint.name == name:
+            values = evaluate_function(f"constraint {name}", constraint.function, curve, constraint.form)
+            return (constraint.lower - values) / constraint.scale, (values - constraint.upper) / constraint.scale
+    kind, _, joint = name.partition(" of ")
+    j = task.arm.joint_names.index(joint)
+    bounds, values = task.bounds_at(kind, curve.time)[..., j, :], getattr(curve, LIMITED[kind])[..., j]
+    return bounds[..., 0] - values, values - bounds[..., 1]

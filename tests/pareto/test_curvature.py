@@ -1,0 +1,33 @@
+"""The null space of rows on unknowns and auxiliary columns."""
+
+import numpy as np
+import pytest
+
+from paretoik.pareto.curvature import null_space
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("auxiliary", [0, 1, 7])
+def test_it_is_the_same_space_whichever_columns_are_eliminated(seed, auxiliary):
+    rng = np.random.default_rng(seed)
+    unknowns, rest = 9, 4
+    rows = np.zeros((auxiliary + rest + 2, unknowns + auxiliary))
+    rows[:, :unknowns] = rng.normal(size=(len(rows), unknowns)) * 10.0 ** rng.integers(-3, 4, (len(rows), 1))
+    rows[:auxiliary, unknowns:] = np.eye(auxiliary)  # ties
+    rows[auxiliary + 1, unknowns:] = rng.normal(size=auxiliary)  # the gradient of an objective
+    rows[-1] = rows[auxiliary : auxiliary + 2].sum(axis=0)  # depends on others
+    order = rng.permutation(len(rows))
+    whole, reduced = null_space(rows), null_space(rows[order], unknowns)
+    assert whole.shape == reduced.shape
+    assert (
+        np.abs(rows / np.linalg.norm(rows, axis=1, keepdims=True) @ (reduced / np.linalg.norm(reduced, axis=0))).max()
+        < 1e-12
+    )
+    assert reduced[:unknowns].T @ reduced[:unknowns] == pytest.approx(np.eye(reduced.shape[1]), abs=1e-12)
+    assert np.linalg.matrix_rank(np.hstack([whole, reduced])) == whole.shape[1]
+
+
+def test_an_auxiliary_column_in_no_row_is_free():
+    basis = null_space(np.array([[1.0, 1.0, 0.0]]), 2)
+    assert basis.shape == (3, 2)
+    assert np.ptp(np.abs(basis[2])) == 1.0

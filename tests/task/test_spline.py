@@ -1,0 +1,124 @@
+"""The spline near samples: scipy's of the same control points, exact for parabolas, its derivatives those of at(t)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+
+import paretoik as pk
+from paretoik.task.between import finer_motion
+from paretoik.task.spline import fit_spline
+from tests.task.tasks import task
+
+ENDS = {"free": (False, False), "at rest": (False, True), "cyclic": (True, False)}
+ends = pytest.mark.parametrize(("cyclic", "at_rest"), ENDS.values(), ids=ENDS)
+
+
+def uneven(samples, rng):
+    """Return times that increase unevenly from 0."""
+    time = np.linspace(0, 1, samples) + 0.3 / samples * rng.uniform(-1, 1, samples)
+    return time - time[0]
+
+
+def fitted(samples, cyclic, at_rest, seed=0):
+    """Return a spline of random samples at uneven times, and the samples."""
+    rng = np.random.default_rng(seed)
+    time, q = uneven(samples, rng), rng.normal(size=(samples, 2))
+    if cyclic:
+        q[-1] = q[0]
+    return fit_spline(q, time, cyclic=cyclic, ends_at_rest=at_rest), q
+
+
+@ends
+@given(samples=st.integers(3, 12), seed=st.integers(0, 99))
+def test_it_is_a_cubic_spline_with_knots_at_the_samples(cyclic, at_rest, samples, seed):
+    spline, q = fitted(samples, cyclic, at_rest, seed)
+    t = np.linspace(0, spline.time[-1], 301)
+    pieces = [BSpline(*one, 3) for one in _interpolated(spline)]
+    for order, values in enumerate(spline.at(t)[:3]):
+        theirs = np.stack([piece(t, nu=order) for piece in pieces], axis=1)
+        np.testing.assert_allclose(values, theirs, atol=1e-8 * max(1.0, np.abs(theirs).max()))
+    if not cyclic:
+        np.testing.assert_allclose(spline.position[[0, -1]], q[[0, -1]], atol=1e-10)
+    if at_rest:
+        np.testing.assert_allclose(spline.velocity[-1], 0.0, atol=1e-10)
+
+
+def _interpolated(spline):
+    """Return scipy's clamped splines through the knots, from their end velocities."""
+    from scipy.interpolate import make_interp_spline
+
+    for column in range(spline.position.shape[1]):
+        ends = [[(1, spline.velocity[k, column])] for k in (0, -1)]
+        yield make_interp_spline(spline.time, spline.position[:, column], bc_type=tuple(ends)).tck[:2]
+
+
+@given(samples=st.integers(3, 9), seed=st.integers(0, 99))
+def test_parabolas_are_reproduced_on_any_times_and_cubics_on_even_ones(samples, seed):
+    rng = np.random.default_rng(seed)
+    time, polynomial = uneven(samples, rng), np.polynomial.Polynomial(rng.normal(size=3))
+    t = np.linspace(0, time[-1], 50)
+    spline = fit_spline(polynomial(time)[:, None], time, cyclic=False, ends_at_rest=False)
+    np.testing.assert_allclose(spline.at(t)[0][:, 0], polynomial(t), atol=1e-11)
+    time, polynomial = np.linspace(0, 1, samples + 1), np.polynomial.Polynomial(rng.normal(size=4))
+    spline = fit_spline(polynomial(time)[:, None], time, cyclic=False, ends_at_rest=False)
+    t = np.linspace(0, 1, 50)
+    np.testing.assert_allclose(spline.at(t)[0][:, 0], polynomial(t), atol=1e-11)
+
+
+@ends
+def test_velocity_and_acceleration_lie_between_what_is_limited(cyclic, at_rest):
+    spline, _ = fitted(9, cyclic, at_rest)
+    t = np.linspace(0, spline.time[-1], 999)
+    _, velocity, acceleration, _ = spline.at(t)
+    hull = np.concatenate([spline.velocity, spline.inner_velocity])
+    assert np.all(velocity <= hull.max(axis=0) + 1e-12)
+    assert np.all(velocity >= hull.min(axis=0) - 1e-12)
+    assert np.abs(acceleration).max() <= np.abs(spline.acceleration).max() + 1e-9
+
+
+def test_it_misses_smooth_samples_by_the_fourth_difference():
+    time = np.linspace(0, 1, 41)
+    q = np.sin(5 * time)[:, None]
+    missed = fit_spline(q, time, cyclic=False, ends_at_rest=False).position - q
+    np.testing.assert_allclose(missed[2:-2], -np.diff(q, 4, axis=0) / 36, atol=1e-12)
+
+
+def spline_motion(samples=31):
+    """Return a motion on a path whose curve is a spline."""
+    made = task(path=pk.line([0.45, 0.1], [0.35, 0.2], duration=1.0, samples=samples), differences="spline")
+    problem = pk.Tracking(
+        made.arm, made.tasks, objectives=made.objectives, differences="spline", bases=1, coefficients=4
+    )
+    return problem.decode(problem.sample_starts(1, np.random.default_rng(0)))
+
+
+def test_at_is_the_spline_or_its_projection_and_rates_on_a_finer_grid_are_its_derivatives():
+    motion = spline_motion()
+    t = np.linspace(0, 1, 61)
+    np.testing.assert_array_equal(motion.at(t, project=False), motion.spline.at(t)[0])
+    assert replace(motion, q=motion.at(motion.time[0])).tracking_error.max() < 1e-9
+    finer, step = finer_motion(motion), 1e-4
+    inside = finer.time[0][(finer.time[0] > 0.01) & (finer.time[0] < 0.99)]
+    around = [motion.at(inside + sign * step) for sign in (-1, 0, 1)]
+    at = np.isin(finer.time[0], inside)
+    np.testing.assert_allclose(finer.dq[:, at], (around[2] - around[0]) / (2 * step), atol=1e-4)
+    second = (around[0] - 2 * around[1] + around[2]) / step**2
+    np.testing.assert_allclose(finer.ddq[:, at], second, atol=2e-2 * np.abs(second).max())
+
+
+def test_integrals_are_simpsons_with_the_middles_between_samples():
+    motion = spline_motion()
+    dense = motion.instants
+    assert dense.q.shape[1] == 61
+    assert dense.instants is dense
+    np.testing.assert_allclose(dense.weights.sum(axis=-1), 1.0)
+    fine = finer_motion(replace(motion, tasks=()), 40)
+    exact = np.trapezoid(fine.kinetic_energy, fine.time, axis=-1)
+    np.testing.assert_allclose(pk.kinetic_energy(motion), exact, rtol=2e-3)
+    np.testing.assert_array_equal(dense.q[:, ::2], motion.q)
