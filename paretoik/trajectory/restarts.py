@@ -13,7 +13,7 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.motion_starts import perturbed_starts
+from paretoik.self_motion.motion_starts import perturbed_starts, travelling_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import distinct_rows
@@ -33,11 +33,11 @@ class RestartOptions:
     ``patience`` says brought nothing better; with one degree of redundancy only where optima are ``many``. They are
     minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
     by a share of at most ``value`` count as one. A branch that so many starts led nowhere as ``doomed`` says is left
-    out. ``gain`` is the share of a value by which another is better. At the end the best are perturbed at the task's own
-    samples in at most ``final_rounds``: what is best there is not what is best on coarser levels.
+    out. ``gain`` is the share of a value by which another is better. At the end the best are perturbed at the task's
+    own samples in at most ``final_rounds``: what is best there is not what is best on coarser levels.
     """
 
-    expected: float = 0.1
+    expected: float = 0.02
     rounds: int = 10
     centers: int = 4
     copies: int = 5
@@ -92,7 +92,7 @@ class RestartPolicy:
         independent, perturbed = list[np.ndarray](), list[np.ndarray]()
         if self.rounds < OPTIONS.rounds:
             if self.count * alone / starts / (len(optima) + 1) > OPTIONS.expected:
-                independent.append(self._without_doomed(sample_starts(self.level, self.count, self.rng), solutions))
+                independent.append(self._without_doomed(self._sample(), solutions))
             self.several = self.level.redundancy > 1 or len(optima) >= OPTIONS.many
             if self.several and self.failures <= OPTIONS.patience:
                 perturbed.append(self._perturb(solutions.x[optima[: OPTIONS.centers]]))
@@ -120,6 +120,12 @@ class RestartPolicy:
             rows.append(int(i))
             hits.append(int(self.independent[same].sum()))
         return np.array(rows), np.array(hits)
+
+    def _sample(self) -> Float[np.ndarray, "starts samples dof"]:
+        """Return independent starts: such as at first, and in every other round those alone that travel."""
+        if self.rounds % 2:
+            return sample_starts(self.level, self.count, self.rng)
+        return travelling_starts(self.level, 2 * self.count, self.rng)[: self.count]
 
     def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the starts whose branch has not led nowhere again and again."""
