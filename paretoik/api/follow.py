@@ -80,15 +80,17 @@ class LoopRun:
         return self._run.front({**session.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Write the table of steps, finish the recording with the motion, and draw it."""
-        from paretoik.review.loop_plots import loop_picture  # here: matplotlib takes its time
-
+        """Write the table of steps; unless a signal came, finish the recording with the motion, and draw it."""
         if session.folder is None or session.recorder is None:
             return
         run = self._run
         assert run is not None
         ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in their own sign
         _write_steps(run, ranges, session.folder / STEPS)
+        if session.signal is not None:
+            return
+        from paretoik.review.loop_plots import loop_picture  # here: matplotlib takes its time
+
         session.recorder.finish(None, explain_choice(front))
         loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
 

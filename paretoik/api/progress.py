@@ -22,7 +22,8 @@ class RunProgress:
     "refinement" and "certification" of a front's points. ``done`` of at most ``total`` are done; a stage without counts
     ("compilation", "saving") has a total of 0. ``seconds`` have passed since the stage began, about ``remaining`` will
     until the verb ends; None where that cannot be told. ``summary`` says in words what there is so far; ``generation``
-    has the points of a generation or step, None in other stages.
+    has the points of a generation or step, None in other stages. ``then`` names what comes after the stage, "" for the
+    end, where ``remaining`` does not count it.
     """
 
     stage: str
@@ -32,6 +33,7 @@ class RunProgress:
     remaining: float | None = None
     summary: str = ""
     generation: Generation | None = None
+    then: str = ""
 
 
 Observer: TypeAlias = Callable[[RunProgress], object]

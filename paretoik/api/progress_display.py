@@ -90,7 +90,7 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     else:
         left = f"about {_minutes(progress.remaining)} left"
     parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary]
-    return ", ".join([*filter(None, parts), left])
+    return ", ".join([*filter(None, parts), left, *([f"then {progress.then}"] if progress.then else [])])
 
 
 def _minutes(seconds: float) -> str:

@@ -22,6 +22,7 @@ from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
+from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.recorder import Generation
@@ -93,11 +94,11 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording with the motion of equal weights, and draw the front."""
+        """Finish the recording with the motion of equal weights, and draw the front; neither after a signal."""
+        if session.folder is None or session.recorder is None or session.signal is not None:
+            return
         from paretoik.review.plots import front_picture  # here: matplotlib takes its time
 
-        if session.folder is None or session.recorder is None:
-            return
         session.recorder.finish(front, front.select(Weights(dict.fromkeys(front.names, 1.0))))
         front_picture(front, session.folder / PICTURE)
         if front.certificates is not None:
@@ -113,8 +114,9 @@ class FrontSearch:
         front = search.front_of(self._solve_settings.points)
         if self._known is not None:
             front = merge_front(front, require_program("solve", self.problem), self._known, search.evaluations)
+        status = session.signal or status
         if not len(front):
-            raise _infeasible(search)
+            raise Interrupted if session.signal else _infeasible(search)
         counts = {
             "generations": search.generation,
             "evaluations": search.evaluations,
@@ -153,6 +155,7 @@ class FrontSearch:
             seconds=progress.seconds,
             summary=f"front {len(front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else ""),
             generation=generation,
+            then="refinement" if self._solve_settings.refine else "",
         )
         session.show(shown)
 

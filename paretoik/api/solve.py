@@ -59,8 +59,8 @@ def solve(
         Size of the population (200), most generations (500), and the seed of all chance (0): the same seed gives the
         same front. A closed loop has its own where none are given.
     out
-        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png, of a closed loop
-        steps.parquet too. ``overwrite`` allows it to replace a run that is there.
+        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png (not after a signal), of
+        a closed loop steps.parquet too. ``overwrite`` allows it to replace a run that is there.
     initial
         Start from genes (rows, genes), motions on the path, or a former front.
     time_limit, evaluations, target, stagnation

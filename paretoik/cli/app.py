@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from signal import SIGINT
 from typing import Annotated
 
 import typer
@@ -40,6 +41,8 @@ def main() -> None:
         except ParetoikError as error:
             print_message("error:", "bold red", str(error))
             sys.exit(error.exit_code)
+        except KeyboardInterrupt:  # before there was anything to keep
+            sys.exit(128 + SIGINT)
 
 
 def _print_version(requested: bool) -> bool:

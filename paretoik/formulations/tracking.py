@@ -26,6 +26,7 @@ from paretoik.formulations.base_motions import (
 from paretoik.formulations.encoding import Encoding, encoding
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
+from paretoik.interruption import STOP
 from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
@@ -206,14 +207,17 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals; they are exact, and genes would only be near them."""
+        """Return motions as individuals; they are exact, and genes would only be near them.
+
+        After a signal nobody looks between samples any more.
+        """
         motions = self.task.motion(x)
         return Individuals(
             x=x,
             objectives=np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1),
             genes=None,
             motions=motions,
-            violation_between=self.task.violation_between(motions),
+            violation_between=np.full(len(x), np.nan) if STOP[0] else self.task.violation_between(motions),
         )
 
     def hold_between(

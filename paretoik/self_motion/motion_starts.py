@@ -92,14 +92,21 @@ def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) ->
     return q[on_path.all(axis=1)]
 
 
-def perturbed_starts(task: MotionTask, q: JointPaths, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path near others, all joints displaced at random.
+def perturbed_starts(
+    task: MotionTask,
+    q: JointPaths,
+    rng: np.random.Generator,
+    *,
+    size: float | Float[np.ndarray, " motions"] = OPTIONS.perturbation,
+) -> Float[np.ndarray, "found time dof"]:
+    """Return motions on the path near others, all joints displaced at random by ``size`` [rad or m, RMS].
 
     Most at both ends (in cyclic motions at opposite points), less in between, along the null space of the tasks'
-    Jacobian; then they are retracted. Motions that leave the path or jump are left out.
+    Jacobian; then they are retracted. Motions that leave the path, or jump further than they did, are left out.
     """
     share, shape = task.times / task.times[-1], (len(q), 1, task.arm.dof)
-    first, last = OPTIONS.perturbation * rng.normal(size=shape), OPTIONS.perturbation * rng.normal(size=shape)
+    scale = np.broadcast_to(size, len(q))[:, None, None]
+    first, last = scale * rng.normal(size=shape), scale * rng.normal(size=shape)
     if task.cyclic:
         wave = np.cos(2 * np.pi * (share - rng.uniform(size=(len(q), 1))))[..., None]
         displacement = first * (1 + wave) / 2 + last * (1 - wave) / 2
@@ -107,7 +114,7 @@ def perturbed_starts(task: MotionTask, q: JointPaths, rng: np.random.Generator) 
         displacement = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
     rows = row_space_basis(task_errors(task.arm, task.tasks, q, task.targets)[1])
     retracted, on_path = _retract_to_path(
-        task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement)
+        task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement), np.abs(np.diff(q, axis=1))
     )
     if task.start is not None:
         retracted[:, 0] = task.start
@@ -169,13 +176,15 @@ def _remove_drift(task: MotionTask, q: JointPaths) -> JointPaths:
     return q - (task.times / task.times[-1])[None, :, None] * drift
 
 
-def _retract_to_path(task: MotionTask, q: JointPaths) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
-    """Return motions retracted to the path, and which of their samples are on it without a jump."""
+def _retract_to_path(
+    task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0
+) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
+    """Return motions retracted to the path, and which of their samples are on it without a jump beyond ``steps``."""
     jacobian = task_errors(task.arm, task.tasks, q, task.targets)[1]
     directions = jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)
     retracted = retract(task.arm, task.tasks, q, task.targets, directions.swapaxes(-1, -2))
     q_on_path, on_path = retracted.q, retracted.on_path
     if task.cyclic:
         q_on_path[:, -1] = q_on_path[:, 0]
-    on_path[:, 1:] &= np.abs(np.diff(q_on_path, axis=1)).max(axis=2) <= OPTIONS.longest_jump
+    on_path[:, 1:] &= (np.abs(np.diff(q_on_path, axis=1)) - steps).max(axis=2) <= OPTIONS.longest_jump
     return q_on_path, on_path

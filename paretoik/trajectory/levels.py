@@ -25,7 +25,7 @@ from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
 
 Observe = Callable[[int, int, int], object]
-Further = Callable[[Solutions], Float[np.ndarray, "starts samples dof"]]
+Further = Callable[[Solutions], tuple[np.ndarray, Sequence[InteriorPointOptions]]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,11 +35,13 @@ class LevelOptions:
     coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
     distinct: float = 0.01  # rad or m, RMS: optima nearer than this are one
     feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
-    max_optima: int = 8  # that are refined on a finer level
+    max_optima: int = 32  # that are refined on a finer level: their order there is another
+    restored: int = 8  # motions whose violation is minimised, and twice as many starts of the first level
     first_restored: int = 1  # motions whose violation is minimised first: where limits clearly contradict, no others
     cold: tuple[InteriorPointOptions, ...] = (  # in turn: each finds basins that the other leaves
         InteriorPointOptions(barrier=0.1, radius=0.4),
         InteriorPointOptions(barrier=0.01, radius=0.1),
+        InteriorPointOptions(barrier=1e-3, radius=0.05),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
     restoration: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=40)  # of the violation alone
@@ -93,10 +95,10 @@ def refine_levels(
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
 
-    ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them,
-    given their solutions, until it returns none. Where limits are violated at the end, ``restore`` first minimises the
-    violation alone; where none of the first level can be restored, its least-violating motions are returned.
-    ``observe`` is called after each level with its number of samples, of starts and of optima.
+    ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them, and
+    barriers for them, given their solutions, until it returns none. Where limits are violated at the end, ``restore``
+    first minimises the violation alone; where none of the first level can be restored, its least-violating motions are
+    returned. ``observe`` is called after each level with its number of samples, of starts and of optima.
 
     After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
     optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
@@ -108,11 +110,11 @@ def refine_levels(
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
         barriers = [_coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
-        search = partial(_minimise_in_turn, program, barriers, weights, upper, solver)
+        search = partial(_minimise_in_turn, program, weights, upper, solver, barriers)
         try:
             solutions, q = _solve_level(search, q, further if first else None)
             if restore and (first or not finer) and not solutions.converged.any():
-                solutions = _restore(program, solutions, q[: 2 * OPTIONS.max_optima * first], weights, upper, solver)
+                solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
         except Interrupted as stop:
             return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
         limit = OPTIONS.max_optima if finer else len(solutions)
@@ -128,14 +130,17 @@ def refine_levels(
 
 
 def _solve_level(
-    search: Callable[[np.ndarray], Solutions], q: np.ndarray, further: Further | None
+    search: Callable[..., Solutions], q: np.ndarray, further: Further | None
 ) -> tuple[Solutions, np.ndarray]:
     """Return what starts and ``further`` ones lead to, and all of them. Raises Interrupted, with what there is."""
     solutions = search(q)
     try:
-        while further is not None and len(more := further(solutions)):
+        while further is not None:
+            more, barriers = further(solutions)
+            if not len(more):
+                break
             q = np.concatenate([q, more])
-            solutions = concatenate((solutions, search(more)))
+            solutions = concatenate((solutions, search(more, barriers)))
     except Interrupted as stop:
         raise Interrupted(concatenate((solutions, *filter(None, (stop.partial,))))) from None
     return solutions, q
@@ -197,13 +202,18 @@ def _coarse(options: InteriorPointOptions) -> InteriorPointOptions:
 
 def _minimise_in_turn(
     program: MotionProgram,
-    options: Sequence[InteriorPointOptions],
     weights: np.ndarray,
     upper: np.ndarray,
     solver: Solver,
+    options: Sequence[InteriorPointOptions],
     q: np.ndarray,
+    others: Sequence[InteriorPointOptions] = (),
 ) -> Solutions:
-    """Return the local optima from starts, the options being theirs in turn."""
+    """Return the local optima from starts, the options being theirs in turn; ``others`` instead where there are any."""
+    if others:
+        options = [
+            each._replace(last_barrier=options[0].last_barrier, tolerance=options[0].tolerance) for each in others
+        ]
     each = [options[i % len(options)] for i in range(len(q))]
     return minimise(program, q, weights[None], upper[None], each, solver=solver)
 
@@ -219,7 +229,7 @@ def _restore(
     """Return the optima from motions that violate limits, the violation alone being minimised first."""
     if solutions.violation.max() <= OPTIONS.feasible:
         return solutions
-    rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.max_optima)
+    rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
     x = np.concatenate([solutions.x[rows], q])
     attempts = list[Solutions]()
     for part in (x[: OPTIONS.first_restored], x[OPTIONS.first_restored :]):

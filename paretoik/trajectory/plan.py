@@ -35,7 +35,8 @@ from paretoik.trajectory.levels import (
     objective_scales,
     refine_levels,
 )
-from paretoik.trajectory.plan_starts import RestartPolicy, disturb_best, sample_starts
+from paretoik.trajectory.plan_starts import sample_starts
+from paretoik.trajectory.restarts import RestartPolicy, disturb_best
 from paretoik.trajectory.tightening import hold_all, kept_between
 from paretoik.trajectory.transcription import motion_program
 
@@ -165,7 +166,7 @@ def _search_from(
     )
     if policy is not None and solutions.converged.any() and policy.exhausted:
         with suppress(Interrupted):
-            solutions = disturb_best(programs[-1], solutions, solver)
+            solutions = disturb_best(programs[-1], solutions, rng, solver)
     return solutions, levels
 
 

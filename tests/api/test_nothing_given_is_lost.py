@@ -10,6 +10,7 @@ from paretoik.self_motion.motion_starts import perturbed_starts, rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 
 FEASIBLE = 1e-8
+ROUNDING = 1e-12
 
 
 def planar(joints, seed):
@@ -103,9 +104,9 @@ def test_a_plan_is_no_worse_than_what_it_was_given(joints, cyclic, seed):
     problem = drawn(seed, joints=joints, cyclic=cyclic, samples=31)
     motions = known_motions(problem, seed)
     planned = pk.plan(problem, starts=1, seed=seed, initial=motions)
-    assert planned.best.objective <= feasible_values(problem, motions).min(initial=np.inf)
+    assert planned.best.objective <= feasible_values(problem, motions).min(initial=np.inf) * (1 + ROUNDING)
     again = pk.plan(problem, starts=1, seed=seed + 1, initial=planned.best.motion)
-    assert again.best.objective <= planned.best.objective
+    assert again.best.objective <= planned.best.objective * (1 + ROUNDING)
     assert again.best.status == "converged"
 
 
@@ -114,7 +115,7 @@ def test_a_basin_that_high_barriers_leave_is_kept():
     optima = [pk.plan(problem, starts=4, seed=seed).best for seed in range(2)]
     worse = max(optima, key=lambda optimum: optimum.objective)
     planned = pk.plan(problem, starts=1, seed=5, initial=worse.motion)
-    assert planned.best.objective <= worse.objective
+    assert planned.best.objective <= worse.objective * (1 + ROUNDING)
 
 
 def test_a_motion_that_no_solver_can_improve_on_is_still_the_best(monkeypatch):
@@ -124,7 +125,7 @@ def test_a_motion_that_no_solver_can_improve_on_is_still_the_best(monkeypatch):
     best = pk.plan(problem, starts=4).best
     monkeypatch.setattr(warm_start, "OPTIONS", warm_start.WarmStartOptions(barriers=()))
     planned = pk.plan(problem, starts=1, seed=3, initial=best.motion)
-    assert planned.best.objective <= best.objective
+    assert planned.best.objective <= best.objective * (1 + ROUNDING)
 
 
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])

@@ -23,6 +23,19 @@ def test_counts_become_the_progress_of_a_stage():
     assert seen[0].generation is None
 
 
+def test_the_time_left_counts_later_stages_once_enough_is_done(monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr("paretoik.api.progress.time.monotonic", lambda: clock[0])
+    seen: list[RunProgress] = []
+    show = count_observer(seen.append, "refinement", later=0.5, uniform=True)
+    for done in (1, 10, 20):
+        clock[0] = 100.0 + 2.0 * done
+        show(done, 20)
+    assert [one.remaining for one in seen] == [None, 30.0, 10.0]
+    count_observer(seen.append, "point")(10, 20)
+    assert seen[-1].remaining is None
+
+
 def test_the_answer_of_an_observer_is_passed_on():
     assert count_observer(lambda progress: progress.done == 2, "point")(2, 3) is True
 

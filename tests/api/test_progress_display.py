@@ -21,6 +21,7 @@ def progress(done: int, **parts) -> RunProgress:
         (progress(1, stage="refinement", remaining=270.0), None, "refinement 1/10, about 4:30 left"),
         (progress(5), 40.0, "generation 5/10, at most 0:10 left"),
         (progress(5), 20.0, "generation 5/10, at most 0:00 left"),
+        (progress(5, then="refinement"), None, "generation 5/10, at most 0:30 left, then refinement"),
         (progress(0, total=0, stage="saving"), None, "saving"),
         (progress(0), None, "generation 0/10, at most 5:00 left"),
     ],
@@ -41,6 +42,21 @@ def test_quiet_means_no_observer_and_no_notices_of_compilation(capsys):
         assert observe is None
         announce(NOTICE)
     assert capsys.readouterr().err == ""
+
+
+def test_by_default_a_terminal_gets_a_bar_and_nothing_else_is_drawn_on(monkeypatch, capsys):
+    with open_observer(None) as observe:
+        assert observe is None
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with open_observer(None) as observe:
+        observe(progress(5, stage="refinement", remaining=30.0))
+        announce(NOTICE)
+    assert "compiling the planner" in capsys.readouterr().err
+    mine = [].append
+    with open_observer(mine) as observe:
+        assert observe is mine
 
 
 def test_what_is_compiled_is_a_line_at_once(capsys):

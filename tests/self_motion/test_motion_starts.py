@@ -103,7 +103,7 @@ def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
     away = perturbed_starts(task, q, chance(1))
     assert len(away) > 5
     assert task.motion(away).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(away, axis=1)).max() <= OPTIONS.longest_jump
+    assert np.abs(np.diff(away, axis=1)).max() <= OPTIONS.longest_jump + np.abs(np.diff(q, axis=1)).max()
     apart = np.abs(away[:, None] - q[None]).max(axis=(2, 3)).min(axis=1)
     assert np.median(apart) > 0.1
 

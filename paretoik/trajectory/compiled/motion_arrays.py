@@ -48,7 +48,7 @@ class MotionKernel(NamedTuple):
     penalty: float = 1.0
     implied_slacks: bool = True
     large_multiplier: float = np.inf
-    smoothing: float = 100.0  # of kinks, in barriers μ and sizes of their arguments
+    smoothing: float = 30.0  # of kinks, in barriers μ and sizes of their arguments
     dual_fraction: float = 0.7  # of the way to its bounds that the multiplier of a kink moves at most
     least_smoothing: float = 1e-9  # of these sizes: what rounding leaves of a kink
 

@@ -1,0 +1,89 @@
+"""Restarts: more starts, as long as they lead to better optima, and as long as better ones are likely unseen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.nlp.solutions import CONVERGED, VIOLATED, Solutions
+from paretoik.self_motion.branches import branch_labels
+from paretoik.self_motion.motion_starts import perturbed_starts
+from paretoik.trajectory import restarts
+from paretoik.trajectory.levels import coarsest_level
+from paretoik.trajectory.plan_starts import sample_starts
+from problems import tringali_2020
+
+
+def ends(q, values, converged=True):
+    """What starts led to: themselves, with these values."""
+    return Solutions(
+        x=q,
+        objectives=np.array(values, dtype=float)[:, None],
+        stationarity=np.zeros(len(q)),
+        violation=np.where(converged, 0.0, 1.0) * np.ones(len(q)),
+        status=np.where(converged, CONVERGED, VIOLATED) * np.ones(len(q), dtype=int),
+        iterations=np.ones(len(q), dtype=int),
+    )
+
+
+def policy_of(q, level):
+    """The policy of a plan whose grid was tried."""
+    policy = restarts.RestartPolicy(level, q, 24, np.random.default_rng(0))
+    policy.grid_tried = True
+    return policy
+
+
+def starts_on(level, count):
+    """Starts of a level."""
+    return sample_starts(level, count, np.random.default_rng(0))
+
+
+def test_restarts_find_better_valleys_where_redundancy_is_more_than_one(monkeypatch):
+    arm = pk.Arm.planar(lengths=[0.4, 0.3, 0.3, 0.2], masses=[1.0] * 4, centers=[0.2, 0.15, 0.15, 0.1])
+    path = pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=26)
+    problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
+    with_restarts = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
+    monkeypatch.setattr(restarts, "OPTIONS", replace(restarts.OPTIONS, rounds=0, final_rounds=0))
+    without = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
+    assert all(one <= other * (1 + 1e-6) for one, other in zip(with_restarts, without, strict=True))
+    assert any(one < 0.99 * other for one, other in zip(with_restarts, without, strict=True))
+
+
+def test_restarts_end_where_every_optimum_was_reached_again_and_go_on_where_each_was_reached_once():
+    level = coarsest_level(tringali_2020.simulation_1().task)
+    q = starts_on(level, 12)
+    again = np.repeat(q[:3], 4, axis=0)
+    more, _ = policy_of(again, level)(ends(again, np.repeat([1.0, 2.0, 3.0], 4)))
+    assert len(more) == 0
+    more, _ = policy_of(q, level)(ends(q, np.arange(1.0, len(q) + 1)))
+    assert len(more) > 0
+
+
+def test_perturbed_starts_come_with_a_low_barrier_and_do_not_count_as_independent():
+    level = coarsest_level(tringali_2020.simulation_1().task)
+    q = starts_on(level, 12)
+    policy = policy_of(q, level)
+    more, barriers = policy(ends(q, np.arange(1.0, len(q) + 1)))
+    assert all(each.barrier <= 1e-3 for each in barriers)
+    assert policy.independent.sum() < len(q) + len(more) == len(policy.independent)
+
+
+def test_a_branch_that_led_nowhere_is_left_out():
+    level = coarsest_level(tringali_2020.simulation_1().task)
+    q = starts_on(level, 24)
+    labels = np.array(branch_labels(level.motion(q)))
+    names, counts = np.unique(labels, return_counts=True)
+    doomed = names[int(np.argmax(counts))]
+    policy = policy_of(q, level)
+    kept = policy._without_doomed(q, ends(q, np.arange(1.0, len(q) + 1), converged=labels != doomed))
+    assert 0 < len(kept) < len(q)
+    assert doomed not in branch_labels(level.motion(kept))
+
+
+def test_motions_with_long_steps_can_be_perturbed_too():
+    path = pk.circle([0.3, 0.0], 0.1, duration=1.0, samples=9)
+    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], cyclic=True).task
+    q = sample_starts(task, 8, np.random.default_rng(0))
+    assert len(perturbed_starts(task, np.repeat(q, 4, axis=0), np.random.default_rng(1), size=0.2)) > 0
