@@ -218,9 +218,12 @@ def pose_function(task: MotionTask) -> Any:
     wanted: Any = SX.sym("wanted", task.targets.shape[1])
     joints: Any = casadi.vertsplit(q)
     rotation, position = frame_components(task.arm, link_frames(task.arm, joints), task.arm.frame(only.frame))
-    size = 2 if task.arm.is_planar else 3
+    size = only.position_rows
     off: Any = vertcat(*position[:size]) - wanted[:size]
     if wanted.numel() > size:
         turned: Any = casadi.reshape(wanted[size:], 3, 3) @ vertcat(*(casadi.horzcat(*row) for row in rotation))
-        off = vertcat(off, turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1])
+        if only.axes == "xyz+z-axis":
+            off = vertcat(off, turned[0, 2], turned[1, 2])
+        else:
+            off = vertcat(off, turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1])
     return casadi.Function("pose", [q, wanted], [off])

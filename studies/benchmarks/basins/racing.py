@@ -1,0 +1,119 @@
+"""One problem: our plan over seeds, and peers from many starts in as much processor time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.errors import ParetoikError
+from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.plan_starts import sample_starts
+from studies.benchmarks.basins.cases import Case
+from studies.benchmarks.certified.dominating import led_back, objectives, violation
+from studies.benchmarks.certified.staged import StagedProgram, staged_program
+from studies.benchmarks.fronts.programs import JointProgram, joint_program
+from studies.benchmarks.planner.verdicts import versus
+from studies.reporting import Row
+
+SAME = 1e-6  # relative: what has found the best
+NO_WORSE = 1 + 1e-7
+KEPT = 1e-8  # of limits' ranges
+PAUSE = 24  # starts made at a time
+
+
+@dataclass(kw_only=True)
+class Tries:
+    """Values that a method ended with and the processor seconds of each try."""
+
+    values: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def best(self) -> float:
+        """The best value, infinite where there is none."""
+        return min(self.values, default=np.inf)
+
+    def hits(self, best: float) -> int:
+        """Return how many tries ended at the best."""
+        return sum(value <= best * (1 + SAME) for value in self.values)
+
+    def time_to_best(self, best: float) -> float:
+        """Return the expected processor time to the best of independent tries."""
+        hits = self.hits(best)
+        return sum(self.seconds) / hits if hits else np.inf
+
+
+def rows_of(case: Case, *, seeds: int) -> list[Row]:
+    """Return the rows of one problem."""
+    problem = case.problem()
+    pk.plan(problem, starts=1)  # compiles
+    ours = our_tries(problem, seeds)
+    budget = sum(ours.seconds)
+    peers = {"IPOPT": peer_tries(joint_program(problem.task), problem.task, budget, case.seed)}
+    if not case.cyclic:
+        peers["FATROP"] = peer_tries(staged_program(problem.task), problem.task, budget, case.seed)
+    theirs = min(tries.best for tries in peers.values())
+    best, table = min(ours.best, theirs), f"redundancy {problem.task.redundancy}"
+    rows = [
+        versus(
+            table=table,
+            row=case.name,
+            column="best found",
+            unit=case.objective.unit,
+            ours=ours.best,
+            theirs=theirs,
+            goal=NO_WORSE,
+            note=f"ours {ours.hits(best)} of {len(ours.values)} seeds",
+        )
+    ]
+    for name, tries in peers.items():
+        note = f"{name} {tries.hits(best)} of {len(tries.values)} starts"
+        times = ours.time_to_best(best), tries.time_to_best(best)
+        rows.append(
+            versus(
+                table=table, row=case.name, column=f"time to best, {name}", unit="s", ours=times[0], theirs=times[1],
+                goal=0.5, note=note,
+            )
+        )  # fmt: skip
+    return rows
+
+
+def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
+    """Return what plans at default settings find, a seed each."""
+    tries = Tries()
+    for seed in range(seeds):
+        begun = time.process_time()
+        try:
+            tries.values.append(pk.plan(problem, seed=seed).best.objective)
+        except ParetoikError:
+            tries.values.append(np.inf)
+        tries.seconds.append(time.process_time() - begun)
+    return tries
+
+
+def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: float, seed: int) -> Tries:
+    """Return what a peer finds in so much processor time, from starts like ours and from plain rollouts in turn."""
+    tries, ranges = Tries(), np.ones(1)
+    for q in _starts(task, seed):
+        begun = time.process_time()
+        end, _ = peer.solve(q, 0, np.full(1, np.inf), ranges, warm=False)
+        tries.seconds.append(time.process_time() - begun)
+        motion = None if end is None else led_back(task, end)
+        feasible = motion is not None and violation(task, motion) <= KEPT
+        tries.values.append(float(objectives(task, motion)[0]) if feasible and motion is not None else np.inf)
+        if sum(tries.seconds) >= budget:
+            return tries
+    raise AssertionError("starts without end")
+
+
+def _starts(task: MotionTask, seed: int) -> Iterator[np.ndarray]:
+    """Yield starts without end."""
+    rng = np.random.default_rng(seed)
+    while True:
+        both = [sample_starts(task, PAUSE, rng), rollout_starts(task, PAUSE, rng)[:PAUSE]]
+        yield from rng.permutation(np.concatenate(both))
