@@ -131,7 +131,9 @@ def certified_front(
         individuals = _no_worse(formulation, individuals, before, ranges)
     signs = np.where(formulation.maximised, -1.0, 1.0)
     rows = front_rows(individuals.objectives / ranges)
-    held, programs = formulation.hold_between(individuals.x[rows], ranges, solver=solver)
+    held, programs = formulation.hold_between(
+        individuals.x[rows], ranges, solver=solver, observe=count_observer(observe, "tightening")
+    )
     if not np.array_equal(held, individuals.x[rows]):
         individuals, ids = formulation.individuals(held), ids[rows]
         rows = front_rows(individuals.objectives / ranges)

@@ -36,7 +36,12 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.points(np.array(front.genes))
 
     def hold_between(
-        self, x: Points, ranges: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
+        self,
+        x: Points,
+        ranges: Float[np.ndarray, " n_obj"],
+        *,
+        solver: Solver = "auto",
+        observe: Callable[[int, int], object] | None = None,
     ) -> tuple[Points, Sequence[Program]]:
         """Return the points as they are, and their program."""
         return x, [self.program()] * len(x)

@@ -82,11 +82,17 @@ class Differentiable(Protocol):
         """Return points as individuals; ``genes`` are theirs where they are known."""
 
     def hold_between(
-        self, x: Points, ranges: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
+        self,
+        x: Points,
+        ranges: Float[np.ndarray, " n_obj"],
+        *,
+        solver: Solver = "auto",
+        observe: Callable[[int, int], object] | None = None,
     ) -> tuple[Points, Sequence[Program]]:
         """Return optimal points that keep their limits where the program does not look, and the program of each.
 
-        What no program can hold there stays as it is. Objectives are divided by ``ranges``.
+        What no program can hold there stays as it is. Objectives are divided by ``ranges``; ``observe`` gets what is
+        done of all.
         """
 
     def branches(self, x: Points) -> list[str]:

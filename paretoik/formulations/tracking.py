@@ -221,13 +221,18 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         )
 
     def hold_between(
-        self, x: Float[np.ndarray, "points time dof"], ranges: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
+        self,
+        x: Float[np.ndarray, "points time dof"],
+        ranges: Float[np.ndarray, " n_obj"],
+        *,
+        solver: Solver = "auto",
+        observe: Callable[[int, int], object] | None = None,
     ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
         """Return motions that keep their limits between samples, as far as a few rounds lead, and their programs."""
         natural = self.program()
         if self.task.differences != "spline" or not len(x):
             return x, [natural] * len(x)
-        held = hold_all(self.program(ranges), x, len(self.names), solver)
+        held = hold_all(self.program(ranges), x, len(self.names), solver, observe)
         return np.stack([each.x for each in held]), [replace(natural, bounds=each.bounds) for each in held]
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:

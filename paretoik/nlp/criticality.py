@@ -5,22 +5,24 @@ subject to  ∇fᵢ·d + t ≤ 0 for every objective
             c + J d ≥ 0, c at least 0
             ‖d‖ ≤ radius, and cones
 
-χ is 0 at a Pareto-critical point, positive elsewhere. A second-order cone program, stated in cvxpy, canonicalised once
-for each sparsity pattern and solved by Clarabel. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their
+χ is 0 at a Pareto-critical point, positive elsewhere. A second-order cone program, solved by Clarabel. It is assembled
+by hand: its sparsity differs from motion to motion, and cvxpy takes seconds to canonicalise each. Tests hold it against
+a statement in cvxpy. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their
 quadratic term.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Any
 
+import clarabel
 import numpy as np
 from jaxtyping import Float
+from scipy import sparse
 
 from paretoik.errors import SolverFailed
 from paretoik.interruption import check_interruption
-from paretoik.nlp.canonical import CanonicalForm, Parameters, Pattern, Statement, parameter_values, state_cones
 from paretoik.nlp.conic import Constraints
 
 
@@ -56,67 +58,61 @@ def criticality(
     with all. Raises SolverFailed where Clarabel ends without a solution.
     """
     check_interruption()
-    program, scale = _program(Pattern.of(constraints), len(gradients)), _scale(gradients)
+    scale = _scale(gradients)
     near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
-    first = program.solve(gradients, constraints, radius, near)
+    first = _solve_near(gradients, constraints, radius, near)
     if first.value <= OPTIONS.gain_tolerance * scale:
         return first
-    return program.solve(gradients, constraints, radius, constraints.within_reach(radius, order=2))
+    return _solve_near(gradients, constraints, radius, constraints.within_reach(radius, order=2))
 
 
-class _CriticalityProgram:
-    """The program of one sparsity pattern, canonicalised."""
-
-    def __init__(self, pattern: Pattern, objectives: int) -> None:
-        self._rows, self._objectives, self._unknowns = pattern.jacobian.shape[0], objectives, pattern.unknowns
-        statement = _state(pattern, objectives)
-        self._form = CanonicalForm(statement)
-        self._d, self._t = self._form.columns(statement.d), self._form.columns(statement.t)
-
-    def solve(self, gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray) -> Criticality:
-        """Return the criticality with the inequalities ``near`` alone."""
-        scale, norms = _scale(gradients), constraints.row_norms
-        slacks = np.maximum(constraints.values, 0.0) / norms
-        first = (gradients / scale).ravel(), [radius], slacks
-        numbers = parameter_values(*first, constraints=constraints, scales=norms)
-        used = self._form.rows_in_use(self._rows, near)
-        x, dual = self._solve(numbers, used)
-        multipliers, end = np.zeros(self._rows), len(near) + self._objectives
-        multipliers[near] = dual[: len(near)] * scale / norms[near]
-        weights = dual[len(near) : end]
-        return Criticality(
-            value=max(float(x[self._t[0]]), 0.0) * scale,
-            step=x[self._d],
-            weights=weights / weights.sum(),
-            multipliers=multipliers,
-            cone_multipliers=constraints.cone_multipliers(dual[end + 1 + self._unknowns :] * scale),
-        )
-
-    def _solve(self, numbers: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and dual variables; raises SolverFailed where Clarabel ends without a solution at any tolerance."""
-        for tolerance in OPTIONS.solver_tolerances[:-1]:
-            try:
-                return self._form.solve("criticality", numbers, used, tolerance)
-            except SolverFailed:  # no progress below what rounding leaves
-                continue
-        return self._form.solve("criticality", numbers, used, OPTIONS.solver_tolerances[-1])
+def _solve_near(gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray) -> Criticality:
+    """Return the criticality with the inequalities ``near`` alone; objectives and inequalities have length one."""
+    scale, norms, count = _scale(gradients), constraints.row_norms, len(gradients)
+    columns, unknowns = gradients.shape[1], constraints.unknowns
+    slopes = sparse.diags_array(1.0 / norms[near]) @ constraints.jacobian[near]
+    gains = sparse.csr_array(np.column_stack([gradients / scale, np.ones(count)]))
+    ball = sparse.vstack([sparse.csr_array((1, columns)), -sparse.eye_array(unknowns, columns)])
+    rows = [-slopes, *[part for cone in constraints.cones for part in (-_unit_row(cone.column, columns), -cone.rows)]]
+    steps = sparse.vstack([rows[0], sparse.csr_array((count, columns)), ball, *rows[1:]], format="csr")
+    t = sparse.csr_array((steps.shape[0], 1))
+    table = sparse.hstack([steps, t], format="lil")
+    table[len(near) : len(near) + count] = gains
+    values = [part for cone in constraints.cones for part in ([np.linalg.norm(cone.values)], cone.values)]
+    slacks = np.maximum(constraints.values[near], 0.0) / norms[near]
+    right = np.concatenate([slacks, np.zeros(count), [radius], np.zeros(unknowns), *values])
+    kinds = [clarabel.NonnegativeConeT(len(near) + count), clarabel.SecondOrderConeT(1 + unknowns)]
+    kinds += [clarabel.SecondOrderConeT(1 + len(cone.values)) for cone in constraints.cones]
+    x, dual = _solve_conic(np.append(np.zeros(columns), -1.0), sparse.csc_matrix(table), right, kinds)
+    multipliers, end = np.zeros(len(norms)), len(near) + count
+    multipliers[near] = dual[: len(near)] * scale / norms[near]
+    weights = dual[len(near) : end]
+    return Criticality(
+        value=max(float(x[-1]), 0.0) * scale,
+        step=x[:-1],
+        weights=weights / weights.sum(),
+        multipliers=multipliers,
+        cone_multipliers=constraints.cone_multipliers(dual[end + 1 + unknowns :] * scale),
+    )
 
 
-_program = lru_cache(maxsize=64)(_CriticalityProgram)  # canonicalised statements
+def _solve_conic(
+    linear: np.ndarray, table: sparse.csc_matrix, right: np.ndarray, cones: list[Any]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and dual variables; raises SolverFailed where Clarabel ends without a solution at any tolerance."""
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    empty = sparse.csc_matrix((len(linear), len(linear)))
+    for tolerance in OPTIONS.solver_tolerances:  # the next where there is no progress below what rounding leaves
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        solution = clarabel.DefaultSolver(empty, linear, table, right, cones, settings).solve()
+        if str(solution.status) in ("Solved", "AlmostSolved"):
+            return np.array(solution.x), np.array(solution.z)
+    raise SolverFailed(f"criticality: Clarabel wanted to end with Solved, got {solution.status}")
 
 
-def _state(pattern: Pattern, objectives: int) -> Statement:
-    import cvxpy  # here: importing it takes two seconds
-
-    (rows, columns), parameters = pattern.jacobian.shape, Parameters()
-    d, t = cvxpy.Variable(columns), cvxpy.Variable()
-    gradients, radius = parameters.dense(objectives, columns), parameters.dense()
-    inequalities = parameters.dense(rows) + parameters.sparse(pattern.jacobian) @ d >= 0 if rows else None
-    constraints = [] if inequalities is None else [inequalities]
-    constraints += [gradients @ d + t <= 0, cvxpy.SOC(radius, d[: pattern.unknowns])]
-    cones = state_cones(pattern, d, parameters)
-    problem = cvxpy.Problem(cvxpy.Maximize(t), constraints + cones)
-    return Statement(problem, parameters, d, t, inequalities, cones)
+def _unit_row(column: int, columns: int) -> sparse.csr_array:
+    return sparse.csr_array(([1.0], ([0], [column])), shape=(1, columns))
 
 
 def _scale(gradients: np.ndarray) -> float:

@@ -6,6 +6,7 @@ instants, may exceed a limit a little; what they exceed it by is taken from the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.errors import Infeasible
-from paretoik.interruption import Interrupted
+from paretoik.interruption import Interrupted, check_interruption
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
@@ -88,15 +89,25 @@ def hold_between(
 
 
 def hold_all(
-    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver = "auto"
+    program: MotionProgram,
+    x: Float[np.ndarray, "motions time dof"],
+    n_obj: int,
+    solver: Solver = "auto",
+    observe: Callable[[int, int], object] | None = None,
 ) -> list[HeldMotion]:
-    """Return motions as ``hold_between`` does; after a signal those that are left as they are."""
+    """Return motions as ``hold_between`` does; after a signal those that are left as they are, not looked at.
+
+    ``observe`` is called with what is done and with all.
+    """
     held = list[HeldMotion]()
     for i, one in enumerate(x):
         try:
+            check_interruption()
             held.append(hold_between(program, one, n_obj, solver=solver))
         except Interrupted:
-            return held + [_held(program, rest) for rest in x[i:]]
+            return held + [HeldMotion(x=rest, bounds=program.bounds, violation=np.nan) for rest in x[i:]]
+        if observe is not None:
+            observe(i + 1, len(x))
     return held
 
 

@@ -3,9 +3,9 @@
     python -m studies.benchmarks.refinement [--quick] [--cases NAME ...] [--seed N] [--json FILE]
 
 A 3R arm and the Panda on their paths, 26 samples, with a smooth objective and with one that has kinks, and sliders from
-point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP whose convex subproblem is stated in
-cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy itself at every step (which for sliders, a dense
-program, takes minutes a start and is left out). SciPy's SLSQP and trust-constr get exact derivatives,
+point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP whose convex subproblem is
+stated in cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy itself at every step (which for sliders, a
+dense program, takes minutes a start and is left out). SciPy's SLSQP and trust-constr get exact derivatives,
 trust-constr second ones too; IPOPT and FATROP get compiled code where there is a compiler. Absolute values are slack
 variables for all of them. Peers' unknowns are joint positions, FATROP's postures and rates in stages (it cannot state
 splines of sliders); there SciPy and IPOPT have our unknowns, functions and sparse derivatives, called from Python. What

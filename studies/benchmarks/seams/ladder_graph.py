@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numba
 import numpy as np
 
+from paretoik.compilation import compiled
 from studies.benchmarks.seams.cells import Cell
 
 Cost = Literal["joint travel", "joint rates"]
@@ -70,7 +70,7 @@ def _whole_turn(cell: Cell) -> np.ndarray:
     return mask
 
 
-@numba.njit(cache=False, fastmath={"reassoc", "contract", "nsz"})
+@compiled(what="the ladder graph", seconds=1, level=3)
 def _extend(costs, before, after, turn, furthest, weight):  # type: ignore[no-untyped-def]
     """Return the least cost of coming to each posture of the next sample, and where from.
 
