@@ -127,6 +127,17 @@ class Front:
         shares: Objectives = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
         return shares
 
+    @property
+    def violation_between(self) -> Values | None:
+        """Worst violation of each motion's limits between its samples, measured where there are no certificates.
+
+        None where neither these nor a problem with motions are at hand.
+        """
+        if self.certificates is not None:
+            return self.certificates.violation_between
+        measure = getattr(getattr(self.problem, "task", None), "violation_between", None)
+        return None if measure is None or self.motions is None else measure(self.motions)
+
     def select(self, preference: Preference) -> Choice:
         """Return the point that `preference` chooses; a closed loop is followed again with it.
 

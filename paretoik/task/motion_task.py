@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import JointPaths, Times
+from paretoik.errors import Infeasible
 from paretoik.robot.arm import Arm
 from paretoik.task.between import finer_motion
 from paretoik.task.differences import Differences, quadrature_weights, simpson_weights, with_midpoints
@@ -173,6 +174,21 @@ class MotionTask:
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
         """Return the worst violation of the motions' curves on a finer grid, 0 at least; see ``finer_motion``."""
         return np.maximum(self.violations(finer_motion(motions)).max(axis=1, initial=0.0), 0.0)
+
+    def describe_between(self, motions: Motion, *, tolerance: float = 1e-4) -> str:
+        """Return in words which limit motions (points, time, dof) violate most between their samples, and what helps.
+
+        "" where none exceeds one by more than ``tolerance`` of its range.
+        """
+        try:
+            dense = finer_motion(motions)
+        except Infeasible as error:
+            return f"between samples: {error}; more samples help"
+        worst = self.violations(dense).max(axis=1, initial=0.0)
+        if not len(worst) or worst.max() <= tolerance:
+            return ""
+        remedy = "more samples help" if self.differences == "spline" else 'differences="spline" or a margin= help'
+        return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}, or refine"
 
     def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
         """Return in words which limit a single motion violates most, where and by how much; "" where all hold.

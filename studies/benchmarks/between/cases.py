@@ -1,0 +1,150 @@
+"""Random problems whose limits are active: arms, paths and limits that the best motion without limits exceeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.errors import Infeasible, InvalidInput, OutOfReach, SolverFailed
+from paretoik.task.motion import Motion
+from paretoik.task.objectives import Objective
+from paretoik.task.obstacles import Obstacle
+from problems import panda
+
+KINDS = ("velocity", "acceleration", "torque", "clearance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseOptions:
+    """How problems are made.
+
+    A limit is ``share`` of what the best motion without it needs, less for every joint at random; an obstacle reaches
+    ``depth`` [m] into the clearance of that motion. ``starts`` are those of the plan without limits. Problems whose
+    best motion keeps more than a share ``active`` of a range away from every limit are left out.
+    """
+
+    share: tuple[float, float] = (0.88, 0.97)
+    depth: float = 0.004
+    starts: int = 12
+    attempts: int = 40
+    active: float = 1e-3
+
+
+OPTIONS = CaseOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """A problem by name: what ``pk.Tracking`` takes, except its discretisation."""
+
+    name: str
+    arm: pk.Arm
+    path: pk.Path
+    objective: Objective
+    cyclic: bool
+    limits: pk.Limits
+    obstacles: tuple[Obstacle, ...] = ()
+
+    def problem(self, differences: str) -> pk.Tracking:
+        """Return the problem with a discretisation."""
+        return pk.Tracking(
+            self.arm,
+            self.path,
+            objectives=[self.objective],
+            limits=self.limits,
+            obstacles=list(self.obstacles),
+            link_radius=0.01 if self.obstacles else 0.0,
+            cyclic=self.cyclic,
+            differences=differences,  # type: ignore[arg-type]
+        )
+
+
+def random_cases(count: int, seed: int, samples: tuple[int, ...]) -> Iterator[Case]:
+    """Return so many problems, limits in turn, every other arm spatial."""
+    rng, made = np.random.default_rng(seed), 0
+    for _ in range(OPTIONS.attempts * count):
+        if made == count:
+            return
+        case = _random_case(f"{made + 1}", KINDS[made % len(KINDS)], made // len(KINDS) % 2 == 1, rng, samples)
+        if case is not None:
+            made += 1
+            yield case
+
+
+def _random_case(
+    number: str, kind: str, spatial: bool, rng: np.random.Generator, samples: tuple[int, ...]
+) -> Case | None:
+    """Return a problem with active limits of a kind; None where arm and path do not suit each other."""
+    arm, path, cyclic = (_spatial if spatial else _planar)(rng, int(rng.choice(samples)))
+    objective = pk.kinetic_energy if rng.random() < 0.5 else pk.torque_norm
+    try:
+        free = pk.Tracking(arm, path, objectives=[objective], cyclic=cyclic)
+        best = pk.plan(free, starts=OPTIONS.starts, seed=0).best.motion
+        limits, obstacles = _active(kind, best, rng)
+        name = f"{number}: {kind}, {'spatial' if spatial else 'planar'} {arm.dof}R, {len(path.times)} samples"
+        case = Case(
+            name=name + (", cyclic" if cyclic else ""),
+            arm=arm,
+            path=path,
+            objective=objective,
+            cyclic=cyclic,
+            limits=limits,
+            obstacles=obstacles,
+        )
+        problem = case.problem("spline")
+        kept = pk.plan(problem, starts=OPTIONS.starts, seed=0).best.motion
+    except (Infeasible, OutOfReach, InvalidInput, SolverFailed):
+        return None
+    return case if problem.task.violations(kept).max() > -OPTIONS.active else None
+
+
+def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
+    dof = int(rng.integers(3, 6))
+    lengths = rng.uniform(0.15, 0.35, dof)
+    masses = rng.uniform(0.3, 1.5, dof)
+    arm = pk.Arm.planar(lengths=lengths, masses=masses, centers=lengths / 2, inertias=masses * lengths**2 / 12)
+    reach, angle = lengths.sum(), rng.uniform(-np.pi, np.pi)
+    radial = np.array([np.cos(angle), np.sin(angle)])
+    middle = rng.uniform(0.45, 0.65) * reach * radial
+    if rng.random() < 0.3:
+        return arm, pk.circle(middle, 0.12 * reach, duration=1.0, samples=samples), True
+    across = rng.uniform(0.15, 0.25) * reach * np.array([-radial[1], radial[0]])
+    return arm, pk.line(middle - across, middle + across, duration=1.0, samples=samples), False
+
+
+def _spatial(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
+    middle = np.array([rng.uniform(0.4, 0.5), 0.0, rng.uniform(0.3, 0.5)])
+    across = np.array([rng.uniform(-0.1, 0.1), rng.uniform(0.15, 0.25), rng.uniform(-0.1, 0.1)])
+    ends = [middle - across, middle + across]
+    if rng.random() < 0.5:
+        first, last = (pk.Pose.from_rpy(tuple(end), panda.DOWN) for end in ends)
+        return panda.panda(), pk.line(first, last, duration=1.5, samples=samples), False
+    return panda.panda(), pk.line(*ends, duration=1.5, samples=samples), False
+
+
+def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limits, tuple[Obstacle, ...]]:
+    """Return limits of a kind that a motion exceeds, and obstacles."""
+    share = rng.uniform(*OPTIONS.share, size=best.arm.dof)
+    if kind == "clearance":
+        return pk.Limits(clearance=0.005), (_obstacle(best, rng),)
+    if kind == "torque":
+        middle = (best.torque.max(axis=0) + best.torque.min(axis=0)) / 2
+        half = share * (best.torque.max(axis=0) - best.torque.min(axis=0)) / 2
+        half = np.maximum(half, 0.05 * half.max())
+        return pk.Limits(torque=(middle - half, middle + half)), ()
+    largest = np.abs(best.dq if kind == "velocity" else best.ddq).max(axis=0)
+    bound = share * np.maximum(largest, 0.05 * largest.max())
+    return (pk.Limits(velocity=bound) if kind == "velocity" else pk.Limits(acceleration=bound)), ()
+
+
+def _obstacle(best: Motion, rng: np.random.Generator) -> Obstacle:
+    """Return an obstacle beside the elbow at a random time, a little too near."""
+    nodes = best.links[int(rng.integers(len(best.time) // 4, 3 * len(best.time) // 4))]
+    elbow = nodes[len(nodes) // 2]
+    radius = 0.03
+    away = np.append(rng.normal(size=2), 0.0) if best.arm.is_planar else rng.normal(size=3)
+    centre = elbow + (radius + 0.015 - OPTIONS.depth) * away / np.linalg.norm(away)
+    return pk.obstacles.Circle(centre[:2], radius) if best.arm.is_planar else pk.obstacles.Sphere(centre, radius)

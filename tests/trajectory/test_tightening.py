@@ -1,0 +1,45 @@
+"""Limits are tightened where motions exceed them between samples, and what is solved again keeps them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.trajectory.tightening import OPTIONS, hold_between
+from paretoik.trajectory.transcription import motion_program
+
+LINE = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
+LIMITS = pk.Limits(velocity=3.0, acceleration=14.0)
+
+
+def problem(*objectives, **settings):
+    return pk.Tracking(pk.arms.tringali_3r(), LINE, objectives=list(objectives), limits=LIMITS, **settings)
+
+
+def test_a_plan_keeps_its_limits_between_samples_and_its_spline_to_rounding():
+    spline = problem(pk.kinetic_energy)
+    best = pk.plan(spline, starts=12).best
+    assert best.violation_between <= 1e-4
+    t = np.linspace(0, 1, 5001)
+    free = best.motion.spline.at(t)
+    for values, limit in ((free[1], 3.0), (free[2], 14.0)):
+        assert np.abs(values).max() <= limit * (1 + 1e-7)
+
+
+def test_every_point_of_a_front_is_certified_for_limits_that_hold_between_samples():
+    front = pk.epsilon_front(problem(pk.kinetic_energy, pk.torque_norm), points=5, starts=12)
+    assert (front.certificates.status == "minimum").all()
+    assert front.certificates.violation_between.max() <= 1e-4
+    np.testing.assert_array_equal(front.violation_between, front.certificates.violation_between)
+
+
+def test_finite_differences_are_left_as_they_are_and_words_say_what_helps():
+    central = problem(pk.kinetic_energy, differences="central")
+    best = pk.plan(central, starts=12).best
+    held = hold_between(motion_program(central.task), best.motion.q, 1)
+    np.testing.assert_array_equal(held.x, best.motion.q)
+    assert held.violation == best.violation_between > OPTIONS.tolerance
+    words = central.task.describe_between(central.task.motion(best.motion.q[None]))
+    assert words.startswith("between samples: acceleration of joint")
+    assert 'differences="spline"' in words
+    assert " s)" in words
