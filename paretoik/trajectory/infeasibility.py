@@ -86,8 +86,8 @@ def _at_samples(task: MotionTask, motion: Motion) -> Motion:
 def _postures(task: MotionTask, sample: int) -> np.ndarray:
     """Return postures that reach a sample, joints that turn in the turn next to the middle of their limits."""
     q = sample_postures(task, OPTIONS.postures, np.random.default_rng(0), sample=sample)
-    lower, upper = task.arm.position_limits.T
-    middle = np.where(np.isfinite(lower + upper), (lower + upper) / 2, 0.0)
+    limits = task.arm.position_limits
+    middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
     turns = np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
     return np.asarray(q - 2 * np.pi * turns)
 
