@@ -10,7 +10,6 @@ import numpy as np
 
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.base_motions import positions_on_path
 from paretoik.formulations.protocol import Differentiable, encode
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
@@ -34,7 +33,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
         initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
     if initial is None or isinstance(initial, np.ndarray | list):
         return initial
-    if not hasattr(initial, "q"):
+    if not isinstance(initial, Motion):
         raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
     genes, deviation = encode(problem, initial)
     inexact = deviation > tolerance
@@ -48,7 +47,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
     return genes
 
 
-def initial_points(formulation: Any, initial: Genes | Motion | Front | None) -> Points | None:
+def initial_points(formulation: Differentiable, initial: Genes | Motion | Front | None) -> Points | None:
     """Return solutions to start from as points of a formulation's program, None for none.
 
     Raises InvalidInput where they are not of the problem.
@@ -58,24 +57,18 @@ def initial_points(formulation: Any, initial: Genes | Motion | Front | None) -> 
     if isinstance(initial, Front):
         if tuple(initial.names) != tuple(formulation.names):
             raise InvalidInput(f"initial: a front of {', '.join(formulation.names)} wanted, got another")
-        if initial.motions is None or not hasattr(formulation, "task"):
-            return np.asarray(formulation.front_points(initial))
-        initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
-    if hasattr(initial, "q"):
-        if not hasattr(formulation, "task"):
-            raise InvalidInput("initial: genes or a front wanted, as this problem has no motions")
-        return positions_on_path(formulation.task, initial)  # type: ignore[arg-type]  # checked there
+        return formulation.front_points(initial)
+    if isinstance(initial, Motion):
+        return formulation.motion_points(initial)
     if not isinstance(initial, np.ndarray | list):
         raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
-    return np.asarray(formulation.points(checked_genes(formulation, initial)))
+    return formulation.points(checked_genes(formulation, initial))
 
 
 def exact_points(problem: Any, initial: Genes | Motion | Front | None) -> Points | None:
     """Return motions to start from as points, exactly as they are; None where genes say all there is."""
-    has_motions = initial.motions is not None if isinstance(initial, Front) else hasattr(initial, "q")
-    if not has_motions or not hasattr(problem, "program") or not hasattr(problem, "task"):
-        return None
-    return initial_points(problem, initial)
+    has_motions = initial.motions is not None if isinstance(initial, Front) else isinstance(initial, Motion)
+    return initial_points(problem, initial) if has_motions and isinstance(problem, Differentiable) else None
 
 
 def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: int) -> Front:

@@ -15,6 +15,7 @@ from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.cold_search import StartSearch
+from paretoik.task.motion import Motion
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
 
@@ -32,8 +33,12 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     def front_points(self, front: Front) -> Points:
         """Return the points of a front's genes; raises InvalidInput where it has none."""
         if front.genes is None:
-            raise InvalidInput(f"refine: a front of {', '.join(self.names)} with its genes wanted, got one without")
+            raise InvalidInput(f"front: the genes of {', '.join(self.names)} wanted, got a front without")
         return self.points(np.array(front.genes))
+
+    def motion_points(self, motions: Motion) -> Points:
+        """Raise InvalidInput: points of this problem are no motions."""
+        raise InvalidInput("initial: genes or a front wanted, as this problem has no motions")
 
     def hold_between(
         self,

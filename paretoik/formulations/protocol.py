@@ -72,6 +72,9 @@ class Differentiable(Protocol):
     def front_points(self, front: Front) -> Points:
         """Return the points of a front; raises InvalidInput where it does not hold them."""
 
+    def motion_points(self, motions: Motion) -> Points:
+        """Return the points of motions; raises InvalidInput where they are not of the problem, or it has none."""
+
     def points(self, genes: Genes) -> Points:
         """Return the points that genes stand for."""
 

@@ -195,8 +195,12 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def front_points(self, front: Front) -> Float[np.ndarray, "points time dof"]:
         """Return the joint positions of a front's motions."""
         if front.motions is None:
-            raise InvalidInput("refine: a front with its motions wanted, got one without")
-        return np.array(front.motions.q)
+            raise InvalidInput("front: its motions wanted, got one without")
+        return self.motion_points(front.motions)  # type: ignore[arg-type]  # a front of motions holds Motion
+
+    def motion_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
+        """Return the joint positions of motions; raises InvalidInput where they are not of this problem."""
+        return positions_on_path(self.task, motions)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points time dof"]:
         """Return the joint positions that genes stand for."""
