@@ -18,10 +18,10 @@ from paretoik.execution.run_folder import claim_folder
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import file_path
-from paretoik.interruption import Interrupted
 from paretoik.loading import fingerprint
 from paretoik.review.recorder import Recorder
 from paretoik.run_files import RECORDING, write_run
+from paretoik.stop_flag import Interrupted
 
 PACKAGES = ("paretoik", "pymoo", "numpy")  # whose versions a result depends on
 

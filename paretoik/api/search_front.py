@@ -22,7 +22,6 @@ from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
 from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
-from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.recorder import Generation
@@ -30,6 +29,7 @@ from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
+from paretoik.stop_flag import Interrupted
 
 INTERRUPTED = ("SIGINT", "SIGTERM", "interrupted")
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.best_postures import best_postures
 from paretoik.capability.joint_capability import Quantity, joint_speeds, motor_speeds, torque_capacity
-from paretoik.capability.zonotopes import fastest_joint_speeds, greatest_forces
+from paretoik.capability.posture_maxima import fastest_joint_speeds, greatest_forces
 from paretoik.errors import InvalidInput, check_size
 from paretoik.inputs import finite_array
 from paretoik.robot import kinematics

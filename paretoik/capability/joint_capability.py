@@ -11,7 +11,7 @@ from jaxtyping import Float
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation, DistributedActuation, JointActuation
 from paretoik.capability.compiled import actuators
-from paretoik.capability.zonotopes import greatest_forces, highest_speeds
+from paretoik.capability.posture_maxima import greatest_forces, highest_speeds
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm

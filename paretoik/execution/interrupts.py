@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from paretoik.interruption import STOP
+from paretoik.stop_flag import STOP
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths, Objectives
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.interruption import check_interruption
 from paretoik.self_motion.branches import branch_labels
 from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.stop_flag import check_interruption
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.program import joint_distance

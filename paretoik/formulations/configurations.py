@@ -10,7 +10,7 @@ from jaxtyping import Float
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.joint_capability import motor_speeds, speeds_at_sliders
-from paretoik.capability.zonotopes import fastest_joint_speeds
+from paretoik.capability.posture_maxima import fastest_joint_speeds
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques

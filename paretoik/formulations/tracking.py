@@ -26,12 +26,12 @@ from paretoik.formulations.base_motions import (
 from paretoik.formulations.encoding import Encoding, encoding
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
-from paretoik.interruption import STOP
 from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
+from paretoik.stop_flag import STOP
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion

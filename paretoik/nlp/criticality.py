@@ -22,8 +22,8 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
-from paretoik.interruption import check_interruption
 from paretoik.nlp.conic import Constraints
+from paretoik.stop_flag import check_interruption
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,11 +14,11 @@ from jaxtyping import Float
 
 from paretoik.arrays import Point, Points
 from paretoik.errors import InvalidInput
-from paretoik.interruption import STOP, Interrupted, check_interruption
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, NOT_FINITE, Solutions
+from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
 
 def minimise(

@@ -16,12 +16,12 @@ from scipy import sparse
 
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
-from paretoik.interruption import STOP
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import criticality
 from paretoik.nlp.program import Goal, Program, bounded
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, VIOLATED
 from paretoik.nlp.subproblem import Step, convexify, solve_subproblem
+from paretoik.stop_flag import STOP
 
 
 @dataclass(frozen=True, kw_only=True)

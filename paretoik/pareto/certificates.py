@@ -16,7 +16,6 @@ from jaxtyping import Float
 from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
-from paretoik.interruption import Interrupted, check_interruption
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import Criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
@@ -24,6 +23,7 @@ from paretoik.pareto.curvature import curvature_status
 from paretoik.pareto.exchange_rates import exchange_intervals, exchange_rates, weight_ratios
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.violation import violation_at, violation_of
+from paretoik.stop_flag import Interrupted, check_interruption
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,6 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Points
 from paretoik.errors import SolverFailed
-from paretoik.interruption import Interrupted
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
@@ -24,6 +23,7 @@ from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, 
 from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
 from paretoik.pareto.warm_start import evaluate_points, feasible_points
+from paretoik.stop_flag import Interrupted
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Points
 from paretoik.errors import EvaluationFailed, SolverFailed
-from paretoik.interruption import Interrupted, check_interruption
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
@@ -19,6 +18,7 @@ from paretoik.pareto.certificates import criticality_at
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.violation import violation_at
 from paretoik.pareto.warm_start import evaluate_points
+from paretoik.stop_flag import Interrupted, check_interruption
 
 
 @dataclass(frozen=True, kw_only=True)

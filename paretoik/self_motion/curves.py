@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 
-from paretoik.interruption import check_interruption
 from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.self_motion.start_postures import reach_error, sample_postures, wrap_difference
+from paretoik.stop_flag import check_interruption
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, task_errors
 

@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible
-from paretoik.interruption import check_interruption
 from paretoik.self_motion.start_postures import reach_error, sample_postures
+from paretoik.stop_flag import check_interruption
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
 

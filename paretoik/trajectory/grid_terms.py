@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.interruption import check_interruption
+from paretoik.stop_flag import check_interruption
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from paretoik.interruption import check_interruption
+from paretoik.stop_flag import check_interruption
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

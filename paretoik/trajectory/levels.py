@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible
-from paretoik.interruption import Interrupted
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import INTERRUPTED, Solutions, concatenate
+from paretoik.stop_flag import Interrupted
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import is_clearly_infeasible
 from paretoik.trajectory.program import MotionProgram, joint_distance

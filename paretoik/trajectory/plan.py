@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, SolverFailed
-from paretoik.interruption import Interrupted
 from paretoik.nlp.minimise import check_solver, minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, concatenate
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
+from paretoik.stop_flag import Interrupted
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import (

@@ -14,10 +14,10 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.errors import Infeasible
-from paretoik.interruption import Interrupted, check_interruption
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
+from paretoik.stop_flag import Interrupted, check_interruption
 from paretoik.task.between import SPLINE_REFINEMENT, finer_motion
 from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion

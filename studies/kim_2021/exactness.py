@@ -8,7 +8,7 @@ import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
 from paretoik.capability.joint_capability import joint_speeds
-from paretoik.capability.zonotopes import highest_speeds
+from paretoik.capability.posture_maxima import highest_speeds
 from paretoik.nlp.linear_program import furthest
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import jacobian

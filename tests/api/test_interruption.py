@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.interruption import STOP
+from paretoik.stop_flag import STOP
 from problems import tringali_2020
 
 ROOT = Path(__file__).parents[2]

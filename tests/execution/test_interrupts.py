@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from paretoik.execution.interrupts import interruptible
-from paretoik.interruption import Interrupted, check_interruption
+from paretoik.stop_flag import Interrupted, check_interruption
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

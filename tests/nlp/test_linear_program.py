@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.capability.zonotopes import fastest_joint_speeds, highest_speeds
+from paretoik.capability.posture_maxima import fastest_joint_speeds, highest_speeds
 from paretoik.errors import SolverFailed
 from paretoik.nlp.linear_program import furthest
 

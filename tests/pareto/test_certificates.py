@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
-from paretoik.interruption import STOP
 from paretoik.pareto import certificates as certifying
 from paretoik.pareto.certificates import certify
+from paretoik.stop_flag import STOP
 from tests.pareto.sketches import sketched
 
 ONES = np.ones(2)
