@@ -76,10 +76,10 @@ def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: 
 
     Genes are None where a point comes in: they would only be near it.
     """
-    known = formulation.individuals(x)
+    individuals = formulation.individuals(x)
     violation = evaluate_points(formulation.program(), x).violation
-    ranges = ranges_of(np.concatenate([front.minimised, known.objectives]))
-    shares = np.concatenate([front.minimised, known.objectives]) / ranges
+    ranges = ranges_of(np.concatenate([front.minimised, individuals.objectives]))
+    shares = np.concatenate([front.minimised, individuals.objectives]) / ranges
     feasible = np.append(np.ones(len(front), dtype=bool), violation <= WARM_STARTS.violation)
     rows = [i for i in np.flatnonzero(feasible).tolist() if not _is_dominated(shares, i, np.flatnonzero(feasible))]
     if not any(i >= len(front) for i in rows):

@@ -112,20 +112,20 @@ def optima_alone(
     cold: ColdSearch,
     objective: int,
     n_obj: int,
-    known: Float[np.ndarray, " known *point"] | None,
+    initial: Float[np.ndarray, " initial *point"] | None,
     solver: Solver,
 ) -> Points:
-    """Return the local optima of one objective alone, best first, what ``known`` feasible points lead to among them.
+    """Return the local optima of one objective alone, best first; also those that feasible ``initial`` points lead to.
 
-    Raises what ``cold`` does where no point is known.
+    Raises what ``cold`` does where there are no initial points.
     """
-    if known is None or not len(known):
+    if initial is None or not len(initial):
         return cold.optima(objective)
     natural = program_of(np.ones(n_obj))
-    sizes = objective_sizes(natural, known, n_obj)
+    sizes = objective_sizes(natural, initial, n_obj)
     program = program_of(np.where(sizes > 0, sizes, 1.0))
-    x = minimise_from(program, known, np.eye(n_obj)[objective], solver=solver).x
-    with suppress(Infeasible, SolverFailed):  # what is known will do
+    x = minimise_from(program, initial, np.eye(n_obj)[objective], solver=solver).x
+    with suppress(Infeasible, SolverFailed):  # the initial points will do
         x = np.concatenate([cold.optima(objective), x])
     values = np.array([natural.evaluate(one)[0][objective] for one in x])
     rows = list[int]()

@@ -70,7 +70,7 @@ def epsilon_points(
     n_obj: int,
     *,
     points: int,
-    initial: Float[np.ndarray, " known *point"] | None = None,
+    initial: Float[np.ndarray, " initial *point"] | None = None,
     solver: Solver = "auto",
     observe: Observe | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
@@ -85,11 +85,11 @@ def epsilon_points(
     converge, and Interrupted where a signal comes before there is any point.
     """
     natural = program_of(np.ones(n_obj))
-    known = feasible_points(natural, initial)
+    initial = feasible_points(natural, initial)
     alone = list[Points]()
     with suppress(Interrupted):
         for k in range(n_obj):
-            alone.append(optima_alone(program_of, cold, k, n_obj, known, solver))
+            alone.append(optima_alone(program_of, cold, k, n_obj, initial, solver))
     if not alone:
         raise Interrupted
     best = np.stack([optima[0] for optima in alone])
@@ -107,9 +107,9 @@ def epsilon_points(
         ends = _ends(program, best, solver)
     except Interrupted:
         return best, ranges
-    if known is not None and len(known):
-        known = refine(program, known, n_obj, solver=solver)[0]
-        pool = np.concatenate([pool, known[: OPTIONS.pool]])
+    if initial is not None and len(initial):
+        initial = refine(program, initial, n_obj, solver=solver)[0]
+        pool = np.concatenate([pool, initial[: OPTIONS.pool]])
     sweep = _Sweep(
         program=program,
         n_obj=n_obj,
@@ -121,8 +121,8 @@ def epsilon_points(
         observe=observe,
     )
     with suppress(Interrupted):
-        if known is not None and len(known):
-            sweep.add(evaluate_points(program, known))
+        if initial is not None and len(initial):
+            sweep.add(evaluate_points(program, initial))
         for solutions in _inner_optima(program, cold, ends):
             sweep.pool = np.concatenate([sweep.pool, solutions.x])
             sweep.add(solutions)

@@ -17,7 +17,7 @@ from paretoik.pareto.violation import violation_of
 
 @dataclass(frozen=True, kw_only=True)
 class WarmStartOptions:
-    """How known points are minimised.
+    """How points to start from are minimised.
 
     ``barriers`` are tried in turn, the next where one leads to nothing better: a barrier above 1e-3 may leave the basin
     of a point. A point counts as feasible up to ``violation``, a share of a limit's range. A solution that is worse by
@@ -92,6 +92,7 @@ def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray,
     if not len(feasible):
         return optima
     factors = np.pad(weights, (0, feasible.objectives.shape[1] - len(weights)))
-    merit, known = feasible.objectives @ factors, optima.objectives[optima.converged] @ factors
+    merit, optima_merit = feasible.objectives @ factors, optima.objectives[optima.converged] @ factors
     best = int(np.argmin(merit))
-    return concatenate((feasible[best : best + 1], optima)) if merit[best] < known.min(initial=np.inf) else optima
+    better = merit[best] < optima_merit.min(initial=np.inf)
+    return concatenate((feasible[best : best + 1], optima)) if better else optima

@@ -37,7 +37,7 @@ from paretoik.trajectory.levels import (
 )
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.restarts import RestartPolicy, disturb_best
-from paretoik.trajectory.tightening import hold_all, kept_between
+from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
 
 
@@ -82,13 +82,13 @@ def find_optima(
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
-    Starts are those of ``initial_motions``. With one degree of redundancy, as long as some optimum was reached from one
-    or two only, there are likely others that none has reached yet (Good 1953: the share of starts that are alone at an
-    optimum estimates how likely the next one finds another). Then more are added, the best ways through a coarse grid
-    of postures among them where optima stay rare or are many. With more degrees of redundancy more are added, and the
-    best perturbed at random, as long as better ones come of it. ``initial`` motions on the path are minimised at the
-    task's own samples, and are starts too: the best of the plan is no worse than the best feasible of them.
-    ``observe`` is called after each level with its number of samples, of starts and of optima.
+    ``starts`` motions per degree of redundancy are sampled and minimised at the coarsest level of samples that leads to
+    an optimum. ``RestartPolicy`` adds independent starts there while one of the optima unseen so far is likely a better
+    one; where optima are many, or redundancy more than one, it also perturbs the best at random while that finds better
+    ones. The distinct optima are refined on finer levels up to the task's own samples, where the best of many are
+    perturbed again. ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the
+    best of the plan is no worse than the best feasible of them. ``observe`` is called after each level with its number
+    of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
@@ -97,25 +97,25 @@ def find_optima(
     assert len(task.objectives) == 1, "one objective at a time is planned for"
     if solver != "auto":  # before any work
         check_solver(motion_program(task), solver)
-    known = _minimise_known(task, initial, solver)
+    initial_solutions = _minimise_initial(task, initial, solver)
     try:
         solutions, levels = _search(task, starts, seed, initial, solver, observe)
     except (Infeasible, SolverFailed, Interrupted):
-        if not len(known):
+        if not len(initial_solutions):
             raise
-        solutions, levels = known, ()
-    solutions = _merge(task, solutions, known) if len(known) else solutions
+        solutions, levels = initial_solutions, ()
+    solutions = _merge(task, solutions, initial_solutions) if len(initial_solutions) else solutions
     return Plan(optima=_optima(task, solutions, initial, solver), levels=levels)
 
 
-def _minimise_known(
+def _minimise_initial(
     task: MotionTask, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
 ) -> Solutions:
     """Return what motions lead to at the task's own samples, as far as limits hold there."""
     initial = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
     program = motion_program(task, objective_scales(task, initial) if len(initial) else None)
-    known = minimise_from(program, initial, np.ones(1), solver=solver)
-    return known[known.violation <= OPTIONS.feasible]
+    solutions = minimise_from(program, initial, np.ones(1), solver=solver)
+    return solutions[solutions.violation <= OPTIONS.feasible]
 
 
 def _search(
@@ -170,15 +170,15 @@ def _search_from(
     return solutions, levels
 
 
-def _merge(task: MotionTask, solutions: Solutions, known: Solutions) -> Solutions:
-    """Return the distinct optima of both, best first; before them what is known and better, optimal or not."""
+def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
+    """Return the distinct optima of both, best first; before them the best initial motion where it is better."""
     natural = motion_program(task)  # objectives of both are divided by scales of their own
-    both = concatenate((solutions, known))
+    both = concatenate((solutions, initial))
     both = replace(both, objectives=np.stack([natural.evaluate(x)[0] for x in both.x]))
-    known = both[len(solutions) :]
+    initial = both[len(solutions) :]
     if both.converged.any():
         both = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
-    return insert_best(both[both.converged], known, np.ones(1))
+    return insert_best(both[both.converged], initial, np.ones(1))
 
 
 def _optima(
@@ -191,8 +191,8 @@ def _optima(
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
     held, status = hold_all(program, solutions.x, 1, solver), solutions.status
     if initial is not None and task.differences == "spline":
-        known = kept_between(program, initial)
-        held, status = [*held, *known], np.append(status, np.full(len(known), CONVERGED))
+        initial_motions = feasible_motions(program, initial)
+        held, status = [*held, *initial_motions], np.append(status, np.full(len(initial_motions), CONVERGED))
     motions = task.motion(np.stack([each.x for each in held]))
     values, labels = task.objectives[0](motions), branch_labels(motions)
     merit = task.objectives[0].sign * values

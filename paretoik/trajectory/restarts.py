@@ -95,7 +95,7 @@ class RestartPolicy:
                 independent.append(self._without_doomed(self._sample(), solutions))
             self.several = self.level.redundancy > 1 or len(optima) >= OPTIONS.many
             if self.several and self.failures <= OPTIONS.patience:
-                perturbed.append(self._perturb(solutions.x[optima[: OPTIONS.centers]]))
+                perturbed.append(perturb(self.level, solutions.x[optima[: OPTIONS.centers]], self.rng))
         self.rounds += 1
         return self._batch(perturbed, independent)
 
@@ -137,13 +137,6 @@ class RestartPolicy:
         ]
         keep: Bool[np.ndarray, " starts"] = ~np.isin(branch_labels(self.level.motion(q)), doomed)
         return q[keep]
-
-    def _perturb(self, q: np.ndarray) -> Float[np.ndarray, "starts samples dof"]:
-        copies = np.repeat(q, OPTIONS.copies, axis=0)
-        least, largest = np.log(OPTIONS.perturbation)
-        return perturbed_starts(
-            self.level, copies, self.rng, size=np.exp(self.rng.uniform(least, largest, len(copies)))
-        )
 
     def _grid(self) -> Float[np.ndarray, "paths samples dof"]:
         self.grid_tried = True

@@ -111,7 +111,7 @@ def hold_all(
     return held
 
 
-def kept_between(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
+def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
     """Return those of the motions that keep their limits, at samples and in between."""
     at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
     return [each for each in (_held(program, one) for one in at_samples) if each.violation <= OPTIONS.tolerance]

@@ -87,12 +87,12 @@ def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
     """Return what plans at default settings find, a seed each."""
     tries = Tries()
     for seed in range(seeds):
-        begun = time.process_time()
+        start = time.process_time()
         try:
             tries.values.append(pk.plan(problem, seed=seed).best.objective)
         except ParetoikError:
             tries.values.append(np.inf)
-        tries.seconds.append(time.process_time() - begun)
+        tries.seconds.append(time.process_time() - start)
     return tries
 
 
@@ -100,9 +100,9 @@ def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: flo
     """Return what a peer finds in so much processor time, from starts like ours and from plain rollouts in turn."""
     tries, ranges = Tries(), np.ones(1)
     for q in _starts(task, seed):
-        begun = time.process_time()
+        start = time.process_time()
         end, _ = peer.solve(q, 0, np.full(1, np.inf), ranges, warm=False)
-        tries.seconds.append(time.process_time() - begun)
+        tries.seconds.append(time.process_time() - start)
         motion = None if end is None else led_back(task, end)
         feasible = motion is not None and violation(task, motion) <= KEPT
         tries.values.append(float(objectives(task, motion)[0]) if feasible and motion is not None else np.inf)

@@ -71,7 +71,7 @@ def _timed(solve: Callable[[], Any]) -> tuple[Any, float]:
     return solve(), time.process_time() - begin
 
 
-def tightening_cost(case: Case, kept: Outcome) -> float:
+def tightening_cost(case: Case, spline: Outcome) -> float:
     """Return what tightened limits cost, in % of the objective without them."""
     options = tightening.OPTIONS
     tightening.OPTIONS = replace(options, rounds=0)
@@ -79,7 +79,7 @@ def tightening_cost(case: Case, kept: Outcome) -> float:
         without = pk.plan(case.problem("spline"), starts=STARTS, seed=0).best
     finally:
         tightening.OPTIONS = options
-    return 100 * (float(case.objective(kept.motion)) / without.objective - 1)
+    return 100 * (float(case.objective(spline.motion)) / without.objective - 1)
 
 
 def benchmark(cases: Iterable[Case]) -> list[Row]:
@@ -87,18 +87,18 @@ def benchmark(cases: Iterable[Case]) -> list[Row]:
     rows, before, after, times, costs = list[Row](), list[float](), list[float](), list[float](), list[float]()
     for case in cases:
         tell(case.name)
-        kept = outcome(case, "spline")
-        after.append(kept.violation)
-        costs.append(tightening_cost(case, kept))
-        lost = "LOST; " if kept.violation > GOAL else ""
+        spline = outcome(case, "spline")
+        after.append(spline.violation)
+        costs.append(tightening_cost(case, spline))
+        lost = "LOST; " if spline.violation > GOAL else ""
         rows += [
             _row(
                 case.name,
                 "spline",
                 "share of range",
-                kept.violation,
+                spline.violation,
                 GOAL,
-                f"{lost}reported {kept.reported:.1e}; {kept.where}",
+                f"{lost}reported {spline.reported:.1e}; {spline.where}",
             ),
             _row(case.name, "tightening", "%", costs[-1], COST),
         ]
@@ -108,10 +108,10 @@ def benchmark(cases: Iterable[Case]) -> list[Row]:
             rows.append(_row(case.name, "central", "share of range", np.nan, None, str(refusal)))
             continue
         before.append(central.violation)
-        times.append(kept.seconds / central.seconds)
+        times.append(spline.seconds / central.seconds)
         rows += [
             _row(case.name, "central", "share of range", central.violation, None, central.where),
-            _row(case.name, "time", "times", times[-1], None, f"{kept.seconds:.3g} s beside {central.seconds:.3g} s"),
+            _row(case.name, "time", "times", times[-1], None, f"{spline.seconds:.3g} s beside {central.seconds:.3g} s"),
         ]
     held = sum(violation <= GOAL for violation in after)
     return [

@@ -95,10 +95,10 @@ def _random_case(
             obstacles=obstacles,
         )
         problem = case.problem("spline")
-        kept = pk.plan(problem, starts=OPTIONS.starts, seed=0).best.motion
+        motion = pk.plan(problem, starts=OPTIONS.starts, seed=0).best.motion
     except (Infeasible, OutOfReach, InvalidInput, SolverFailed):
         return None
-    return case if problem.task.violations(kept).max() > -OPTIONS.active else None
+    return case if problem.task.violations(motion).max() > -OPTIONS.active else None
 
 
 def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:

@@ -46,18 +46,18 @@ def plan_seam(frames: np.ndarray, resolution: float, *, turns: bool) -> Descarte
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "frames.npz", Path(folder) / "motion.npz"
         np.savez(source, frames=frames, resolution=resolution, turns=turns)
-        ended = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", __name__, str(source), str(target)], capture_output=True, text=True, check=False
         )
         if not target.exists():
-            lines = (ended.stderr.strip() or ended.stdout.strip() or f"exit {ended.returncode}").splitlines()
+            lines = (process.stderr.strip() or process.stdout.strip() or f"exit {process.returncode}").splitlines()
             return DescartesResult(q=None, seconds=np.nan, gigabytes=np.nan, message=lines[-1])
-        with np.load(target) as found:
+        with np.load(target) as arrays:
             return DescartesResult(
-                q=found["q"] if len(found["q"]) else None,
-                seconds=float(found["seconds"]),
-                gigabytes=float(found["gigabytes"]),
-                message=str(found["message"]),
+                q=arrays["q"] if len(arrays["q"]) else None,
+                seconds=float(arrays["seconds"]),
+                gigabytes=float(arrays["gigabytes"]),
+                message=str(arrays["message"]),
             )
 
 

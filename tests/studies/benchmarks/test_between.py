@@ -19,10 +19,10 @@ def case():
 
 
 def test_splines_keep_between_samples_what_differences_exceed():
-    kept, central = outcome(case(), "spline"), outcome(case(), "central")
-    assert kept.violation <= GOAL < 0.01 < central.violation
+    spline, central = outcome(case(), "spline"), outcome(case(), "central")
+    assert spline.violation <= GOAL < 0.01 < central.violation
     assert "acceleration" in central.where
-    assert 0 <= tightening_cost(case(), kept) < 0.2
+    assert 0 <= tightening_cost(case(), spline) < 0.2
 
 
 def test_motions_are_judged_by_where_they_are_alone():

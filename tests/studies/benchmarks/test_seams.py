@@ -42,12 +42,12 @@ def test_closed_forms_have_the_posture_that_a_frame_was_taken_from(cell):
 def test_the_shortest_path_is_that_of_brute_force(cost):
     cell = CELLS["6R"]()
     times, frames = SEAMS["fillet"](3, "6R")
-    found = ladder_graph.shortest_path(cell, times, frames, 2.0, cost)
+    shortest = ladder_graph.shortest_path(cell, times, frames, 2.0, cost)
     rungs = [ladder_graph.postures_at(cell, frame, 2.0) for frame in frames]
     best = np.inf
     for choice in itertools.product(*rungs):
         q = np.unwrap(np.stack(choice), axis=0)
         if (np.abs(np.diff(q, axis=0)) <= cell.arm.velocity_limits * times[1]).all():
             best = min(best, cost_of(q, times, cost))
-    assert found.cost == pytest.approx(best, rel=1e-12)
-    assert cost_of(found.q, times, cost) == pytest.approx(best, rel=1e-12)
+    assert shortest.cost == pytest.approx(best, rel=1e-12)
+    assert cost_of(shortest.q, times, cost) == pytest.approx(best, rel=1e-12)
