@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-STOP = np.zeros(
-    1, dtype=np.int64
-)  # number of the signal, 0 without one; an array, so that compiled code sees it change
+# Number of the signal, 0 without one; an array, so that compiled code sees it change.
+STOP = np.zeros(1, dtype=np.int64)
 
 
 class Interrupted(KeyboardInterrupt):

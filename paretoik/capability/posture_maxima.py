@@ -8,6 +8,7 @@ polygons); Ziegler, Lectures on Polytopes, section 7.3.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -15,8 +16,20 @@ from jaxtyping import Float
 
 from paretoik.nlp.linear_program import furthest
 
-PARALLEL_TOLERANCE = 1e-9  # cosine of a column with a normal, and of a range, below which there is none
-CROSSING_TOLERANCE = 1e-14  # of its length: a normal that has less of a direction does not bound it
+
+@dataclass(frozen=True, kw_only=True)
+class FacetOptions:
+    """When columns count as orthogonal to the normal of a facet, and when a normal bounds a direction.
+
+    ``orthogonal`` is the cosine of a column with a normal, and the share of a range or speed, below which there is
+    none. A normal that has less of a direction than ``crossing``, a share of its length, does not bound it.
+    """
+
+    orthogonal: float = 1e-9
+    crossing: float = 1e-14
+
+
+OPTIONS = FacetOptions()
 
 
 def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
@@ -83,14 +96,14 @@ def fastest_joint_speeds(
     nearest = nearest * np.where((nearest * vertices).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     shares = np.einsum("ba,baj->bj", nearest, columns)
     size = np.linalg.norm(nearest, axis=1)[:, None] * np.linalg.norm(columns, axis=1)
-    between = np.abs(shares) <= PARALLEL_TOLERANCE * size
+    between = np.abs(shares) <= OPTIONS.orthogonal * size
     ends = np.where(between, 0.0, np.where(shares > 0, high, low))
     rest = vertices - np.einsum("baj,bj->ba", columns, ends)
     dq = ends + np.einsum("bja,ba->bj", np.linalg.pinv(columns * between[:, None]), rest)
-    tolerance = PARALLEL_TOLERANCE * (high - low)
+    tolerance = OPTIONS.orthogonal * (high - low)
     missed = np.abs(np.einsum("baj,bj->ba", columns, dq) - vertices).max(axis=1)
     wrong = ((dq < low - tolerance) | (dq > high + tolerance)).any(axis=1)
-    for row in np.flatnonzero(wrong | (missed > PARALLEL_TOLERANCE * np.linalg.norm(vertices, axis=1))):
+    for row in np.flatnonzero(wrong | (missed > OPTIONS.orthogonal * np.linalg.norm(vertices, axis=1))):
         length = float(np.linalg.norm(vertices[row])) or 1.0
         _, dq[row] = furthest(columns[row], low[row], high[row], vertices[row] / length)
     return speeds, np.clip(dq, low, high)
@@ -114,6 +127,6 @@ def _facets(
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = np.where(along > 0, ahead[..., None], behind[..., None]) / np.abs(along)
         rounding = 8 * np.finfo(float).eps * (length * reach[..., None])[..., None] / np.abs(along)
-    crosses = np.abs(along) > CROSSING_TOLERANCE * size
+    crosses = np.abs(along) > OPTIONS.crossing * size
     nearest = np.where(crosses, bound + rounding, np.inf).argmin(axis=-2)
     return faces, np.where(crosses, bound, np.inf), nearest

@@ -28,11 +28,14 @@ class Interruption:
         return 0 if self.signal is None else 128 + self.signal
 
 
+_ACTIVE: list[Interruption] = []  # at most one: signals are the process's
+
+
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
     """Record the first SIGINT or SIGTERM instead of ending the process; restore the former handlers at the end.
 
-    What runs meanwhile learns of it from ``interruption``. With the first signal the former handlers return at once, so
+    What runs meanwhile learns of it from ``stop_flag``. With the first signal the former handlers return at once, so
     a second Ctrl-C raises KeyboardInterrupt. Within another one it is the same. Outside the main thread, where Python
     allows no handlers, nothing is caught.
     """
@@ -64,6 +67,3 @@ def interruptible() -> Iterator[Interruption]:
         restore()
         _ACTIVE.pop()
         STOP[0] = 0
-
-
-_ACTIVE: list[Interruption] = []  # at most one: signals are the process's

@@ -9,15 +9,20 @@ from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from paretoik.arrays import Genes, JointPaths
+from paretoik.errors import InvalidInput, check_size
 from paretoik.self_motion.charts import Charts, build_charts
 from paretoik.task.motion_task import MotionTask
 
 
 @dataclass(frozen=True, kw_only=True)
 class EncodingOptions:
-    """Settings of the splines and of their charts."""
+    """Settings of the splines and of their charts.
+
+    Of ``coefficients`` a spline has at least the first, and the second on paths that have enough samples.
+    """
 
     degree: int = 3
+    coefficients: tuple[int, int] = (4, 12)
     radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad or m, tried outwards
 
 
@@ -75,6 +80,21 @@ class Encoding:
     def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:
         weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
         return np.einsum("tk,prk->ptr", self.spline, weights) * self.radius[which][..., None]
+
+
+def choose_coefficients(coefficients: int | None, samples: int) -> int:
+    """Return the number of coefficients of a spline over so many samples: the one wanted, or with None the default.
+
+    Raises InvalidInput where it is too small for a spline or too large for the samples.
+    """
+    if coefficients is None:
+        return int(np.clip(samples - 2, *OPTIONS.coefficients))
+    check_size("coefficients", coefficients, OPTIONS.coefficients[0])
+    if coefficients > samples - 2:
+        raise InvalidInput(
+            f"coefficients: at most {samples - 2} wanted on a path of {samples} samples, got {coefficients}"
+        )
+    return coefficients
 
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:

@@ -23,7 +23,7 @@ from paretoik.formulations.base_motions import (
     require_values,
     sample_rollouts,
 )
-from paretoik.formulations.encoding import Encoding, encoding
+from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
@@ -47,7 +47,6 @@ from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import motion_program
 
-COEFFICIENTS = (4, 12)  # of a spline: the least, and those of paths that have enough samples
 INFEASIBLE_SHARE = 0.3  # of parents: optima lie on the limits, and are found far sooner from both sides
 
 
@@ -108,8 +107,6 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        if coefficients is not None:
-            check_size("coefficients", coefficients, COEFFICIENTS[0])
         check_size("bases", bases, 1)
         check_size("seed", seed, 0)
         self.task = motion_task(
@@ -129,13 +126,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         self.units = tuple(each.unit for each in self.task.objectives)
         self.maximised = tuple(each.maximise for each in self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
-        samples = len(self.task.times)
-        if coefficients is None:
-            coefficients = int(np.clip(samples - 2, *COEFFICIENTS))
-        elif coefficients > samples - 2:
-            raise InvalidInput(
-                f"coefficients: at most {samples - 2} wanted on a path of {samples} samples, got {coefficients}"
-            )
+        coefficients = choose_coefficients(coefficients, len(self.task.times))
         self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
         self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
         self.n_species = self.encoding.bases

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-PIVOT_TOLERANCE = 1e-9  # of rows of length one: an entry that is none
+
+@dataclass(frozen=True, kw_only=True)
+class EliminationOptions:
+    """Entries up to ``pivot`` of rows of length one are none."""
+
+    pivot: float = 1e-9
+
+
+OPTIONS = EliminationOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +49,7 @@ def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows
     for column in range(unknowns, size):
         sizes = np.abs(table[:end, column]) * rest[:end]
         pivot = int(np.argmax(sizes)) if end else 0
-        if not end or sizes[pivot] <= PIVOT_TOLERANCE:
+        if not end or sizes[pivot] <= OPTIONS.pivot:
             continue
         pivots.append(pivot)
         columns.append(column)

@@ -12,12 +12,13 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Point, Points
+from paretoik.arrays import Points
 from paretoik.errors import InvalidInput
 from paretoik.nlp import sqp
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Goal, Program, Solver
 from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, NO_PROGRESS, NOT_FINITE, Solutions
+from paretoik.nlp.violation import violation_of
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
 
@@ -100,16 +101,10 @@ def _interior_point(
     _join([_pool().submit(work) for _ in range(min(count, _cores()))])
     for i in range(count if program.kinked else 0):  # what was minimised is smoothed
         if ends[i][1] not in (NOT_FINITE, INTERRUPTED):
-            F, violation = _exact_values(program, ends[i][0], rows, upper[i])
+            F, equalities, inequalities = program.evaluate(ends[i][0])
+            violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
             ends[i] = (*ends[i][:3], F, ends[i][4], violation)
     return _collect(ends, x.shape, len(program.upper))
-
-
-def _exact_values(program: Program, x: Point, rows: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return F at a point, and the largest violation of its constraints."""
-    F, equalities, inequalities = program.evaluate(x)
-    violations = [[0.0], np.abs(equalities), -inequalities, (rows @ F - upper)[np.isfinite(upper)]]
-    return F, float(np.concatenate(violations).max())
 
 
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:

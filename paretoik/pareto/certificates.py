@@ -19,10 +19,10 @@ from paretoik.front.certificates import Certificates
 from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import Criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
+from paretoik.nlp.violation import violation_at, violation_of
 from paretoik.pareto.curvature import curvature_status
 from paretoik.pareto.exchange_rates import exchange_intervals, exchange_rates, weight_ratios
 from paretoik.pareto.scalarisation import Observe
-from paretoik.pareto.violation import violation_at, violation_of
 from paretoik.stop_flag import Interrupted, check_interruption
 
 

@@ -18,7 +18,7 @@ from paretoik.nlp.criticality import Criticality
 from paretoik.nlp.elimination import eliminate
 from paretoik.nlp.program import Goal, Linearisation, Program
 from paretoik.nlp.sqp import SqpOptions, minimise
-from paretoik.pareto.violation import violation_of
+from paretoik.nlp.violation import violation_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
+from paretoik.nlp.violation import violation_at
 from paretoik.pareto.certificates import criticality_at
 from paretoik.pareto.scalarisation import Observe
-from paretoik.pareto.violation import violation_at
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.stop_flag import Interrupted, check_interruption
 

@@ -11,8 +11,8 @@ from paretoik.arrays import Points
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import CONVERGED, NO_PROGRESS, Solutions, concatenate
+from paretoik.nlp.violation import violation_of
 from paretoik.pareto.scalarisation import minimise_weighted
-from paretoik.pareto.violation import violation_of
 
 
 @dataclass(frozen=True, kw_only=True)

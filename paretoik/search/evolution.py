@@ -61,7 +61,7 @@ def evolve(
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
-    """Evaluate a batch; if that raises, each row by itself."""
+    """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
     try:
         return Outcome.of(problem, evaluate(X.copy()), len(X))
     except InvalidInput:

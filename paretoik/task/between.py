@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,9 +10,22 @@ from paretoik.task.differences import first_derivative, second_derivative
 from paretoik.task.motion import Motion
 from paretoik.task.spline import Derivatives
 
-INTERPOLANT_REFINEMENT = 4  # times finer: where finite differences are taken again
-SPLINE_REFINEMENT = 20  # times finer: where the derivatives are those of the curve
-NEAR_KNOT = 0.25  # share of a step of the grid: the correction's differences are taken this near to kinks at knots
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementOptions:
+    """How fine the grid is that motions are evaluated on between their samples.
+
+    So many times finer: ``differences`` where finite differences are taken again, ``spline`` where the derivatives are
+    those of the curve. Its kinks are at knots: the correction's differences are taken as near to them as ``near_knot``
+    says, a share of a step of the grid.
+    """
+
+    differences: int = 4
+    spline: int = 20
+    near_knot: float = 0.25
+
+
+OPTIONS = RefinementOptions()
 
 
 def finer_motion(motions: Motion, refinement: int | None = None) -> Motion:
@@ -25,10 +38,10 @@ def finer_motion(motions: Motion, refinement: int | None = None) -> Motion:
     """
     time = motions.time.reshape(-1, motions.time.shape[-1])[0]
     if motions.differences != "spline":
-        even = np.linspace(0.0, time[-1], (refinement or INTERPOLANT_REFINEMENT) * (len(time) - 1) + 1)
+        even = np.linspace(0.0, time[-1], (refinement or OPTIONS.differences) * (len(time) - 1) + 1)
         return replace(motions, time=even, q=motions.at(even))
-    share = np.arange(count := refinement or SPLINE_REFINEMENT) / count
-    near = NEAR_KNOT / count
+    share = np.arange(count := refinement or OPTIONS.spline) / count
+    near = OPTIONS.near_knot / count
     share = np.concatenate([[0.0, near], share[1:], [1 - near]])
     finer = np.append((time[:-1, None] + np.diff(time)[:, None] * share).ravel(), time[-1])
     q, (spline, dq, ddq, jerk) = motions.at(finer), motions.spline.at(finer)

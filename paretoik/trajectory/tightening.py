@@ -18,7 +18,8 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
 from paretoik.stop_flag import Interrupted, check_interruption
-from paretoik.task.between import SPLINE_REFINEMENT, finer_motion
+from paretoik.task.between import OPTIONS as REFINEMENT
+from paretoik.task.between import finer_motion
 from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -152,7 +153,7 @@ def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndar
     """
     task, bounds, elastic = program.task, held.bounds.copy(), program.elastic
     curve = finer_motion(task.motion(held.x))
-    half = SPLINE_REFINEMENT // task.stride
+    half = REFINEMENT.spline // task.stride
     row, instant = program.limited[:elastic].T
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(held.x).inequalities * ranges + sides * (program.bounds - bounds)[:elastic]

@@ -42,7 +42,7 @@ from paretoik.arrays import Genes, Objectives
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.seeding import seeded_population
 from problems.tringali_2020 import energy_torque
-from studies.benchmarks.significance import MARGIN, Comparison, compare, decide, scores
+from studies.benchmarks.significance import MARGIN, Comparison, compare, comparison_row, decide, scores
 from studies.reporting import Row, report, study_parser
 
 OURS = "MaxiMin"
@@ -193,26 +193,6 @@ def compare_all(
     return decide(rows)
 
 
-def comparison_rows(comparisons: Sequence[Comparison]) -> list[Row]:
-    """Return each comparison as a row: our median, the peer's beside it, and the tests in the note."""
-    rows = []
-    for one in comparisons:
-        name, note = f"{one.indicator} beside {one.peer}", f"{one.verdict}; {one.tests}"
-        rows.append(
-            Row(
-                table=TABLE,
-                row=one.problem,
-                column=name,
-                unit="",
-                ours=one.ours,
-                reference=one.theirs,
-                source=one.peer,
-                note=note,
-            )
-        )
-    return rows
-
-
 def cost_rows(runs: dict[tuple[str, str], list[Run]], chosen: Sequence[Case]) -> list[Row]:
     """Return the cost of every method on every case."""
     rows = []
@@ -253,7 +233,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = choose_cases(options.problems, quick=options.quick, console=console)
     runs = run_all(chosen, seeds, console)
     comparisons = compare_all(runs, chosen, options.fronts)
-    report([*comparison_rows(comparisons), *cost_rows(runs, chosen)], json_file=options.json)
+    rows = [comparison_row(TABLE, one, one.verdict) for one in comparisons]
+    report([*rows, *cost_rows(runs, chosen)], json_file=options.json)
 
 
 if __name__ == "__main__":

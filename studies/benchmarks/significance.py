@@ -10,7 +10,7 @@ from moocore import epsilon_additive, hypervolume, igd_plus
 from scipy.stats import mannwhitneyu
 
 from paretoik.arrays import Objectives, Values
-from studies.reporting import holm
+from studies.reporting import Row, holm
 
 MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
 LEVEL = 0.05
@@ -89,3 +89,17 @@ def decide(rows: Sequence[Comparison]) -> list[Comparison]:
         decided.append(replace(row, p_holm=float(p), p_equal_holm=float(p_equal), verdict=verdict))
     grades = ["loss", "loss, within margin", "undecided", "equal", "win, within margin", "win"]
     return sorted(decided, key=lambda row: (grades.index(row.verdict), row.indicator, row.a12))
+
+
+def comparison_row(table: str, comparison: Comparison, verdict: str) -> Row:
+    """Return a comparison as a row: our median, the peer's beside it, the verdict and the tests in the note."""
+    return Row(
+        table=table,
+        row=comparison.problem,
+        column=f"{comparison.indicator} beside {comparison.peer}",
+        unit="",
+        ours=comparison.ours,
+        reference=comparison.theirs,
+        source=comparison.peer,
+        note=f"{verdict}; {comparison.tests}",
+    )

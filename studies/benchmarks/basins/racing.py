@@ -20,10 +20,22 @@ from studies.benchmarks.fronts.programs import JointProgram, joint_program
 from studies.benchmarks.planner.verdicts import versus
 from studies.reporting import Row
 
-SAME = 1e-6  # relative: what has found the best
-NO_WORSE = 1 + 1e-7
-KEPT = 1e-8  # of limits' ranges
-PAUSE = 24  # starts made at a time
+
+@dataclass(frozen=True, kw_only=True)
+class RacingOptions:
+    """How tries are judged, and how many of a peer's ``starts`` are made at a time.
+
+    A value counts as the best up to a share ``equal`` of it, and the best of ours as no worse than the peers' up to
+    ``no_worse``. ``violation`` is a share of a limit's range up to which a peer's motion counts as feasible.
+    """
+
+    equal: float = 1e-6
+    no_worse: float = 1e-7
+    violation: float = 1e-8
+    starts: int = 24
+
+
+OPTIONS = RacingOptions()
 
 
 @dataclass(kw_only=True)
@@ -40,7 +52,7 @@ class Tries:
 
     def hits(self, best: float) -> int:
         """Return how many tries ended at the best."""
-        return sum(value <= best * (1 + SAME) for value in self.values)
+        return sum(value <= best * (1 + OPTIONS.equal) for value in self.values)
 
     def time_to_best(self, best: float) -> float:
         """Return the expected processor time to the best of independent tries."""
@@ -67,7 +79,7 @@ def rows_of(case: Case, *, seeds: int) -> list[Row]:
             unit=case.objective.unit,
             ours=ours.best,
             theirs=theirs,
-            goal=NO_WORSE,
+            goal=1 + OPTIONS.no_worse,
             note=f"ours {ours.hits(best)} of {len(ours.values)} seeds",
         )
     ]
@@ -104,7 +116,7 @@ def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: flo
         end, _ = peer.solve(q, 0, np.full(1, np.inf), ranges, warm=False)
         tries.seconds.append(time.process_time() - start)
         motion = None if end is None else led_back(task, end)
-        feasible = motion is not None and violation(task, motion) <= KEPT
+        feasible = motion is not None and violation(task, motion) <= OPTIONS.violation
         tries.values.append(float(objectives(task, motion)[0]) if feasible and motion is not None else np.inf)
         if sum(tries.seconds) >= budget:
             return tries
@@ -115,5 +127,5 @@ def _starts(task: MotionTask, seed: int) -> Iterator[np.ndarray]:
     """Yield starts without end."""
     rng = np.random.default_rng(seed)
     while True:
-        both = [sample_starts(task, PAUSE, rng), rollout_starts(task, PAUSE, rng)[:PAUSE]]
+        both = [sample_starts(task, OPTIONS.starts, rng), rollout_starts(task, OPTIONS.starts, rng)[: OPTIONS.starts]]
         yield from rng.permutation(np.concatenate(both))

@@ -14,7 +14,7 @@ from paretoik.arrays import Objectives, Values
 from studies.benchmarks.fronts.cases import Run
 from studies.benchmarks.fronts.methods import CELLS, FACTORS, OURS, PLAIN
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
-from studies.benchmarks.significance import MARGIN, Comparison, compare, decide, scores
+from studies.benchmarks.significance import MARGIN, Comparison, compare, comparison_row, decide, scores
 from studies.reporting import Row
 
 CORNER = 1.1  # of the hypervolume, in ranges of the union
@@ -121,19 +121,7 @@ def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
         budget = one.problem.split(", equal ")[1]
         counts.setdefault(f"{one.peer}, equal {budget}", Counter())[one.verdict.split(",")[0]] += 1
         verdict = one.verdict.upper() if one.verdict.startswith("loss") else one.verdict
-        name, note = f"{one.indicator} beside {one.peer}", f"{verdict}; {one.tests}"
-        rows.append(
-            Row(
-                table=COMPARED,
-                row=one.problem,
-                column=name,
-                unit="",
-                ours=one.ours,
-                reference=one.theirs,
-                source=one.peer,
-                note=note,
-            )
-        )
+        rows.append(comparison_row(COMPARED, one, verdict))
     tally = [
         Row(
             table=COUNTED,

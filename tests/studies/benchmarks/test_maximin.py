@@ -7,14 +7,6 @@ import pytest
 from rich.console import Console
 
 from studies.benchmarks import maximin as study
-from studies.benchmarks.significance import compare, decide
-
-
-def test_a_comparison_is_reported_with_the_peer_beside_it_even_where_a_run_found_nothing():
-    (one,) = decide([compare("ZDT1", "IGD+", "cd", np.full(5, np.inf), np.linspace(0.99, 1.01, 5))])
-    (row,) = study.comparison_rows([one])
-    assert (row.row, row.column, row.ours, row.reference) == ("ZDT1", "IGD+ beside cd", np.inf, one.theirs)
-    assert row.note.startswith(one.verdict)
 
 
 def test_every_method_s_cost_is_reported():
