@@ -61,10 +61,7 @@ def study_parser(description: str, *, quick: str = "", out: str = "") -> argpars
 
 
 def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
-    """Print rows, a table for each ``table``, and write them as JSON where a file is named.
-
-    Strict JSON has no infinities and no NaN: they are written as null.
-    """
+    """Print rows, a table for each ``table``, and write them as JSON where a file is named."""
     console = Console(markup=False)  # "[nan, nan]" is no markup
     if not console.is_terminal:
         console.width = WIDTH
@@ -77,7 +74,12 @@ def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
                 table.add_row(row.row, row.column, row.unit, f"{row.ours:.5g}", *reference, row.note)
         console.print(table)
     if json_file is not None:
-        json_file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
+        save_rows(rows, json_file)
+
+
+def save_rows(rows: Sequence[Row], file: Path) -> None:
+    """Write rows as JSON: strict, it has no infinities and no NaN, which are written as null."""
+    file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
 
 
 def _record(row: Row) -> dict[str, str | float | None]:

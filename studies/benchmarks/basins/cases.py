@@ -16,7 +16,8 @@ from problems.panda import panda
 
 SAMPLES = 51
 DRAWS = 200  # of a path, at most: many leave what the arm can reach
-OBJECTIVES: tuple[Objective, ...] = (pk.kinetic_energy, pk.torque_norm)
+INTEGRALS: tuple[Objective, ...] = (pk.kinetic_energy, pk.torque_norm)
+PEAKS: tuple[Objective, ...] = (pk.peak_velocity, pk.peak_torque)
 NONE = pk.Limits(velocity=np.inf, torque=np.inf)  # but the joints' ranges
 
 
@@ -209,15 +210,18 @@ KINDS = (
     ("iiwa", "pose"),
     ("Panda", "pose"),
 )
-AGAIN = ("planar 4R", "planar 5R", "rail")  # drawn twice
 
 
 def all_cases(seed: int) -> list[Case]:
-    """Return 60 problems drawn from a seed."""
-    drawn = [(arm, axes, seed) for arm, axes in KINDS] + [(arm, "position", seed + 1) for arm in AGAIN]
-    return [
-        Case(arm=arm, axes=axes, cyclic=cyclic, objective=objective, seed=one)
-        for arm, axes, one in drawn
+    """Return 60 problems drawn from a seed: every kind as a line and a cycle for sums, and another draw for a peak."""
+    sums = [
+        Case(arm=arm, axes=axes, cyclic=cyclic, objective=objective, seed=seed)
+        for arm, axes in KINDS
         for cyclic in (False, True)
-        for objective in OBJECTIVES
+        for objective in INTEGRALS
     ]
+    peaks = [
+        Case(arm=arm, axes=axes, cyclic=bool(i % 2), objective=PEAKS[i // 2 % 2], seed=seed + 1)
+        for i, (arm, axes) in enumerate(KINDS)
+    ]
+    return sums + peaks

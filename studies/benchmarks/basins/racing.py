@@ -17,20 +17,17 @@ from studies.benchmarks.basins.cases import Case
 from studies.benchmarks.certified.dominating import led_back, objectives, violation
 from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, joint_program
-from studies.benchmarks.planner.verdicts import versus
-from studies.reporting import Row
 
 
 @dataclass(frozen=True, kw_only=True)
 class RacingOptions:
     """How tries are judged, and how many of a peer's ``starts`` are made at a time.
 
-    A value counts as the best up to a share ``equal`` of it, and the best of ours as no worse than the peers' up to
-    ``no_worse``. ``violation`` is a share of a limit's range up to which a peer's motion counts as feasible.
+    A value counts as the best up to a share ``equal`` of it. ``violation`` is a share of a limit's range up to which a
+    peer's motion counts as feasible.
     """
 
     equal: float = 1e-6
-    no_worse: float = 1e-7
     violation: float = 1e-8
     starts: int = 24
 
@@ -60,39 +57,54 @@ class Tries:
         return sum(self.seconds) / hits if hits else np.inf
 
 
-def rows_of(case: Case, *, seeds: int) -> list[Row]:
-    """Return the rows of one problem."""
+@dataclass(frozen=True, kw_only=True)
+class Race:
+    """What became of a problem: our tries, and those of every peer."""
+
+    case: Case
+    redundancy: int
+    ours: Tries
+    peers: dict[str, Tries]
+
+    @property
+    def peers_best(self) -> float:
+        """The best value of all peers."""
+        return min(tries.best for tries in self.peers.values())
+
+    @property
+    def best(self) -> float:
+        """The best value of all."""
+        return min(self.ours.best, self.peers_best)
+
+    @property
+    def time_ratio(self) -> float:
+        """Our time to the best over the better peer's; 0 where no peer, infinite where we did not find it."""
+        theirs = min(tries.time_to_best(self.best) for tries in self.peers.values())
+        ours = self.ours.time_to_best(self.best)
+        return ours / theirs if np.isfinite(ours) else np.inf
+
+    @property
+    def summary(self) -> str:
+        """One line: values, hits of each, and time."""
+        sides = {"ours": self.ours, **self.peers}
+        hits = ", ".join(f"{name} {tries.hits(self.best)}/{len(tries.values)}" for name, tries in sides.items())
+        return (
+            f"{self.case.name}: redundancy {self.redundancy}, best {self.ours.best:.8g} beside {self.peers_best:.8g} "
+            f"({self.ours.best / self.best - 1:.1e} worse), {hits}, {sum(self.ours.seconds):.1f} s, "
+            f"time ratio {self.time_ratio:.2g}"
+        )
+
+
+def race(case: Case, *, seeds: int) -> Race:
+    """Return what became of one problem. A peak has no place in FATROP's form, nor has a cycle."""
     problem = case.problem()
     pk.plan(problem, starts=1)  # compiles
     ours = our_tries(problem, seeds)
     budget = sum(ours.seconds)
     peers = {"IPOPT": peer_tries(joint_program(problem.task), problem.task, budget, case.seed)}
-    if not case.cyclic:
+    if not case.cyclic and case.objective.form != "peak":
         peers["FATROP"] = peer_tries(staged_program(problem.task), problem.task, budget, case.seed)
-    theirs = min(tries.best for tries in peers.values())
-    best, table = min(ours.best, theirs), f"redundancy {problem.task.redundancy}"
-    rows = [
-        versus(
-            table=table,
-            row=case.name,
-            column="best found",
-            unit=case.objective.unit,
-            ours=ours.best,
-            theirs=theirs,
-            goal=1 + OPTIONS.no_worse,
-            note=f"ours {ours.hits(best)} of {len(ours.values)} seeds",
-        )
-    ]
-    for name, tries in peers.items():
-        note = f"{name} {tries.hits(best)} of {len(tries.values)} starts"
-        times = ours.time_to_best(best), tries.time_to_best(best)
-        rows.append(
-            versus(
-                table=table, row=case.name, column=f"time to best, {name}", unit="s", ours=times[0], theirs=times[1],
-                goal=0.5, note=note,
-            )
-        )  # fmt: skip
-    return rows
+    return Race(case=case, redundancy=problem.task.redundancy, ours=ours, peers=peers)
 
 
 def our_tries(problem: pk.Tracking, seeds: int) -> Tries:

@@ -24,6 +24,7 @@ from studies.benchmarks.fronts.programs import (
     check,
     compiled_library,
     limited_sides,
+    peaks,
     pose_function,
     slacks,
 )
@@ -112,6 +113,7 @@ def staged_program(task: MotionTask, folder: Path | None = None, name: str = "")
     """
     check(task)
     assert not task.cyclic, "a motion that need not close wanted"
+    assert not peaks(task), "objectives that are sums wanted: a peak would be one more state of every stage"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
         step, pose = _step(task), pose_function(task)

@@ -2,7 +2,8 @@
 
 The dynamics are our component kernels fed with CasADi's symbols, which fold zeros away; a sample is one small function
 that is mapped over all, and derivatives are CasADi's, compiled where there is a compiler. On a cycle the last posture
-is the first. Absolute values are slack variables, one a joint and sample, above both signs.
+is the first. Absolute values are slack variables, one a joint and sample, above both signs; peaks are epigraph
+variables, one a motion, above both signs of every joint at all samples.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import os
 import subprocess
 import warnings
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from casadi import SX, vertcat
 from paretoik.robot import dynamics
 from paretoik.robot.kinematics import frame_components, link_frames
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
 from studies.benchmarks.planner.compiling import COMPILER
 
 CAP, TOLERANCE = 100, 1e-8  # iterations; of stationarity
@@ -53,9 +56,10 @@ class JointProgram:
 
 
 def pack(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    """Return the unknowns of a motion: its postures, and slack variables above what they bound."""
-    postures = q[:-1] if task.cyclic else q
-    return np.concatenate([postures.ravel(), above_power(task, q)[1:].ravel()])
+    """Return the unknowns of a motion: its postures, and slack and epigraph variables above what they bound."""
+    postures, motion = q[:-1] if task.cyclic else q, task.motion(q)
+    tops = [float(objective(motion)) + SLACK for objective in peaks(task)]
+    return np.concatenate([postures.ravel(), above_power(task, q)[1:].ravel(), tops])
 
 
 def unpack(task: MotionTask, x: np.ndarray) -> np.ndarray:
@@ -72,6 +76,11 @@ def above_power(task: MotionTask, q: np.ndarray) -> np.ndarray:
 def slacks(task: MotionTask) -> int:
     """Return how many slack variables a sample has."""
     return task.arm.dof if any(objective.name == "mechanical_energy" for objective in task.objectives) else 0
+
+
+def peaks(task: MotionTask) -> list[Objective]:
+    """Return the objectives that are peaks: the last unknowns are their epigraph variables."""
+    return [objective for objective in task.objectives if objective.form == "peak"]
 
 
 def joint_program(task: MotionTask, library: str = "") -> JointProgram:
@@ -124,17 +133,22 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     check(task)
     samples, dof, dt = len(task.times), task.arm.dof, float(task.times[1] - task.times[0])
     unknown, count = samples - task.cyclic, len(task.objectives)
-    extra = slacks(task)
-    unrolled, p = casadi.MX.sym("x", dof * unknown + extra * (samples - 1)), casadi.MX.sym("p", 2 * count)
-    x = casadi.reshape(unrolled[: dof * unknown], dof, unknown)
-    slack = casadi.reshape(unrolled[dof * unknown :], extra, samples - 1)
-    totals, rows, lower, upper = casadi.MX.zeros(count), [], [], []
+    extra, tops = slacks(task), len(peaks(task))
+    sizes = np.cumsum([0, dof * unknown, extra * (samples - 1), tops])
+    unrolled, p = casadi.MX.sym("x", int(sizes[-1])), casadi.MX.sym("p", 2 * count)
+    postures, powers, top = (unrolled[int(a) : int(b)] for a, b in pairwise(sizes))
+    x, slack = casadi.reshape(postures, dof, unknown), casadi.reshape(powers, extra, samples - 1)
+    rows, lower, upper = [], [], []
+    epigraph = iter(casadi.vertsplit(top) if tops else ())
+    totals = vertcat(*(next(epigraph) if each.form == "peak" else casadi.MX(0) for each in task.objectives))
     # samples that count: all but the first, which is at rest; on a cycle the last one stands for the first
-    for first, last, reach in ((1, samples, 2),) if task.cyclic else ((1, 2, 1), (2, samples, 2)):
+    stages = ((1, samples, 2),) if task.cyclic else ((1, 2, 1), (2, samples, 2))
+    for first, last, reach in (*stages, *(((0, 1, 0),) if tops and not task.cyclic else ())):  # at rest there are peaks
         stage, low, high = _stage(task, reach, dt)
         looked = [x[:, [(k - back) % unknown for k in range(first, last)]] for back in range(reach, -1, -1)]
-        worth, limits = stage.map(last - first)(*looked, slack[:, first - 1 : last - 1])
-        totals += casadi.sum2(worth)
+        before, width = max(first - 1, 0), last - first
+        worth, limits = stage.map(width)(*looked, slack[:, before : before + width], casadi.repmat(top, 1, width))
+        totals += casadi.sum2(worth) if reach else 0
         rows.append(casadi.vec(limits))
         lower.append(np.tile(low, last - first))
         upper.append(np.tile(high, last - first))
@@ -143,8 +157,8 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     off = np.zeros(at_path.numel())
     position = task.bounds["position"][0] if "position" in task.bounds else np.tile([-np.inf, np.inf], (dof, 1))
     sides = {
-        "lbx": np.concatenate([np.tile(position[:, 0], unknown), np.zeros(extra * (samples - 1))]),
-        "ubx": np.concatenate([np.tile(position[:, 1], unknown), np.full(extra * (samples - 1), np.inf)]),
+        "lbx": np.concatenate([np.tile(position[:, 0], unknown), np.zeros(extra * (samples - 1) + tops)]),
+        "ubx": np.concatenate([np.tile(position[:, 1], unknown), np.full(extra * (samples - 1) + tops, np.inf)]),
         "lbg": np.concatenate([*lower, off, np.full(count, -np.inf)]),
         "ubg": np.concatenate([*upper, off, np.full(count, np.inf)]),
     }
@@ -163,15 +177,16 @@ def _options(*, warm: bool) -> dict[str, Any]:
 def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np.ndarray]:
     """Return a function of ``reach`` + 1 postures: every objective's share and what is limited, and its bounds."""
     q: list[Any] = [SX.sym(f"q{back}", task.arm.dof) for back in range(reach, -1, -1)]
-    rate: Any = (q[-1] - q[-2]) / dt
+    rate: Any = (q[-1] - q[-2]) / dt if reach else SX.zeros(task.arm.dof)
     before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(task.arm.dof)
     slack: Any = SX.sym("slack", slacks(task))
-    worth, limited = at_sample(task, q[-1], rate, (rate - before) / dt, slack)
-    return casadi.Function("stage", [*q, slack], [dt * worth, limited]), *limited_sides(task)
+    top: Any = SX.sym("top", len(peaks(task)))
+    worth, limited = at_sample(task, q[-1], rate, (rate - before) / dt, slack, top)
+    return casadi.Function("stage", [*q, slack, top], [dt * worth, limited]), *limited_sides(task)
 
 
-def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any) -> tuple[Any, Any]:
-    """Return, of SX vectors (dof,) and (slacks,), a sample's share of the objectives and what is limited there."""
+def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any, top: Any = None) -> tuple[Any, Any]:
+    """Return, of SX vectors (dof,), (slacks,) and (peaks,), a sample's share of objectives and what is limited."""
     arm = task.arm
     here, v, a = (casadi.vertsplit(one) for one in (q, rate, acceleration))
     torque: Any = vertcat(*dynamics.torque_components(arm, here, v, a))
@@ -188,10 +203,13 @@ def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any
     }
     given = {"velocity": rate, "torque": torque, "power": torque * rate}
     kept = _limited_kinds(task)
-    shares: Any = vertcat(*(worth[objective.name]() for objective in task.objectives))
+    shares: Any = vertcat(*(SX(0) if each.form == "peak" else worth[each.name]() for each in task.objectives))
     rows = [given[kind] for kind in kept]
     if slacks(task):
         rows += [slack - given["power"], slack + given["power"]]
+    for i, objective in enumerate(peaks(task)):
+        below = given[objective.name.removeprefix("peak_")]
+        rows += [top[i] - below, top[i] + below]
     return shares, vertcat(*rows) if rows else SX(0, 1)
 
 
@@ -201,7 +219,7 @@ def limited_sides(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = (
         np.concatenate([np.empty(0), *(task.bounds[kind][0][:, side] for kind in kinds)]) for side in (0, 1)
     )
-    both = 2 * slacks(task)
+    both = 2 * (slacks(task) + task.arm.dof * len(peaks(task)))
     return np.concatenate([lower, np.zeros(both)]), np.concatenate([upper, np.full(both, np.inf)])
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import paretoik as pk
+from paretoik.self_motion.motion_starts import rollout_starts
 from studies.benchmarks.basins.cases import all_cases
-from studies.benchmarks.basins.racing import Tries, rows_of
+from studies.benchmarks.basins.racing import Race, Tries, race
+from studies.benchmarks.basins.tables import summary_rows, table_rows
+from studies.benchmarks.fronts.programs import joint_program, pack, unpack
 
 
 def test_there_are_sixty_problems_of_different_names():
@@ -28,10 +34,39 @@ def test_the_time_to_the_best_is_that_of_all_tries_over_those_that_ended_there()
     assert tries.time_to_best(0.5) == np.inf
 
 
+def a_race(ours, theirs, redundancy=2):
+    """A race whose tries took a second each."""
+    tries = [Tries(values=values, seconds=[1.0] * len(values)) for values in (ours, theirs)]
+    return Race(case=all_cases(0)[0], redundancy=redundancy, ours=tries[0], peers={"IPOPT": tries[1]})
+
+
+def test_the_summary_counts_what_is_won_and_hit():
+    won, lost = a_race([1.0, 1.0], [1.0, 2.0]), a_race([2.0, 2.0], [1.0, 1.0], redundancy=3)
+    ours = {(row.row, row.column): row.ours for row in summary_rows([won, won, lost])}
+    assert list(ours.values()) == [2, 0.5, 1.0, 0.0]
+    assert table_rows([won, lost])[-1].note.startswith("ratio 0.5")  # the summary first, then losses
+
+
+@pytest.mark.parametrize(("arm", "cyclic"), [("planar 4R", False), ("rail", True), ("random 7R", False)])
+def test_a_peer_minimises_the_same_peak(arm, cyclic):
+    cases = [case for case in all_cases(0) if case.objective.form == "peak"]
+    case = replace(next(case for case in cases if case.arm == arm), cyclic=cyclic, objective=pk.peak_torque)
+    task = case.problem().task
+    (q,) = rollout_starts(task, 4, np.random.default_rng(0))[:1]
+    peer = joint_program(task)
+    assert np.array_equal(unpack(task, pack(task, q)), q)
+    functions = peer.solvers[False].get_function("nlp_g")
+    below, peak = pack(task, q), float(pk.peak_torque(task.motion(q)))
+    for top, holds in ((peak * (1 + 1e-6), True), (peak * (1 - 1e-6), False)):
+        below[-1] = top
+        g = np.asarray(functions(below, np.ones(2))).ravel()
+        assert (g >= peer.sides["lbg"] - 1e-9).all() == holds
+
+
 @pytest.mark.slow
 def test_a_problem_is_raced():
     case = next(case for case in all_cases(0) if case.arm == "rail")
-    assert {row.column for row in rows_of(case, seeds=1)} == {
+    assert {row.column for row in table_rows([race(case, seeds=1)])} >= {
         "best found",
         "time to best, IPOPT",
         "time to best, FATROP",
