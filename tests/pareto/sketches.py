@@ -8,8 +8,12 @@ import numpy as np
 
 from paretoik.nlp.dense import DenseProgram
 from paretoik.nlp.traced import trace_rows
+from paretoik.pareto.certificates import certify
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.pareto.epsilon import epsilon_points
+
+SHARES = np.array([0.2, 0.5, 0.8, 0.9])
+ONES = np.ones(2)
 
 
 def sketched(unknowns, values, within=lambda x: ([], [])):
@@ -36,3 +40,26 @@ def swept(program, starts, **settings):
     """The points of an ε-sweep from these starts, and the ranges."""
     cold = StartSearch(program_of=lambda scales: scaled(program, scales), starts=starts, n_obj=len(program.costs))
     return epsilon_points(lambda scales: scaled(program, scales), cold, len(program.costs), **settings)
+
+
+def placed(values, x):
+    """Points of ``sketched`` programs: unknowns x, then objectives at their values."""
+    x = np.atleast_2d(np.asarray(x, dtype=float))
+    return np.array([[*one, *values(one)] for one in x])
+
+
+def certificates(program, z, ranges=ONES, signs=ONES):
+    """Certificates of points that keep their limits between samples."""
+    ranges, signs = np.asarray(ranges, dtype=float), np.asarray(signs, dtype=float)
+    return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))
+
+
+def ellipses(x):
+    """Two bowls about (0, 0) and (1, 0.5), of other shapes and sizes."""
+    return [x[0] ** 2 + 3 * x[1] ** 2, 10 * (2 * (x[0] - 1) ** 2 + (x[1] - 0.5) ** 2)]
+
+
+def ellipses_best(share):
+    """Where share · the first + (1 − share) · the second is least."""
+    one, other = 2 * share * np.diag([1.0, 3.0]), 20 * (1 - share) * np.diag([2.0, 1.0])
+    return np.linalg.solve(one + other, other @ [1.0, 0.5])

@@ -9,39 +9,13 @@ from paretoik.errors import SolverFailed
 from paretoik.pareto import certificates as certifying
 from paretoik.pareto.certificates import certify
 from paretoik.stop_flag import STOP
-from tests.pareto.sketches import sketched
-
-ONES = np.ones(2)
-
-
-def placed(values, x):
-    x = np.atleast_2d(np.asarray(x, dtype=float))
-    return np.array([[*one, *values(one)] for one in x])
-
-
-def certificates(program, z, ranges=ONES, signs=ONES):
-    ranges, signs = np.asarray(ranges, dtype=float), np.asarray(signs, dtype=float)
-    return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))
-
-
-def ellipses(x):
-    """Two bowls about (0, 0) and (1, 0.5), of other shapes and sizes."""
-    return [x[0] ** 2 + 3 * x[1] ** 2, 10 * (2 * (x[0] - 1) ** 2 + (x[1] - 0.5) ** 2)]
-
-
-def ellipses_best(share):
-    """Where share · the first + (1 − share) · the second is least."""
-    one, other = 2 * share * np.diag([1.0, 3.0]), 20 * (1 - share) * np.diag([2.0, 1.0])
-    return np.linalg.solve(one + other, other @ [1.0, 0.5])
+from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses_best, placed, sketched
 
 
 def saddle(x):
     """Along the last coordinate there is something better on either side, in both objectives."""
     bent = x[1] ** 4 - x[1] ** 2
     return [x[0] ** 2 + bent, (x[0] - 1) ** 2 + bent]
-
-
-SHARES = np.array([0.2, 0.5, 0.8, 0.9])
 
 
 def test_minima_are_called_minima_with_the_weights_that_made_them():

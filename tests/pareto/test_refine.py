@@ -9,40 +9,13 @@ import numpy as np
 import pytest
 
 from paretoik.pareto import refine as refinement
-from paretoik.pareto.certificates import certify
-from tests.pareto.sketches import scaled, sketched
-
-ONES = np.ones(2)
-
-
-def placed(values, x):
-    x = np.atleast_2d(np.asarray(x, dtype=float))
-    return np.array([[*one, *values(one)] for one in x])
-
-
-def certificates(program, z, ranges=ONES, signs=ONES):
-    ranges, signs = np.asarray(ranges, dtype=float), np.asarray(signs, dtype=float)
-    return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))
+from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses_best, placed, scaled, sketched
 
 
 def refined(program, z, ranges, observe=None):
     """Points refined one at a time, and which converged."""
     with patch.object(refinement, "OPTIONS", replace(refinement.OPTIONS, batch=1)):
         return refinement.refine(scaled(program, ranges), z, len(ranges), observe=observe)
-
-
-def ellipses(x):
-    """Two bowls about (0, 0) and (1, 0.5), of other shapes and sizes."""
-    return [x[0] ** 2 + 3 * x[1] ** 2, 10 * (2 * (x[0] - 1) ** 2 + (x[1] - 0.5) ** 2)]
-
-
-def ellipses_best(share):
-    """Where share · the first + (1 − share) · the second is least."""
-    one, other = 2 * share * np.diag([1.0, 3.0]), 20 * (1 - share) * np.diag([2.0, 1.0])
-    return np.linalg.solve(one + other, other @ [1.0, 0.5])
-
-
-SHARES = np.array([0.2, 0.5, 0.8, 0.9])
 
 
 def beside(count, seed):

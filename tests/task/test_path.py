@@ -10,24 +10,13 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose
-from paretoik.task.path_shapes import circle, line, poses, waypoints
+from paretoik.task.path_shapes import line
+from tests.task.paths import EVERY_KIND
 
 coordinates = st.floats(-3, 3)
 angles = st.floats(-3, 3)
 places = st.tuples(coordinates, coordinates, coordinates)
 rotation_vectors = st.tuples(angles, angles, angles)
-CORNERS = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.0], [0.5, 0.5, 0.2], [0.1, 0.6, 0.3]])
-TURNED = [Pose.from_rpy(position, [0.3 * i, -0.2 * i, 0.9 * i]) for i, position in enumerate(CORNERS)]
-EVERY_KIND = {
-    "line of points": line([0.4, 0.0], [0.1, 0.2], duration=0.7, samples=31),
-    "line of poses": line(TURNED[0], TURNED[3], duration=0.7, samples=31),
-    "circle of points": circle([0.5, 0.0], 0.2, duration=0.7, samples=31),
-    "circle of poses": circle(TURNED[1], 0.2, duration=0.7, samples=31, turns=2),
-    "waypoints": waypoints(CORNERS, duration=0.7, samples=31),
-    "waypoints of poses": waypoints(TURNED, duration=0.7, samples=31),
-    "timed points": poses([0.0, 0.1, 0.5, 0.7], CORNERS),
-    "timed poses": poses([0.0, 0.1, 0.5, 0.7], TURNED),
-}
 every_kind = pytest.mark.parametrize("path", EVERY_KIND.values(), ids=EVERY_KIND.keys())
 
 

@@ -13,14 +13,12 @@ from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose, quaternion_to_matrix, rotation_vector, vector_to_quaternion
 from paretoik.task.curves import TIME_LAWS, progress
 from paretoik.task.path_shapes import circle, line, poses, waypoints
+from tests.task.paths import CORNERS, EVERY_KIND, TURNED
 
 coordinates = st.floats(-3, 3)
 angles = st.floats(-3, 3)
 places = st.tuples(coordinates, coordinates, coordinates)
 rotation_vectors = st.tuples(angles, angles, angles)
-
-CORNERS = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.0], [0.5, 0.5, 0.2], [0.1, 0.6, 0.3]])
-TURNED = [Pose.from_rpy(place, [0.3 * i, -0.2 * i, 0.9 * i]) for i, place in enumerate(CORNERS)]
 
 
 @pytest.mark.parametrize("timing", TIME_LAWS)
@@ -143,16 +141,6 @@ def test_a_full_turn_in_timed_poses_closes_though_its_quaternion_ends_negated():
     np.testing.assert_allclose(path.quaternions[-1], [-1, 0, 0, 0], atol=1e-12)
 
 
-EVERY_KIND = {
-    "line of points": line([0.4, 0.0], [0.1, 0.2], duration=0.7, samples=31),
-    "line of poses": line(TURNED[0], TURNED[3], duration=0.7, samples=31),
-    "circle of points": circle([0.5, 0.0], 0.2, duration=0.7, samples=31),
-    "circle of poses": circle(TURNED[1], 0.2, duration=0.7, samples=31, turns=2),
-    "waypoints": waypoints(CORNERS, duration=0.7, samples=31),
-    "waypoints of poses": waypoints(TURNED, duration=0.7, samples=31),
-    "timed points": poses([0.0, 0.1, 0.5, 0.7], CORNERS),
-    "timed poses": poses([0.0, 0.1, 0.5, 0.7], TURNED),
-}
 START, END = [0.0, 0.0], [1.0, 0.0]
 
 
