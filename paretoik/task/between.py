@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from paretoik.task.differences import first_derivative, second_derivative
 from paretoik.task.motion import Motion
 from paretoik.task.spline import Derivatives
 
@@ -15,14 +15,13 @@ from paretoik.task.spline import Derivatives
 class RefinementOptions:
     """How fine the grid is that motions are evaluated on between their samples.
 
-    So many times finer: ``differences`` where finite differences are taken again, ``spline`` where the derivatives are
-    those of the curve. Its kinks are at knots: the correction's differences are taken as near to them as ``near_knot``
-    says, a share of a step of the grid.
+    So many times finer: ``differences`` where finite differences are taken again, ``spline``, two at least, where the
+    derivatives are those of the curve; ``width`` points of it are those of a difference of the correction.
     """
 
     differences: int = 4
     spline: int = 20
-    near_knot: float = 0.25
+    width: int = 6
 
 
 OPTIONS = RefinementOptions()
@@ -40,28 +39,44 @@ def finer_motion(motions: Motion, refinement: int | None = None) -> Motion:
     if motions.differences != "spline":
         even = np.linspace(0.0, time[-1], (refinement or OPTIONS.differences) * (len(time) - 1) + 1)
         return replace(motions, time=even, q=motions.at(even))
-    share = np.arange(count := refinement or OPTIONS.spline) / count
-    near = OPTIONS.near_knot / count
-    share = np.concatenate([[0.0, near], share[1:], [1 - near]])
-    finer = np.append((time[:-1, None] + np.diff(time)[:, None] * share).ravel(), time[-1])
+    count, step = refinement or OPTIONS.spline, np.diff(time)
+    finer = np.append((time[:-1, None] + step[:, None] * np.arange(count) / count).ravel(), time[-1])
     q, (spline, dq, ddq, jerk) = motions.at(finer), motions.spline.at(finer)
     correction = q - spline
-    if motions.cyclic:
-        correction[..., -1, :] = correction[..., 0, :]
-    dq = dq + first_derivative(correction, finer, "central", cyclic=motions.cyclic)
-    ddq = ddq + _second_derivative(correction, finer, cyclic=motions.cyclic)
-    index = np.arange(len(finer)) % (count + 2)
-    on_grid = (index != 1) & (index != count + 1)
-    dq, ddq, jerk = dq[..., on_grid, :], ddq[..., on_grid, :], jerk[..., on_grid, :]
+    dq = dq + _differentiate(correction, step / count, 1, cyclic=motions.cyclic)
+    ddq = ddq + _differentiate(correction, step / count, 2, cyclic=motions.cyclic)
     derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
-    return replace(motions, time=finer[on_grid], q=q[..., on_grid, :], derivatives=derivatives)
+    return replace(motions, time=finer, q=q, derivatives=derivatives)
 
 
-def _second_derivative(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarray:
-    """Return second derivatives by central differences, at the ends continued linearly."""
-    second = second_derivative(values, time, "central", cyclic=cyclic)
-    if not cyclic:
-        for end, near, next_near in ((0, 1, 2), (-1, -2, -3)):
-            share = (time[near] - time[end]) / (time[next_near] - time[near])
-            second[..., end, :] = (1 + share) * second[..., near, :] - share * second[..., next_near, :]
-    return second
+def _differentiate(values: np.ndarray, steps: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
+    """Return derivatives of values (*batch, instants, columns) that are smooth between knots alone.
+
+    Every interval has as many instants, its own ``steps`` apart. At a knot both sides' derivatives count the same.
+    """
+    count = (values.shape[-2] - 1) // len(steps)
+    index = count * np.arange(len(steps))[:, None] + np.arange(count + 1)
+    pieces = _difference_matrix(count + 1, order) @ values[..., index, :] / steps[:, None, None] ** order
+    derivative = np.empty_like(values)
+    derivative[..., :-1, :] = pieces[..., :-1, :].reshape(derivative[..., :-1, :].shape)
+    derivative[..., -1, :] = pieces[..., -1, -1, :]
+    inner = (pieces[..., :-1, -1, :] + pieces[..., 1:, 0, :]) / 2
+    derivative[..., count:-1:count, :] = inner
+    if cyclic:
+        derivative[..., [0, -1], :] = (pieces[..., :1, 0, :] + pieces[..., -1:, -1, :]) / 2
+    return derivative
+
+
+@cache
+def _difference_matrix(points: int, order: int) -> np.ndarray:
+    """Return derivatives at evenly spaced points, one apart, of the polynomial through the nearest ones."""
+    width = min(OPTIONS.width, points)
+    first = np.clip(np.arange(points) - width // 2, 0, points - width)
+    matrix = np.zeros((points, points))
+    for i, begin in enumerate(first):
+        offsets = np.arange(begin, begin + width) - float(i)
+        right = np.zeros(width)
+        right[order] = order  # of its factorial, the first or second
+        matrix[i, begin : begin + width] = np.linalg.solve(np.vander(offsets, increasing=True).T, right)
+    matrix.setflags(write=False)
+    return matrix

@@ -2,9 +2,10 @@
 
 The control point of a sample is what a cubic spline has where it is the parabola through this sample and its
 neighbours: it reproduces parabolas on any times, cubics on even ones, where it is cᵢ = qᵢ − (qᵢ₊₁ − 2qᵢ + qᵢ₋₁)/6. The
-spline misses its inner samples by about δ⁴q/36, and goes through the first and the last. A free end continues the
-cubic of its first two intervals; an end at rest is mirrored; a cycle is wrapped. Every value depends on the few
-samples around it alone. Source: de Boor, A Practical Guide to Splines, chapter XII.
+spline misses its inner samples by about δ⁴q/36, and goes through the first and the last. At a free end the acceleration
+continues the parabola of the next three, so that it is as exact as between; an end at rest is mirrored; a cycle is
+wrapped. Every value depends on the few samples around it alone. Source: de Boor, A Practical Guide to Splines, chapter
+XII.
 """
 
 from __future__ import annotations
@@ -106,12 +107,7 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
     """Return the spline of samples; see above."""
     knots = _extended_knots(time, cyclic=cyclic)
     control = _control_points(q, knots, cyclic=cyclic, ends_at_rest=ends_at_rest)
-    # de Boor 1978, X (12): control points of the derivatives
-    slopes = 3 * np.diff(control, axis=-2) / (knots[..., 3:] - knots[..., :-3])[..., None]
-    before, after = np.diff(knots)[..., 1:-2, None], np.diff(knots)[..., 2:-1, None]
-    acceleration = 2 * np.diff(slopes, axis=-2) / (before + after)
-    velocity = (after * slopes[..., :-1, :] + before * slopes[..., 1:, :]) / (before + after)
-    position = control[..., 1:-1, :] - velocity * (after - before) / 3 + acceleration * before * after / 6
+    position, velocity, acceleration, slopes = _values_at_knots(control, knots)
     return Spline(
         time=time,
         position=position,
@@ -119,6 +115,17 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
         acceleration=acceleration,
         inner_velocity=slopes[..., 1:-1, :],
     )
+
+
+def _values_at_knots(control: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return position, velocity and acceleration at all knots but two at each end, and control points of velocities."""
+    # de Boor 1978, X (12): control points of the derivatives
+    slopes = 3 * np.diff(control, axis=-2) / (knots[..., 3:] - knots[..., :-3])[..., None]
+    before, after = np.diff(knots)[..., 1:-2, None], np.diff(knots)[..., 2:-1, None]
+    acceleration = 2 * np.diff(slopes, axis=-2) / (before + after)
+    velocity = (after * slopes[..., :-1, :] + before * slopes[..., 1:, :]) / (before + after)
+    position = control[..., 1:-1, :] - velocity * (after - before) / 3 + acceleration * before * after / 6
+    return position, velocity, acceleration, slopes
 
 
 def _interleave(samples: np.ndarray, middles: np.ndarray) -> np.ndarray:
@@ -143,15 +150,16 @@ def _control_points(q: Samples, knots: np.ndarray, *, cyclic: bool, ends_at_rest
     if q.shape[-2] < 5 - ends_at_rest:
         return _polynomial_control_points(q, knots, ends_at_rest=ends_at_rest)
     inner = _inner_control_points(q, knots[..., 2:-2])
+    near = min(4, inner.shape[-2])
     if ends_at_rest:
         step = np.diff(knots)
         share = (step[..., -3] / (2 * step[..., -3] + step[..., -4]))[..., None, None]
         last = (q[..., -1:, :] - share * inner[..., -1:, :]) / (1 - share)
         inner = np.concatenate([inner, last, inner[..., -1:, :]], axis=-2)
     else:
-        end = _free_end(q[..., -1:, :], inner[..., :-4:-1, :], -knots[..., :-8:-1])
+        end = _free_end(q[..., -1:, :], inner[..., : -near - 1 : -1, :], -knots[..., : -near - 5 : -1])
         inner = np.concatenate([inner, end[..., ::-1, :]], axis=-2)
-    return np.concatenate([_free_end(q[..., :1, :], inner[..., :3, :], knots[..., :7]), inner], axis=-2)
+    return np.concatenate([_free_end(q[..., :1, :], inner[..., :near, :], knots[..., : near + 4]), inner], axis=-2)
 
 
 def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
@@ -165,20 +173,28 @@ def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
 
 
 def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Return the two first control points: the cubic through the first sample that has the next three of its own.
+    """Return the two first control points of a spline through the first sample, from the next three or four.
 
-    ``knots`` are the first seven, two of them before the first sample.
+    Its first acceleration is on the parabola, or line, of the next three, or two. ``knots`` are the first seven, or
+    eight, two of them before the first sample.
     """
-    shifted = knots - knots[..., 2:3]
-    unit = shifted[..., 6:7]
-    rows = [_polar_form(shifted[..., k : k + 3] / unit) for k in (2, 3, 4)]
-    first = np.zeros_like(rows[0])
-    first[..., 0] = 1.0
-    matrix = np.stack([first, *rows], axis=-2)
-    extended = np.stack([_polar_form(shifted[..., k : k + 3] / unit) for k in (0, 1)], axis=-2)
-    factors = np.swapaxes(np.linalg.solve(np.swapaxes(matrix, -1, -2), np.swapaxes(extended, -1, -2)), -1, -2)
-    end: np.ndarray = factors @ np.concatenate([q, control], axis=-2)
+    count = control.shape[-2] + 2
+    units = np.broadcast_to(np.eye(count), (*knots.shape[:-1], count, count))
+    position, _, acceleration, _ = _values_at_knots(units, knots)
+    time = knots[..., 2:count]
+    ahead = np.stack([_lagrange_factor(time, k) for k in range(1, count - 2)], axis=-1)[..., None, :]
+    bend = acceleration[..., :1, :] - ahead @ acceleration[..., 1:, :]
+    rows = np.concatenate([position[..., :1, :], bend], axis=-2)
+    right = np.concatenate([q, np.zeros_like(q)], axis=-2) - rows[..., 2:] @ control
+    end: np.ndarray = np.linalg.solve(rows[..., :2], right)
     return end
+
+
+def _lagrange_factor(time: np.ndarray, k: int) -> np.ndarray:
+    """Return what the value at time k counts of the polynomial's at the first time, through all times but that."""
+    others = [j for j in range(1, time.shape[-1]) if j != k]
+    shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
+    return np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0)
 
 
 def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:

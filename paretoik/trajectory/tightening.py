@@ -33,17 +33,19 @@ class TighteningOptions:
 
     At the samples a violation up to ``feasible`` of it is none.
 
-    At most so many ``rounds``, each by at most ``largest`` of a range, where more than ``target`` of the tolerance is
-    exceeded. ``weight`` is that of all objectives beside the first, as when fronts are refined. ``warm`` is tried
-    first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
+    At most so many ``rounds``, as many as ``patience`` without a better motion, each by at most ``largest`` of a range,
+    where more than ``target`` of the tolerance is exceeded. ``weight`` is that of all objectives beside the first, as
+    when fronts are refined. ``warm`` is tried first, ``holding`` where it does not converge, then the next of the
+    ``shares`` of what is exceeded.
     """
 
     tolerance: float = 5e-5
     target: float = 0.5
-    rounds: int = 3
+    rounds: int = 8
+    patience: int = 3
     feasible: float = 1e-8
     largest: float = 0.4
-    shares: tuple[float, ...] = (1.0, 0.5)
+    shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     weight: float = 0.1
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
     holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)
@@ -72,9 +74,9 @@ def hold_between(
     best = _held(program, x)
     if program.task.differences != "spline":
         return best
-    current = best
+    current, vain = best, 0
     for _ in range(OPTIONS.rounds):
-        if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation):
+        if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation) or vain == OPTIONS.patience:
             break
         bounds = _tightened_bounds(program, current)
         for share in OPTIONS.shares:
@@ -85,6 +87,7 @@ def hold_between(
         else:
             break
         current = _held(tighter, solved)
+        vain = 0 if current.violation < best.violation else vain + 1
         best = min(best, current, key=lambda held: held.violation)
     return best
 

@@ -122,3 +122,22 @@ def test_integrals_are_simpsons_with_the_middles_between_samples():
     exact = np.trapezoid(fine.kinetic_energy, fine.time, axis=-1)
     np.testing.assert_allclose(pk.kinetic_energy(motion), exact, rtol=2e-3)
     np.testing.assert_array_equal(dense.q[:, ::2], motion.q)
+
+
+def test_accelerations_at_free_ends_are_as_exact_as_between():
+    time = np.linspace(0, 1, 41)
+    spline = fit_spline(np.sin(5 * time)[:, None], time, cyclic=False, ends_at_rest=False)
+    error = np.abs(spline.acceleration[:, 0] + 25 * np.sin(5 * time))
+    assert error[[0, -1]].max() < 3 * error[5:-5].max()
+
+
+def test_rates_on_a_finer_grid_are_those_of_the_projected_curve_at_knots_and_ends_too():
+    motion, step = spline_motion()[0], 1e-4
+    finer = finer_motion(motion)
+    for t, sign in ((0.0, 1), (motion.time[7], 1), (motion.time[7], -1), (motion.time[-1], -1)):
+        f = motion.at(np.sort(t + sign * step * np.arange(5)))[::sign]  # differences that lie within one interval
+        velocity = sign * (-25 * f[0] + 48 * f[1] - 36 * f[2] + 16 * f[3] - 3 * f[4]) / (12 * step)
+        acceleration = (35 * f[0] - 104 * f[1] + 114 * f[2] - 56 * f[3] + 11 * f[4]) / (12 * step**2)
+        k = int(np.argmin(np.abs(finer.time - t)))
+        np.testing.assert_allclose(finer.dq[k], velocity, atol=1e-6)
+        np.testing.assert_allclose(finer.ddq[k], acceleration, atol=1e-3)

@@ -43,3 +43,13 @@ def test_finite_differences_are_left_as_they_are_and_words_say_what_helps():
     assert words.startswith("between samples: acceleration of joint")
     assert 'differences="spline"' in words
     assert " s)" in words
+
+
+def test_a_torque_limit_that_is_active_at_a_free_end_holds_between_samples():
+    arm = pk.arms.tringali_3r()
+    free = pk.plan(pk.Tracking(arm, LINE, objectives=[pk.torque_norm]), starts=6).best.motion
+    limits = pk.Limits(torque=0.95 * np.abs(free.torque).max(axis=0))
+    best = pk.plan(pk.Tracking(arm, LINE, objectives=[pk.torque_norm], limits=limits), starts=6).best
+    slack = limits.torque - np.abs(best.motion.torque)
+    assert slack[[0, -1]].min() <= 1e-2 * limits.torque.max()
+    assert best.violation_between <= 1e-4
