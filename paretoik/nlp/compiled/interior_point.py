@@ -112,17 +112,12 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
         if iteration == options.iterations:
             break
         if solved:
-            stalled = 0
+            stalled, entries = 0, 0
             hopeless, barrier = _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options)
-            entries = 0
             if hopeless:
                 status = VIOLATED
                 break
-            if set_smoothing(kernel, work, barrier.mu):
-                evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
-                reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
-                linearise(kernel, work, x)
-                _stationarity(kernel, work, weights, rows, it)
+            _smooth(kernel, work, it, barrier, x, weights, rows, upper)
         delta = newton_step(kernel, work, weights, rows, barrier, border, delta, it)
         if not np.isfinite(delta):
             status = NO_PROGRESS
@@ -130,9 +125,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
         length, slope = search_direction(kernel, work, weights, rows, barrier, options, dx, it)
         before = dot(weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
         theta = residual_sum(it.r, options)
-        flat = theta == 0.0 and (
-            -slope <= options.flat_decrease * (1 + abs(before)) or stalled >= options.stalled_steps
-        )
+        flat = theta == 0.0 and _is_flat(slope, before, stalled, options)
         accepted, after, entries = search_line(
             kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries,
             options, trial, it
@@ -150,8 +143,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
         else:
             restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
             if entries == 0:
-                reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
-                central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
+                _recentre(it, barrier.mu, barrier.penalty)
             entries = 0
     return x, status, iteration, stationarity, violation
 
@@ -178,6 +170,29 @@ def _begin_slacks(kernel, barrier, it, options):
         begin_slacks(it.c, barrier.mu, barrier.penalty, shortest, it.s, it.t, it.r)
     central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
     return residual_sum(it.r, options)
+
+
+@compiled
+def _recentre(it, mu, penalty):
+    """Write the best slacks, and the multipliers on the central path."""
+    reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
+    central_multipliers(it.s, mu, penalty, it.z)
+
+
+@compiled
+def _smooth(kernel, work, it, barrier, x, weights, rows, upper):
+    """Smooth kinks as the barrier wants it, and evaluate and linearise again; do nothing where there are none."""
+    if set_smoothing(kernel, work, barrier.mu):
+        evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
+        reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
+        linearise(kernel, work, x)
+        _stationarity(kernel, work, weights, rows, it)
+
+
+@compiled
+def _is_flat(slope, before, stalled, options):
+    """Return whether the merit function hardly falls along a step, or has not for several."""
+    return -slope <= options.flat_decrease * (1 + abs(before)) or stalled >= options.stalled_steps
 
 
 @compiled
@@ -229,8 +244,7 @@ def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, 
         elif penalty >= options.helpless_growth * helpful:
             return True, barrier
         penalty = options.penalty_factor * penalty
-        reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
-        central_multipliers(it.s, mu, penalty, it.z)
+        _recentre(it, mu, penalty)
     else:
         mu = _next_barrier(mu, options)
         while mu > options.last_barrier and max(stationarity, complementarity) <= options.barrier_tolerance * mu:
