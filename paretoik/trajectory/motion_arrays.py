@@ -49,6 +49,7 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
         row_peaks=row_peaks,
         kinks=kinks,
         nesting=nesting,
+        smoothing=float(len(kinks) * len(program.task.instants)),
     )
 
 

@@ -5,7 +5,12 @@ the other variables as v = (a + b)/2 ± √(E² + ν²) with E = (a − b)/2, wh
 function of v then is a smooth function of u, and banded in time as before. The slope λ = E / √(E² + ν²) solves
 λ √(E² + ν²) = E, which Newton's method takes in E and λ at once: in its Hessian the second derivative
 (1 − λ²) / √(E² + ν²) is (1 − λ λ̂) / √(E² + ν²), λ̂ the slope that the last step led one to expect. With λ² alone it
-would hardly move once ν is small. Source: Chan, Golub & Mulet 1999, section 4.
+would hardly move once ν is small. A λ̂ that moves to its bounds slowly keeps a kink stiff that was just crossed, so
+that steps do not leap back and forth; with λ̂ = 0 the iteration is lagged diffusivity, which never does. Source: Chan,
+Golub & Mulet 1999, section 4; Vogel & Oman 1996 for lagged diffusivity.
+
+A slack of weight w in the objective, with a barrier μ on each of its ties, would stand 2 μ / w above a kink of size 0.
+All kinks together are of the objective's size, 1: as many as there are, so many barriers wide is each, in its own size.
 """
 
 from __future__ import annotations

@@ -44,12 +44,12 @@ class MotionKernel(NamedTuple):
     row_peaks: np.ndarray  # (rows,): the peak that a row belongs to, −1 for none
     kinks: np.ndarray  # (kinks, 4): input, variable, sign and first tie of a slack v, innermost first
     nesting: int  # how many kinks lie within one another at most
+    smoothing: float  # of kinks, in barriers μ and sizes of their arguments: how many kinks there are at all instants
     longest_step: float = 0.4  # [rad or m] of any joint: too little to reach another branch of the self-motion unseen
     penalty: float = 1.0
     implied_slacks: bool = True
     large_multiplier: float = np.inf
-    smoothing: float = 30.0  # of kinks, in barriers μ and sizes of their arguments
-    dual_fraction: float = 0.7  # of the way to its bounds that the multiplier of a kink moves at most
+    dual_fraction: float = 0.25  # of the way to its bounds that the multiplier of a kink moves at most
     least_smoothing: float = 1e-9  # of these sizes: what rounding leaves of a kink
 
 
