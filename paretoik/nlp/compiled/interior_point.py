@@ -49,7 +49,7 @@ from paretoik.nlp.compiled.kernel_steps import (
     restore,
     set_smoothing,
 )
-from paretoik.nlp.compiled.line_search import search_line
+from paretoik.nlp.compiled.line_search import is_negligible, search_line
 from paretoik.nlp.compiled.newton import newton_step, search_direction
 from paretoik.nlp.solutions import (
     CONVERGED,
@@ -140,6 +140,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             if not flat:
                 status = NO_PROGRESS
                 break
+            _recentre(it, barrier.mu, barrier.penalty)  # x solves the subproblem as well as rounding can tell
         else:
             restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
             if entries == 0:
@@ -192,7 +193,7 @@ def _smooth(kernel, work, it, barrier, x, weights, rows, upper):
 @compiled
 def _is_flat(slope, before, stalled, options):
     """Return whether the merit function hardly falls along a step, or has not for several."""
-    return -slope <= options.flat_decrease * (1 + abs(before)) or stalled >= options.stalled_steps
+    return is_negligible(slope, before, options) or stalled >= options.stalled_steps
 
 
 @compiled

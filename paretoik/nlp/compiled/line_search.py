@@ -16,9 +16,12 @@ def search_line(
     kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries, options,
     trial, it
 ):  # fmt: skip
-    """Write the trial point of the longest step that the filter accepts; return (whether, merit, filter entries)."""
+    """Write the trial point of the longest step that the filter accepts; return (whether, merit, filter entries).
+
+    A step whose predicted decrease is rounding is tried whole or not at all.
+    """
     after, mu, penalty = before, barrier.mu, barrier.penalty
-    for _ in range(options.halvings):
+    for _ in range(1 if theta == 0.0 and is_negligible(slope, before, options) else options.halvings):
         if retract(kernel, work, x, dx, length, trial):
             evaluate_all(kernel, work, trial, rows, upper, it.bounds, it.trial_objectives, it.trial_c)
             if kernel.implied_slacks:
@@ -34,6 +37,12 @@ def search_line(
                 return True, after, entries
         length *= 0.5
     return False, after, entries
+
+
+@compiled
+def is_negligible(slope, before, options):
+    """Return whether the decrease of the merit function that a step predicts is rounding."""
+    return -slope <= options.flat_decrease * (1 + abs(before))
 
 
 @compiled
