@@ -27,6 +27,7 @@ class InteriorPointOptions(NamedTuple):
     boundary_fraction: float = 0.995  # of the way to where a slack or multiplier is 0; Nocedal & Wright, Eq. 19.9
     multiplier_range: float = 1e8  # by which a multiplier may differ from μ over its slack; Wächter & Biegler, Eq. 16
     flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
+    flat_barrier: float = 1e-6  # times μ: a predicted decrease below which a subproblem has nothing to gain
     merit_rounding: float = 1e-14  # of the merit function, relative
     stalled_steps: int = 5  # whose decrease is rounding, after which a subproblem counts as solved
     least_slack: float = 1e-2  # that unknown slacks begin with, or √μ where that is less

@@ -125,7 +125,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
         length, slope = search_direction(kernel, work, weights, rows, barrier, options, dx, it)
         before = dot(weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
         theta = residual_sum(it.r, options)
-        flat = theta == 0.0 and _is_flat(slope, before, stalled, options)
+        flat = theta == 0.0 and _is_flat(slope, before, barrier, stalled, options)
         accepted, after, entries = search_line(
             kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries,
             options, trial, it
@@ -191,9 +191,10 @@ def _smooth(kernel, work, it, barrier, x, weights, rows, upper):
 
 
 @compiled
-def _is_flat(slope, before, stalled, options):
-    """Return whether the merit function hardly falls along a step, or has not for several."""
-    return is_negligible(slope, before, options) or stalled >= options.stalled_steps
+def _is_flat(slope, before, barrier, stalled, options):
+    """Return whether the merit function hardly falls along a step beside rounding or μ, or has not for several."""
+    negligible = is_negligible(slope, before, options) or -slope <= options.flat_barrier * barrier.mu
+    return negligible or stalled >= options.stalled_steps
 
 
 @compiled
