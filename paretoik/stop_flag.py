@@ -12,6 +12,7 @@ import numpy as np
 
 # Number of the signal, 0 without one; an array, so that compiled code sees it change.
 STOP = np.zeros(1, dtype=np.int64)
+watched = False  # whether a signal sets it at once, while compiled code runs in the main thread too
 
 
 class Interrupted(KeyboardInterrupt):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import socket
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
+from paretoik import stop_flag
 from paretoik.stop_flag import STOP
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -29,6 +32,49 @@ class Interruption:
 
 
 _ACTIVE: list[Interruption] = []  # at most one: signals are the process's
+
+
+@contextmanager
+def _watching() -> Iterator[None]:
+    """Set the stop flag as soon as a signal comes, even while compiled code runs in the main thread.
+
+    Python calls handlers between its own instructions there; the number of a signal it writes into a socket at once.
+    """
+    receiver, sender = socket.socketpair()
+    with receiver, sender:
+        sender.setblocking(False)
+        former = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+        watcher = threading.Thread(target=_watch, args=(receiver, former), daemon=True)
+        watcher.start()
+        stop_flag.watched = True
+        try:
+            yield
+        finally:
+            stop_flag.watched = False
+            signal.set_wakeup_fd(former)
+            sender.setblocking(True)
+            sender.send(b"\0")
+            watcher.join()
+
+
+def _watch(receiver: socket.socket, former: int) -> None:
+    """Set the stop flag to the first signal that a socket brings, until it brings 0; pass all on to a former one."""
+    while number := receiver.recv(1)[0]:
+        if number in SIGNALS and not STOP[0]:
+            STOP[0] = number
+        if former >= 0:
+            with suppress(OSError):
+                os.write(former, bytes([number]))
+
+
+def _leave_to_parent() -> None:
+    """Keep a forked process from writing its signals into its parent's socket."""
+    if stop_flag.watched:
+        stop_flag.watched = False
+        signal.set_wakeup_fd(-1)
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 @contextmanager
@@ -62,7 +108,8 @@ def interruptible() -> Iterator[Interruption]:
     try:
         for which in SIGNALS:
             signal.signal(which, record)
-        yield interruption
+        with _watching():
+            yield interruption
     finally:
         restore()
         _ACTIVE.pop()

@@ -7,8 +7,14 @@ subject to  ∇fᵢ·d + t ≤ 0 for every objective
 
 χ is 0 at a Pareto-critical point, positive elsewhere. A second-order cone program, solved by Clarabel. It is assembled
 by hand: its sparsity differs from motion to motion, and cvxpy takes seconds to canonicalise each. Tests hold it against
-a statement in cvxpy. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their
-quadratic term.
+a statement in cvxpy. Source: Fliege & Svaiter 2000, Eq. 2, with a ball in place of their quadratic term.
+
+Any λ ≥ 0, Σλ = 1, and μ ≥ 0 bound it from above, by weak duality:
+
+    χ ≤ radius · ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ + μ·c
+
+Where the active inequalities alone have multipliers that bound it by next to nothing, and no others do, that is faster:
+nonnegative least squares (Lawson & Hanson 1974, chapter 23).
 """
 
 from __future__ import annotations
@@ -20,9 +26,10 @@ import clarabel
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
+from scipy.optimize import nnls
 
 from paretoik.errors import SolverFailed
-from paretoik.nlp.conic import Constraints
+from paretoik.nlp.conic import Constraints, dense_rows
 from paretoik.stop_flag import check_interruption
 
 
@@ -32,6 +39,9 @@ class CriticalityOptions:
 
     near_share: float = 0.01  # of the radius: inequalities that no step so short reaches are left out at first
     gain_tolerance: float = 1e-10  # of the steepest gradient's length: a gain that is as good as 0
+    active: float = 1e-7  # slack up to which an inequality is active
+    bound: float = 1e-8  # of the steepest gradient's length times the radius: a bound of χ that stands for it
+    singular: float = 1e-7  # singular value that counts as none, of gradients of length one
     solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, until one is met
 
 
@@ -58,6 +68,9 @@ def criticality(
     with all. Raises SolverFailed where Clarabel ends without a solution.
     """
     check_interruption()
+    bounded = active_set_criticality(gradients, constraints, radius)
+    if bounded is not None:
+        return bounded
     scale = _scale(gradients)
     near = constraints.within_reach(OPTIONS.near_share * radius, order=2)
     first = _solve_near(gradients, constraints, radius, near)
@@ -66,18 +79,52 @@ def criticality(
     return _solve_near(gradients, constraints, radius, constraints.within_reach(radius, order=2))
 
 
+def active_set_criticality(
+    gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
+) -> Criticality | None:
+    """Return a bound of the criticality, and the only multipliers of the active inequalities that lead to it.
+
+    None where the bound is not next to nothing, other multipliers do as well, or there are auxiliary columns.
+    """
+    if constraints.cones or gradients.shape[1] > constraints.unknowns:
+        return None
+    scale, norms, count = _scale(gradients), constraints.row_norms, len(gradients)
+    active = np.flatnonzero(constraints.values <= OPTIONS.active)
+    rows = np.concatenate([gradients / scale, -(constraints.jacobian[active].toarray() / norms[active, None])])
+    total = np.concatenate([np.ones(count), np.zeros(len(active))])
+    try:
+        dual = nnls(np.vstack([rows.T, total]), np.append(np.zeros(rows.shape[1]), 1.0))[0]
+    except RuntimeError:  # no end within its iterations
+        return None
+    if not dual[:count].any():
+        return None
+    dual /= dual[:count].sum()
+    slacks = np.maximum(constraints.values[active], 0.0) / norms[active]
+    bound = radius * float(np.linalg.norm(rows.T @ dual)) + float(dual[count:] @ slacks)
+    if bound > OPTIONS.bound * radius:
+        return None
+    lengths = np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    singular = np.linalg.svd(rows / lengths, compute_uv=False)
+    if len(rows) - np.count_nonzero(singular > OPTIONS.singular) > 1:
+        return None
+    multipliers = np.zeros(len(norms))
+    multipliers[active] = dual[count:] * scale / norms[active]
+    return Criticality(value=bound * scale, step=np.zeros(rows.shape[1]), weights=dual[:count], multipliers=multipliers)
+
+
 def _solve_near(gradients: np.ndarray, constraints: Constraints, radius: float, near: np.ndarray) -> Criticality:
     """Return the criticality with the inequalities ``near`` alone; objectives and inequalities have length one."""
     scale, norms, count = _scale(gradients), constraints.row_norms, len(gradients)
     columns, unknowns = gradients.shape[1], constraints.unknowns
     slopes = sparse.diags_array(1.0 / norms[near]) @ constraints.jacobian[near]
-    gains = sparse.csr_array(np.column_stack([gradients / scale, np.ones(count)]))
+    gains = dense_rows(gradients / scale)
     ball = sparse.vstack([sparse.csr_array((1, columns)), -sparse.eye_array(unknowns, columns)])
     rows = [-slopes, *[part for cone in constraints.cones for part in (-_unit_row(cone.column, columns), -cone.rows)]]
-    steps = sparse.vstack([rows[0], sparse.csr_array((count, columns)), ball, *rows[1:]], format="csr")
-    t = sparse.csr_array((steps.shape[0], 1))
-    table = sparse.hstack([steps, t], format="lil")
-    table[len(near) : len(near) + count] = gains
+    steps = sparse.vstack([rows[0], gains, ball, *rows[1:]])
+    t = sparse.coo_array(
+        (np.ones(count), (len(near) + np.arange(count), np.zeros(count, dtype=int))), (steps.shape[0], 1)
+    )
+    table = sparse.hstack([steps, t])
     values = [part for cone in constraints.cones for part in ([np.linalg.norm(cone.values)], cone.values)]
     slacks = np.maximum(constraints.values[near], 0.0) / norms[near]
     right = np.concatenate([slacks, np.zeros(count), [radius], np.zeros(unknowns), *values])

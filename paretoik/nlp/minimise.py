@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float
 
+from paretoik import stop_flag
 from paretoik.arrays import Points
 from paretoik.errors import InvalidInput
 from paretoik.nlp import sqp
@@ -54,8 +56,11 @@ def minimise(
         finite = np.isfinite(program.upper)
         table = np.concatenate([rows, identity[finite]])
         bounds = np.concatenate([upper, np.tile(program.upper[finite], (count, 1))], axis=1)
-    solve = _interior_point if program.kernel is not None and solver != "sqp" else _sqp
-    solutions = solve(program, x, factors, table, bounds, each)
+    kernel = None if solver == "sqp" else program.kernel
+    if kernel is None:
+        solutions = _sqp(program, x, factors, table, bounds, each)
+    else:
+        solutions = _interior_point(program, kernel, x, factors, table, bounds, each)
     # Below the program's own rounding no step makes a point better.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
@@ -73,6 +78,7 @@ def check_solver(program: Program, solver: str) -> None:
 
 def _interior_point(
     program: Program,
+    kernel: Any,
     x: np.ndarray,
     weights: np.ndarray,
     rows: np.ndarray,
@@ -88,8 +94,7 @@ def _interior_point(
     ends: list[Any] = [(start, INTERRUPTED, 0, unknown, np.nan, np.nan) for start in x]
     remaining = iter(range(count))
 
-    def work() -> None:
-        kernel = program.kernel
+    def work(kernel: Any) -> None:
         for i in remaining:  # whichever thread is free takes the next point
             if STOP[0]:
                 return
@@ -97,14 +102,29 @@ def _interior_point(
             end = search(kernel, *start, options[i], STOP)
             ends[i] = (*end[:4], *end[5:7])
 
-    # Python handles signals in the main thread, between its instructions: that one waits, even for a single point.
-    _join([_pool().submit(work) for _ in range(min(count, _cores()))])
+    if count == 1 and type(kernel) in _COMPILED and _hears_signals():
+        work(kernel)
+    elif count:
+        kernels = [kernel, *(program.kernel for _ in range(1, min(count, _cores())))]  # one for a thread
+        _join([_pool().submit(work, each) for each in kernels])
+        _COMPILED.add(type(kernel))
     for i in range(count if program.kinked else 0):  # what was minimised is smoothed
         if ends[i][1] not in (NOT_FINITE, INTERRUPTED):
             F, equalities, inequalities = program.evaluate(ends[i][0])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
             ends[i] = (*ends[i][:3], F, ends[i][4], violation)
     return _collect(ends, x.shape, len(program.upper))
+
+
+_COMPILED: set[type] = set()  # kernels whose interior-point method needs no more compilation, which no signal ends
+
+
+def _hears_signals() -> bool:
+    """Return whether a signal is answered while this thread runs compiled code.
+
+    Python handles signals in the main thread, between its own instructions.
+    """
+    return stop_flag.watched or threading.current_thread() is not threading.main_thread()
 
 
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:

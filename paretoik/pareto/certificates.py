@@ -17,7 +17,7 @@ from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.front.certificates import Certificates
 from paretoik.nlp.conic import Constraints
-from paretoik.nlp.criticality import Criticality, criticality
+from paretoik.nlp.criticality import active_set_criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
 from paretoik.nlp.violation import violation_at, violation_of
 from paretoik.pareto.curvature import curvature_status
@@ -90,9 +90,21 @@ def certify(
     )
 
 
-def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> Criticality:
+def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
     """Return the criticality of a point, objectives divided by ``ranges``."""
-    return criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit)
+    return criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit).value
+
+
+def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
+    """Return an upper bound of the criticality that takes no conic program; see ``active_set_criticality``.
+
+    It is infinite where there is none next to nothing; where there are auxiliary columns it is the criticality itself.
+    """
+    gradients, constraints = at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at)
+    if gradients.shape[1] > at.unknowns:
+        return criticality(gradients, constraints, at.unit).value
+    result = active_set_criticality(gradients, constraints, at.unit)
+    return np.inf if result is None else result.value
 
 
 def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj"]) -> _Certificate:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,10 +13,10 @@ from paretoik.arrays import Points
 from paretoik.errors import EvaluationFailed, SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.program import Linearisation, Program, Solver
 from paretoik.nlp.solutions import Solutions
 from paretoik.nlp.violation import violation_at
-from paretoik.pareto.certificates import criticality_at
+from paretoik.pareto.certificates import criticality_at, criticality_bound
 from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.warm_start import evaluate_points
 from paretoik.stop_flag import Interrupted, check_interruption
@@ -108,7 +109,7 @@ def _refine_rows(
     """Refine some of the points in place. Raises Interrupted after a signal, with what converged by then kept."""
     for i in rows:
         check_interruption()
-        converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical)
+        converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical, criticality_bound)
     for attempt in attempts:
         rest = rows[~converged[rows]]
         if not len(rest):
@@ -143,7 +144,7 @@ def _keep(
     ):
         # in a flat valley a solver stops where rounding hides its gain, though all objectives together may have one
         converged[i] = solved and (
-            stationarity <= OPTIONS.stationary or _is_critical(program, x[i], n_obj, OPTIONS.flat)
+            stationarity <= OPTIONS.stationary or _is_critical(program, x[i], n_obj, OPTIONS.flat, criticality_at)
         )
 
 
@@ -154,11 +155,18 @@ def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> 
     return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
 
 
-def _is_critical(program: Program, x: np.ndarray, n_obj: int, tolerance: float) -> bool:
+def _is_critical(
+    program: Program,
+    x: np.ndarray,
+    n_obj: int,
+    tolerance: float,
+    value: Callable[[Program, Linearisation, np.ndarray], float],
+) -> bool:
+    """Return whether a point keeps its limits and the value of its criticality, or of a bound, is next to nothing."""
     try:
         at = program.linearise(x)
         if violation_at(program, at) > OPTIONS.violation:
             return False
-        return criticality_at(program, at, np.ones(n_obj)).value <= tolerance
+        return value(program, at, np.ones(n_obj)) <= tolerance
     except (SolverFailed, EvaluationFailed):
         return False

@@ -4,10 +4,11 @@ import os
 import signal
 import threading
 
+import numba
 import pytest
 
 from paretoik.execution.interrupts import interruptible
-from paretoik.stop_flag import Interrupted, check_interruption
+from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -71,3 +72,49 @@ def test_another_thread_catches_nothing():
     thread.start()
     thread.join()
     assert handlers == [(before, False)]
+
+
+def test_a_signal_sets_the_flag_while_the_main_thread_runs_no_python():
+    with interruptible() as interruption:
+        assert not STOP[0]
+        timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGTERM))
+        timer.start()
+        wait_for(STOP, 1e10)  # compiled
+        assert STOP[0] == signal.SIGTERM == interruption.signal
+        timer.join()
+    assert not STOP[0]
+
+
+@numba.njit(nogil=True)
+def wait_for(stop, count):
+    """Run until the flag is set, or long."""
+    i = 0.0
+    while not stop[0] and i < count:
+        i += 1.0
+    return i
+
+
+def test_a_former_wakeup_descriptor_learns_of_signals_too_and_is_put_back():
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    before = signal.set_wakeup_fd(writer)
+    try:
+        with interruptible():
+            os.kill(os.getpid(), signal.SIGINT)
+        assert os.read(reader, 10) == bytes([signal.SIGINT])
+    finally:
+        assert signal.set_wakeup_fd(before) == writer
+        os.close(reader)
+        os.close(writer)
+
+
+def test_a_forked_process_leaves_its_parents_flag_alone():
+    with interruptible() as interruption:
+        child = os.fork()
+        if not child:
+            os.kill(os.getpid(), signal.SIGTERM)
+            os._exit(0)
+        os.waitpid(child, 0)
+        threading.Event().wait(0.05)
+        assert not STOP[0]
+        assert not interruption

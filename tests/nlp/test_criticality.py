@@ -8,7 +8,7 @@ from scipy import sparse
 from paretoik.errors import SolverFailed
 from paretoik.nlp import criticality as criticality_module
 from paretoik.nlp.conic import Cone, Constraints
-from paretoik.nlp.criticality import OPTIONS, criticality
+from paretoik.nlp.criticality import OPTIONS, active_set_criticality, criticality
 
 
 def random_point(seed, *, objectives=2, unknowns=40, limits=90):
@@ -132,3 +132,28 @@ def test_a_solver_that_makes_no_progress_is_asked_for_less_and_that_fails_only_i
     lowest = 1.0
     with pytest.raises(SolverFailed, match="InsufficientProgress"):
         criticality(*point, radius=3.0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_multipliers_of_active_limits_alone_are_the_conic_programs_where_they_are_unique(seed):
+    rng = np.random.default_rng(seed)
+    jacobian, multipliers = rng.normal(size=(8, 12)), np.array([0.5, 2.0, 0.0, 1.0, 0, 0, 0, 0])
+    slacks = np.where(multipliers > 0, 0.0, rng.uniform(0.5, 1.0, 8))
+    gradients = rng.normal(size=(2, 12))
+    gradients[1] = (jacobian.T @ multipliers - 0.25 * gradients[0]) / 0.75
+    within = Constraints(unknowns=12, values=slacks, jacobian=sparse.csr_array(jacobian))
+    fast = active_set_criticality(gradients, within, 2.0)
+    conic = criticality_module._solve_near(gradients, within, 2.0, np.arange(8))
+    assert fast is not None
+    assert fast.value == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(fast.weights, [0.25, 0.75], atol=1e-9)
+    np.testing.assert_allclose(fast.multipliers, multipliers, atol=1e-8)
+    np.testing.assert_allclose(conic.multipliers, fast.multipliers, atol=1e-5)
+    assert active_set_criticality(gradients + 0.01 * rng.normal(size=(2, 12)), within, 2.0) is None
+
+
+def test_multipliers_that_are_not_unique_are_left_to_the_conic_program():
+    gradients, twice = np.array([[1.0, 0.0]]), sparse.csr_array(np.array([[1.0, 0.0], [1.0, 0.0]]))
+    within = Constraints(unknowns=2, values=np.zeros(2), jacobian=twice)
+    assert active_set_criticality(gradients, within, 1.0) is None
+    assert criticality(gradients, within, 1.0).multipliers == pytest.approx([0.5, 0.5], abs=1e-4)

@@ -56,7 +56,7 @@ def test_an_interior_point_ends_where_nothing_can_be_gained_exactly(objective):
     assert program.kernel is not None
     assert solutions.converged.any()
     for x, values in zip(solutions.x[solutions.converged], solutions.objectives[solutions.converged], strict=True):
-        assert criticality_at(program, program.linearise(x), np.ones(1)).value <= 1e-7
+        assert criticality_at(program, program.linearise(x), np.ones(1)) <= 1e-7
         assert values[0] == program.evaluate(x)[0][0]
 
 

@@ -6,12 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput, OutOfReach, SolverFailed
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
+from paretoik.trajectory.plan_starts import sample_starts
+from paretoik.trajectory.transcription import motion_program
 from problems import panda
 
 KINDS = ("velocity", "acceleration", "torque", "clearance")
@@ -22,15 +28,19 @@ class CaseOptions:
     """How problems are made.
 
     A limit is ``share`` of what the best motion without it needs, less for every joint at random; an obstacle reaches
-    ``depth`` [m] into the clearance of that motion. ``starts`` are those of the plan without limits. Problems whose
-    best motion keeps more than a share ``active`` of a range away from every limit are left out.
+    ``depth`` [m] into the clearance of that motion, the best that so many ``starts`` lead to. ``barriers`` are tried in
+    turn. Problems whose best motion keeps more than a share ``active`` of a range away from every limit are left out.
     """
 
     share: tuple[float, float] = (0.88, 0.97)
     depth: float = 0.004
-    starts: int = 12
+    starts: int = 3
     attempts: int = 40
     active: float = 1e-3
+    barriers: tuple[InteriorPointOptions, ...] = (
+        InteriorPointOptions(barrier=1e-3, radius=0.05),
+        InteriorPointOptions(barrier=0.1, radius=0.4),
+    )
 
 
 OPTIONS = CaseOptions()
@@ -38,7 +48,10 @@ OPTIONS = CaseOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A problem by name: what ``pk.Tracking`` takes, except its discretisation."""
+    """A problem by name: what ``pk.Tracking`` takes, except its discretisation.
+
+    ``q`` is the best motion (time, dof) without limits, ``scale`` the objective there.
+    """
 
     name: str
     arm: pk.Arm
@@ -46,6 +59,8 @@ class Case:
     objective: Objective
     cyclic: bool
     limits: pk.Limits
+    q: Float[np.ndarray, "time dof"]
+    scale: float
     obstacles: tuple[Obstacle, ...] = ()
 
     def problem(self, differences: str) -> pk.Tracking:
@@ -81,24 +96,41 @@ def _random_case(
     arm, path, cyclic = (_spatial if spatial else _planar)(rng, int(rng.choice(samples)))
     objective = pk.kinetic_energy if rng.random() < 0.5 else pk.torque_norm
     try:
-        free = pk.Tracking(arm, path, objectives=[objective], cyclic=cyclic)
-        best = pk.plan(free, starts=OPTIONS.starts, seed=0).best.motion
+        free = pk.Tracking(arm, path, objectives=[objective], cyclic=cyclic).task
+        q = minimise_from(free, sample_starts(free, OPTIONS.starts, rng))
+        if q is None:
+            return None
+        best = free.motion(q)
         limits, obstacles = _active(kind, best, rng)
         name = f"{number}: {kind}, {'spatial' if spatial else 'planar'} {arm.dof}R, {len(path.times)} samples"
         case = Case(
-            name=name + (", cyclic" if cyclic else ""),
+            name=f"{name}, {objective.name}" + (", cyclic" if cyclic else ""),
             arm=arm,
             path=path,
             objective=objective,
             cyclic=cyclic,
             limits=limits,
+            q=q,
+            scale=float(objective(best)),
             obstacles=obstacles,
         )
-        problem = case.problem("spline")
-        motion = pk.plan(problem, starts=OPTIONS.starts, seed=0).best.motion
+        task = case.problem("spline").task
+        kept = minimise_from(task, q[None])
     except (Infeasible, OutOfReach, InvalidInput, SolverFailed):
         return None
-    return case if problem.task.violations(motion).max() > -OPTIONS.active else None
+    return case if kept is not None and task.violations(task.motion(kept)).max() > -OPTIONS.active else None
+
+
+def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> Float[np.ndarray, "time dof"] | None:
+    """Return the best optimum that motions on the path lead to; None where they lead to none."""
+    values = task.objectives[0](task.motion(q))
+    program = motion_program(task, [float(values.min())])
+    for options in OPTIONS.barriers:
+        solutions = minimise(program, q, np.ones((1, 1)), options=options)
+        if solutions.converged.any():
+            best = np.argmin(np.where(solutions.converged, solutions.objectives[:, 0], np.inf))
+            return np.asarray(solutions.x[best])
+    return None
 
 
 def _planar(rng: np.random.Generator, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
