@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -17,9 +18,22 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.program import joint_distance
 
 
+@dataclass(frozen=True, kw_only=True)
+class RolloutOptions:
+    """How many roll-outs there are: ``most``, fewer on paths of more than ``samples`` samples, but ``least``."""
+
+    most: int = 256
+    least: int = 64
+    samples: int = 101
+
+
+OPTIONS = RolloutOptions()
+
+
 def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
-    """Return at most 256 roll-outs: those that violate limits less first, then by non-domination."""
-    q = rollout_starts(task, 256, rng)
+    """Return roll-outs, as many as OPTIONS says: those that violate limits less first, then by non-domination."""
+    count = OPTIONS.most * OPTIONS.samples // len(task.times)
+    q = rollout_starts(task, min(max(count, OPTIONS.least), OPTIONS.most), rng)
     F, limits, _ = evaluate_motions(task, task.motion(q))
     violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
     finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
@@ -33,9 +47,10 @@ def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np
     members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
     chosen = [int(rows[0]) for rows in members][:count]
     pool = np.concatenate([rows[: (len(rows) + 1) // 2] for rows in members])
+    distances = joint_distance(task, rollouts[pool, None], rollouts[chosen]).min(axis=1)
     while len(chosen) < min(count, len(pool)):
-        distances = joint_distance(task, rollouts[pool, None], rollouts[chosen]).min(axis=1)
         chosen.append(int(pool[np.argmax(distances)]))
+        distances = np.minimum(distances, joint_distance(task, rollouts[pool], rollouts[chosen[-1]]))
     return rollouts[chosen]
 
 
