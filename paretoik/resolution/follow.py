@@ -53,7 +53,7 @@ def follow(
 def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarray) -> ResolvedMotion:
     criteria, steps = method.criterion_list, np.diff(task.times)
     shape, settings, gains = _broadcast(method, criteria, start, steps)
-    program = step_program(task, [each.objective for each in criteria])
+    program = step_program(task, tuple(each.objective for each in criteria))
     count, dof, number = len(settings), task.arm.dof, len(criteria)
     q = np.empty((count, len(task.times), dof))
     q[:, 0] = np.broadcast_to(start, (*shape, dof)).reshape(-1, dof)

@@ -47,18 +47,30 @@ class HorizonProgram:
     """The program of ``horizon`` samples ahead, ``interval`` [s] from each other.
 
     The last sample counts ``terminal`` times more. ``derivatives`` gives, of positions ahead, posture, velocity,
-    targets and terminal weight, the objective, its gradient, the path's equations and their Jacobian, sample by sample;
-    ``hessian``, of multipliers too, the entries of the Hessian of the Lagrangian at ``indices`` (rows, columns).
+    targets, terminal weight and interval, the objective, its gradient, the path's equations and their Jacobian, sample
+    by sample; ``hessian``, of multipliers too, the entries of the Hessian of the Lagrangian at ``indices`` (rows,
+    columns).
     """
 
     horizon: int
     dof: int
     rows: int
-    interval: float
     derivatives: Evaluator
     hessian: Evaluator
     indices: tuple[np.ndarray, np.ndarray]
+    interval: float = 1.0
     terminal: float = 0.0
+
+    def inputs(
+        self,
+        q: Float[np.ndarray, "horizon dof"],
+        posture: Float[np.ndarray, " dof"],
+        velocity: Float[np.ndarray, " dof"],
+        targets: Float[np.ndarray, "horizon numbers"],
+    ) -> Float[np.ndarray, "inputs 1"]:
+        """Return what the evaluators take, multipliers and jerk being 0."""
+        settings, zeros = [self.terminal, self.interval], np.zeros(self.horizon * self.rows + self.dof)
+        return np.concatenate([q.ravel(), posture, velocity, targets.ravel(), settings, zeros])[:, None]
 
     def solve(
         self,
@@ -68,8 +80,7 @@ class HorizonProgram:
         targets: Float[np.ndarray, "horizon numbers"],
     ) -> HorizonSolution:
         """Return the local minimum from positions ahead."""
-        zeros = np.zeros(self.horizon * self.rows + self.dof)  # multipliers and jerk
-        inputs = np.concatenate([q.ravel(), posture, velocity, targets.ravel(), [self.terminal], zeros])[:, None]
+        inputs = self.inputs(q, posture, velocity, targets)
         value, converged, iterations = _compiled()(
             self.derivatives.arrays, self.hessian.arrays, *self.indices, inputs, self.horizon, self.dof, self.rows
         )
@@ -85,11 +96,11 @@ def horizon_program(
     Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
     accelerations, or depends on none of them.
     """
-    return replace(_trace_program(task, objective, horizon, interval), terminal=terminal)
+    return replace(_trace_program(task, objective, horizon), interval=interval, terminal=terminal)
 
 
 @lru_cache(maxsize=64)  # a search over a method's numbers asks for the same few programs again and again
-def _trace_program(task: MotionTask, objective: Objective, horizon: int, interval: float) -> HorizonProgram:
+def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> HorizonProgram:
     n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
         raise InvalidInput(f"{label}: form 'integral' wanted, got {objective.form!r}")
@@ -98,7 +109,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int, interva
     samples = [trace.inputs(n) for _ in range(horizon)]
     posture, velocity = trace.inputs(n), trace.inputs(n)
     targets = [list(trace.inputs(task.targets.shape[1]).entries) for _ in range(horizon)]
-    (terminal,) = trace.inputs(1).entries
+    (terminal,), interval = trace.inputs(1).entries, trace.inputs(1)
     multipliers = [trace.inputs(task.rows) for _ in range(horizon)]
     jerk = trace.inputs(n)
     previous, previous_rate = posture, velocity
@@ -111,7 +122,7 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int, interva
         value = trace_sample_function(motion, label, objective.function)
         if value is None:
             raise InvalidInput(f"{label}: looks at more than one sample")
-        term = Expression(tape, as_entry(tape, value)) * (objective.sign * interval)
+        term = Expression(tape, as_entry(tape, value)) * objective.sign * interval.entries[0]
         total = as_entry(tape, Expression(tape, total) + term)
         positions = list(q.entries)
         equations += [as_entry(tape, one) for one in path_equations(task.arm, task.tasks, positions, numbers)]
@@ -131,7 +142,6 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int, interva
         horizon=horizon,
         dof=n,
         rows=task.rows,
-        interval=interval,
         derivatives=compile_evaluator(tape, [total, *gradient(tape, total, variables), *equations, *jacobian]),
         hessian=compile_evaluator(tape, list(second.values())),
         indices=(indices[0], indices[1]),

@@ -140,7 +140,7 @@ def follow_predictively(
     q = np.empty((count, len(times), dof))
     q[:, 0] = np.broadcast_to(start, (*shape, dof)).reshape(count, dof)
     traces = empty_traces(count, len(times), dof, task.rows, 1)
-    step = step_program(task, [])
+    step = step_program(task, ())
     inputs = np.zeros((4 * dof + step.table.shape[1], count))
     for k in range(len(times)):
         inputs[:dof], inputs[4 * dof :] = q[:, k].T, step.table[k][:, None]

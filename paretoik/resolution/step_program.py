@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -33,7 +33,8 @@ class StepProgram:
     table: Float[np.ndarray, "time rows"]
 
 
-def step_program(task: MotionTask, criteria: Sequence[Objective]) -> StepProgram:
+@lru_cache(maxsize=64)  # a search over a method's numbers asks for the same program in every generation
+def step_program(task: MotionTask, criteria: tuple[Objective, ...]) -> StepProgram:
     """Return the program of one step of a task.
 
     Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.

@@ -31,9 +31,8 @@ class Slsqp:
 
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
         """Return what SLSQP finds from positions ahead."""
-        zeros = np.zeros(self.program.horizon * self.program.rows + self.program.dof)
-        fixed = np.concatenate([posture, velocity, targets.ravel(), zeros])
         size, count, program = q.size, self.program.horizon * self.program.rows, self.program
+        fixed = program.inputs(q, posture, velocity, targets)[size:, 0]
 
         def at(z: np.ndarray) -> np.ndarray:
             return np.asarray(program.derivatives(np.concatenate([z, fixed])[:, None])[:, 0])

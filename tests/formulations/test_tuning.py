@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -73,9 +74,14 @@ def predictive(optimum):
     )
 
 
+@cache
+def tuning_of(name):
+    return pk.Tuning(ARM, PATH, METHODS[name], judged_starts=2)
+
+
 @every_method
 def test_the_numbers_of_any_method_are_searched_with_no_ranges_given(name):
-    problem = pk.Tuning(ARM, PATH, METHODS[name], judged_starts=2)
+    problem = tuning_of(name)
     genes = genes_of(problem, 3)
     F, G = problem.evaluate(genes, return_values_of=["F", "G"])
     assert F.shape == (3, 4)
@@ -89,7 +95,7 @@ def test_the_numbers_of_any_method_are_searched_with_no_ranges_given(name):
 
 @every_method
 def test_an_individual_has_the_same_values_whoever_is_evaluated_with_it(name):
-    problem = pk.Tuning(ARM, PATH, METHODS[name], judged_starts=2)
+    problem = tuning_of(name)
     genes = genes_of(problem, 5, seed=3)
     together = problem.evaluate(genes, return_values_of=["F"])
     alone = np.concatenate([problem.evaluate(one[None], return_values_of=["F"]) for one in genes])
