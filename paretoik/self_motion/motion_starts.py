@@ -1,4 +1,4 @@
-"""Motions on the path to start from: roll-outs, motions that travel along the self-motion, perturbed ones."""
+"""Motions on the path to start from: roll-outs, some that travel along the self-motion, perturbed, recombined ones."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class StartOptions:
     travel: float = 9.0  # rad or m: all joints together along the self-motion, at most
     travel_width: tuple[float, float] = (0.3, 1.0)  # shares of the path into which half of the travel falls
     perturbation: float = 1.0  # rad or m: RMS change of joints where the path leaves them free
+    crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path that is another's, recombined
+    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path in which one changes over to the other
     longest_jump: float = 0.7  # rad or m: of a joint from one sample to the next
     finer: tuple[int, ...] = (2, 4)  # times as many samples, tried in turn where a joint would jump between two
 
@@ -116,6 +118,30 @@ def perturbed_starts(
     retracted, on_path = _retract_to_path(
         task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement), np.abs(np.diff(q, axis=1))
     )
+    if task.start is not None:
+        retracted[:, 0] = task.start
+    return retracted[on_path.all(axis=1)]
+
+
+def recombined_starts(
+    task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
+) -> Float[np.ndarray, "found time dof"]:
+    """Return motions on the path like those of ``q``, except that for a while they are like ``others``, in pairs.
+
+    They change over at random times, interpolated joint by joint and retracted. Those that leave the path meanwhile, or
+    jump further than both did, are left out: no self-motion leads straight across.
+    """
+    share, shape = task.times / task.times[-1], (len(q), 1)
+    half, width = rng.uniform(*OPTIONS.crossing_half, shape), rng.uniform(*OPTIONS.crossing_width, shape)
+    distance = np.abs(share - rng.uniform(size=shape))
+    distance = np.minimum(distance, 1.0 - distance) if task.cyclic else distance
+    progress = np.clip((half - distance) / width + 0.5, 0.0, 1.0)
+    turns = 2 * np.pi * np.round((others - q).mean(axis=1, keepdims=True) / (2 * np.pi))
+    unlimited = task.arm.periodic & ~np.isfinite(task.arm.position_limits).any(axis=1)
+    difference = others - q - np.where(unlimited, turns, 0.0)
+    steps = np.maximum(np.abs(np.diff(q, axis=1)), np.abs(np.diff(others, axis=1)))
+    crossing = q + (progress**2 * (3 - 2 * progress))[..., None] * difference
+    retracted, on_path = _retract_to_path(task, crossing, steps)
     if task.start is not None:
         retracted[:, 0] = task.start
     return retracted[on_path.all(axis=1)]

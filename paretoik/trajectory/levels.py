@@ -35,13 +35,14 @@ class LevelOptions:
     coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
     distinct: float = 0.01  # rad or m, RMS: optima nearer than this are one
     feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
+    scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: its scale is no less
     max_optima: int = 32  # that are refined on a finer level: their order there is another
     restored: int = 8  # motions whose violation is minimised, and twice as many starts of the first level
     first_restored: int = 1  # motions whose violation is minimised first: where limits clearly contradict, no others
     cold: tuple[InteriorPointOptions, ...] = (  # in turn: each finds basins that the other leaves
-        InteriorPointOptions(barrier=0.1, radius=0.4),
-        InteriorPointOptions(barrier=0.01, radius=0.1),
-        InteriorPointOptions(barrier=1e-3, radius=0.05),
+        InteriorPointOptions(barrier=0.1, radius=0.4, iterations=300),
+        InteriorPointOptions(barrier=0.01, radius=0.1, iterations=300),
+        InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
     restoration: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=40)  # of the violation alone
@@ -77,9 +78,13 @@ def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first:
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
-    """Return the size of every objective at the better ones of coarse starts: tolerances are shares of it."""
+    """Return the size of every objective at the best of coarse starts: barriers and tolerances are shares of it.
+
+    Optima are far better than starts; where one start is by chance next to 0, the size is a share of what is usual.
+    """
     motions = task.subsample(q.shape[1]).motion(q)
-    return np.array([float(np.quantile(np.abs(o(motions)), 0.25)) or 1.0 for o in task.objectives])
+    sizes = [np.abs(o(motions)) for o in task.objectives]
+    return np.array([max(size.min(), OPTIONS.scale_share * np.quantile(size, 0.25)) or 1.0 for size in sizes])
 
 
 def refine_levels(
@@ -109,7 +114,7 @@ def refine_levels(
     coarser: tuple[MotionProgram, Solutions] | None = None
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
-        barriers = [_coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
+        barriers = [coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
         search = partial(_minimise_in_turn, program, weights, upper, solver, barriers)
         try:
             solutions, q = _solve_level(search, q, further if first else None)
@@ -195,7 +200,7 @@ def distinct_rows(
     return np.array(rows)
 
 
-def _coarse(options: InteriorPointOptions) -> InteriorPointOptions:
+def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
     """Return options for a level that a finer one follows: it ends where that one begins."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 

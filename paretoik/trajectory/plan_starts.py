@@ -27,6 +27,7 @@ class StartOptions:
     """How many starts there are, and of what kinds."""
 
     rollouts: int = 4  # that are tried for each start
+    travelling: int = 3  # motions that are tried for each start that travels
     spacing: float = 0.15  # rad or m: of a grid's nodes, so that it takes as long as many starts
     classes: int = 8  # of a grid's paths, at most
 
@@ -44,7 +45,7 @@ def initial_motions(
 ) -> Float[np.ndarray, "starts samples dof"]:
     """Return starts over the coarsest level, or the level ``first``, ``starts`` for every degree of redundancy.
 
-    Half are the most promising of many roll-outs, half travel along the self-motion, which roll-outs hardly do.
+    Half are roll-outs, half travel along the self-motion, which roll-outs hardly do: the most promising of many.
     """
     count = starts * max(task.redundancy, 1)
     return sample_starts(coarsest_level(task, first), count, np.random.default_rng(seed))
@@ -53,9 +54,16 @@ def initial_motions(
 def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "starts samples dof"]:
     """Return at most so many motions on the path of a level."""
     rollouts = rollout_starts(level, OPTIONS.rollouts * count, rng)
-    travelling = travelling_starts(level, count, rng)[: count // 2]
+    travelling = sample_travelling(level, count // 2, rng)
     others = count - len(travelling)
     return np.concatenate([_most_promising(level, rollouts[: OPTIONS.rollouts * others], others), travelling])
+
+
+def sample_travelling(
+    level: MotionTask, count: int, rng: np.random.Generator
+) -> Float[np.ndarray, "starts samples dof"]:
+    """Return at most so many motions that travel along the self-motion, the most promising of more."""
+    return _most_promising(level, travelling_starts(level, OPTIONS.travelling * count, rng), count)
 
 
 def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples dof"]:
@@ -94,6 +102,8 @@ def _without_acceleration(one: Objective) -> Objective:
 
 def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.ndarray, "chosen time dof"]:
     """Return the motions to start from: in every branch the best by objectives and limits, the branches in turn."""
+    if not len(q):
+        return q
     motions = task.motion(q)
     values = np.stack([o(motions) * o.sign for o in task.objectives])
     merit = np.sum(values / np.maximum(np.abs(values).mean(axis=1, keepdims=True), 1e-300), axis=0)

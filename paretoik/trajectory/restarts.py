@@ -13,11 +13,11 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions, concatenate
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.motion_starts import perturbed_starts, travelling_starts
+from paretoik.self_motion.motion_starts import perturbed_starts, recombined_starts
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS as LEVELS
-from paretoik.trajectory.levels import distinct_rows
-from paretoik.trajectory.plan_starts import grid_starts, sample_starts
+from paretoik.trajectory.levels import coarse, distinct_rows
+from paretoik.trajectory.plan_starts import grid_starts, sample_starts, sample_travelling
 from paretoik.trajectory.program import MotionProgram, joint_distance
 
 Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOptions]]
@@ -29,27 +29,30 @@ class RestartOptions:
 
     ``expected`` is the number of better optima that the next batch may be expected to find, below which no independent
     starts are added; in at most so many ``rounds``. Of the best optima so many ``centers`` are perturbed, each so often
-    as ``copies`` says, by ``perturbation`` [rad or m, RMS, least and largest], until so many batches in turn as
-    ``patience`` says brought nothing better; with one degree of redundancy only where optima are ``many``. They are
-    minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
+    as ``copies`` says, by ``perturbation`` [rad or m, RMS, least and largest], and of twice as many each is recombined
+    with others as often as ``crossings`` says, the best of so many ``tries`` for each, until so many batches in turn as ``patience`` says brought nothing
+    better; with one degree of redundancy only where optima are ``many``. They are minimised from ``barrier``: a high
+    one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
     by a share of at most ``value`` count as one. A branch that so many starts led nowhere as ``doomed`` says is left
     out. ``gain`` is the share of a value by which another is better. At the end the best are perturbed at the task's
     own samples in at most ``final_rounds``: what is best there is not what is best on coarser levels.
     """
 
-    expected: float = 0.02
-    rounds: int = 10
+    expected: float = 0.05
+    rounds: int = 6
     centers: int = 4
-    copies: int = 5
+    copies: int = 4
+    crossings: int = 2
+    tries: int = 8
     perturbation: tuple[float, float] = (0.2, 2.0)
     patience: int = 2
     many: int = 6
-    barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-3, radius=0.05)
+    barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300)
     distance: float = 0.1
     value: float = 1e-3
     doomed: int = 4
     gain: float = 1e-6
-    final_rounds: int = 6
+    final_rounds: int = 20
 
 
 OPTIONS = RestartOptions()
@@ -58,10 +61,11 @@ OPTIONS = RestartOptions()
 class RestartPolicy:
     """Which starts to add to those of the coarsest level.
 
-    Independent ones as long as they are likely to find something better: the share of starts that are alone at an
-    optimum estimates how likely the next one finds another (Good 1953), and of W + 1 optima each is as likely the best
-    (compare Boender & Rinnooy Kan 1987). The best ones perturbed, as long as the best gets better (basin hopping, Wales
-    & Doye 1997). With one degree of redundancy once the best paths through a grid, where optima are rare or many.
+    Independent ones as long as they are likely to find something better. The share of starts that are alone at an
+    optimum estimates how likely the next one finds another (Good 1953). Such another is a rare one too: each rank among
+    those is as likely, and so is each among the optima from the best to the best rare one. The best ones perturbed and
+    recombined, as long as the best gets better (basin hopping, Wales & Doye 1997). With one degree of redundancy once
+    the best paths through a grid, where optima are rare or many.
     """
 
     def __init__(self, level: MotionTask, q: np.ndarray, count: int, rng: np.random.Generator) -> None:
@@ -91,11 +95,12 @@ class RestartPolicy:
                 return self._batch([paths], [])
         independent, perturbed = list[np.ndarray](), list[np.ndarray]()
         if self.rounds < OPTIONS.rounds:
-            if self.count * alone / starts / (len(optima) + 1) > OPTIONS.expected:
+            rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # of the best that is rare
+            if self.count * alone / starts / (alone + 1) / rank > OPTIONS.expected:
                 independent.append(self._without_doomed(self._sample(), solutions))
             self.several = self.level.redundancy > 1 or len(optima) >= OPTIONS.many
             if self.several and self.failures <= OPTIONS.patience:
-                perturbed.append(perturb(self.level, solutions.x[optima[: OPTIONS.centers]], self.rng))
+                perturbed.append(disturb(self.level, solutions.x[optima], self.rng))
         self.rounds += 1
         return self._batch(perturbed, independent)
 
@@ -125,7 +130,7 @@ class RestartPolicy:
         """Return independent starts: such as at first, and in every other round those alone that travel."""
         if self.rounds % 2:
             return sample_starts(self.level, self.count, self.rng)
-        return travelling_starts(self.level, 2 * self.count, self.rng)[: self.count]
+        return sample_travelling(self.level, self.count, self.rng)
 
     def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the starts whose branch has not led nowhere again and again."""
@@ -143,31 +148,84 @@ class RestartPolicy:
         return grid_starts(self.level, self.level.arm.dof)
 
 
-def perturb(
-    task: MotionTask, q: Float[np.ndarray, "motions time dof"], rng: np.random.Generator
+def disturb(
+    task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "starts time dof"]:
-    """Return motions perturbed several times each, little and much."""
-    copies = np.repeat(q, OPTIONS.copies, axis=0)
+    """Return the first of some optima perturbed several times each, little and much, and recombined in pairs."""
+    copies = np.repeat(q[: OPTIONS.centers], OPTIONS.copies, axis=0)
     least, largest = np.log(OPTIONS.perturbation)
-    return perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
+    perturbed = perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
+    return np.concatenate([perturbed, _recombine(task, q, rng)]) if len(q) > 1 else perturbed
+
+
+def _recombine(
+    task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
+) -> Float[np.ndarray, "starts time dof"]:
+    """Return the best of many motions that are like one of the first optima, for a while like another.
+
+    Where optima come near one another they may change over for little, and what is better before may be joined to
+    what is better after.
+    """
+    wanted = OPTIONS.crossings * min(len(q), 2 * OPTIONS.centers)
+    first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * wanted)
+    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other
+    x = recombined_starts(task, q[first], q[second], rng)
+    motions = task.motion(x)
+    violation = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(x))
+    order = np.lexsort((task.objectives[0].sign * task.objectives[0](motions), np.round(violation, 1)))
+    chosen = list[int]()
+    for i in order:
+        others = np.concatenate([q, x[chosen]])
+        if len(chosen) < wanted and joint_distance(task, x[i], others).min() > OPTIONS.distance:
+            chosen.append(int(i))
+    return x[chosen]
 
 
 def disturb_best(
     program: MotionProgram, solutions: Solutions, rng: np.random.Generator, solver: Solver = "auto"
 ) -> Solutions:
-    """Return optima and those that the best lead to, perturbed or from high barriers, while the best gets better.
+    """Return optima and those that the best lead to, disturbed or from high barriers, while the best gets better.
 
-    Where valleys are many, neighbouring ones are as often better as not.
+    Where valleys are many, neighbouring ones are as often better as not. Starts are minimised as on a coarse level;
+    only where they lead to other optima are these refined.
     """
-    weights, failures = np.eye(1, len(program.upper)), 0
+    task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(OPTIONS.final_rounds):
         before, best = float(solutions.objectives[0, 0]), solutions.x[: OPTIONS.centers]
-        batches = [(best, barrier) for barrier in LEVELS.cold] + [(perturb(program.task, best, rng), OPTIONS.barrier)]
-        ends = [minimise(program, x, weights, options=barrier, solver=solver) for x, barrier in batches]
-        both = concatenate((solutions, *ends))
-        solutions = both[distinct_rows(program.task, both, both.objectives[:, 0], limit=len(both))]
+        others = best[_far(task, best, centers)]
+        centers = np.concatenate([centers, others])
+        batches = [(others, barrier) for barrier in LEVELS.cold]
+        batches.append((disturb(task, solutions.x, rng), OPTIONS.barrier))
+        x, options = np.concatenate([x for x, _ in batches]), [coarse(each) for x, each in batches for _ in x]
+        rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
+        rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
+        rough = rough[rough.converged & _new(task, rough, solutions)]
+        if len(rough):
+            ends = minimise(program, rough.x, np.eye(1, len(program.upper)), options=LEVELS.warm, solver=solver)
+            both = concatenate((solutions, ends))
+            solutions = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
         better = solutions.objectives[0, 0] < before - OPTIONS.gain * abs(before)
         failures = 0 if better else failures + 1
         if failures >= OPTIONS.patience:
             break
     return solutions
+
+
+def _far(task: MotionTask, q: np.ndarray, others: np.ndarray) -> Bool[np.ndarray, " motions"]:
+    """Return which motions are none of the others."""
+    return np.array([not len(others) or joint_distance(task, x, others).min() > LEVELS.distinct for x in q])
+
+
+def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.ndarray, " motions"]:
+    """Return which rough ends are near none of the solutions of about their value."""
+    values = solutions.objectives[:, 0]
+    return np.array(
+        [
+            not np.any(
+                (np.abs(values - value) <= OPTIONS.value * np.abs(values))
+                & (joint_distance(task, x, solutions.x) <= OPTIONS.distance)
+            )
+            for x, value in zip(rough.x, rough.objectives[:, 0], strict=True)
+        ],
+        dtype=bool,
+    )

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import resource
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 
 import numpy as np
 
@@ -121,18 +126,45 @@ def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
 
 
 def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: float, seed: int) -> Tries:
-    """Return what a peer finds in so much processor time, from starts like ours and from plain rollouts in turn."""
-    tries, ranges = Tries(), np.ones(1)
+    """Return what a peer finds in so much processor time, from starts like ours and from plain rollouts in turn.
+
+    It runs in a process of its own, which ends with its time: FATROP now and then returns from a start never.
+    """
+    context, tries = get_context("fork"), Tries()
+    reader, writer = context.Pipe(duplex=False)
+    process = context.Process(target=_solve_starts, args=(writer, peer, task, budget, seed))
+    process.start()
+    writer.close()
+    with suppress(EOFError):
+        while True:
+            value, seconds = reader.recv()
+            tries.values.append(value)
+            tries.seconds.append(seconds)
+    process.join()
+    rest = budget - sum(tries.seconds)
+    if rest > 0:  # the last try did not end
+        tries.values.append(np.inf)
+        tries.seconds.append(rest)
+    return tries
+
+
+def _solve_starts(
+    writer: Connection, peer: JointProgram | StagedProgram, task: MotionTask, budget: float, seed: int
+) -> None:
+    """Send value and seconds of one start after another until a budget [s] is spent."""
+    ranges, spent = np.ones(1), 0.0
     for q in _starts(task, seed):
         start = time.process_time()
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(start + budget - spent) + 1, resource.RLIM_INFINITY))
         end, _ = peer.solve(q, 0, np.full(1, np.inf), ranges, warm=False)
-        tries.seconds.append(time.process_time() - start)
+        seconds = time.process_time() - start
+        resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         motion = None if end is None else led_back(task, end)
         feasible = motion is not None and violation(task, motion) <= OPTIONS.violation
-        tries.values.append(float(objectives(task, motion)[0]) if feasible and motion is not None else np.inf)
-        if sum(tries.seconds) >= budget:
-            return tries
-    raise AssertionError("starts without end")
+        writer.send((float(objectives(task, motion)[0]) if feasible and motion is not None else np.inf, seconds))
+        spent += seconds
+        if spent >= budget:
+            return
 
 
 def _starts(task: MotionTask, seed: int) -> Iterator[np.ndarray]:
