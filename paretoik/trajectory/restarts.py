@@ -29,12 +29,12 @@ class RestartOptions:
 
     ``expected`` is the number of better optima that the next batch may be expected to find, below which no independent
     starts are added; in at most so many ``rounds``. Of the best optima so many ``centers`` are perturbed, each so often
-    as ``copies`` says, by ``perturbation`` [rad or m, RMS, least and largest], and of twice as many each is recombined
-    with others as often as ``crossings`` says, the best of so many ``tries`` for each, until so many batches in turn as ``patience`` says brought nothing
-    better; with one degree of redundancy only where optima are ``many``. They are minimised from ``barrier``: a high
-    one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
+    as ``copies`` says, by ``perturbation`` [rad or m, RMS, least and largest]. Twice as many are recombined with others
+    as often as ``crossings`` says each: the best of so many ``tries`` for one. Both go on until so many batches in turn
+    as ``patience`` says brought nothing better; with one degree of redundancy only where optima are ``many``. They are
+    minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
     by a share of at most ``value`` count as one. A branch that so many starts led nowhere as ``doomed`` says is left
-    out. ``gain`` is the share of a value by which another is better. At the end the best are perturbed at the task's
+    out. ``gain`` is the share of a value by which another is better. At the end the best are disturbed at the task's
     own samples in at most ``final_rounds``: what is best there is not what is best on coarser levels.
     """
 

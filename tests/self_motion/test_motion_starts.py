@@ -11,7 +11,13 @@ from paretoik import Arm, Limits, Pose, Task, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.self_motion.charts import build_charts
-from paretoik.self_motion.motion_starts import OPTIONS, perturbed_starts, rollout_starts, travelling_starts
+from paretoik.self_motion.motion_starts import (
+    OPTIONS,
+    perturbed_starts,
+    recombined_starts,
+    rollout_starts,
+    travelling_starts,
+)
 from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.retraction import task_errors
 from tests.formulations.problems import panda, random_arm, within_reach
@@ -135,6 +141,21 @@ def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(o
     closed = moved(round_trip())
     assert len(closed) > 5
     np.testing.assert_array_equal(closed[:, 0], closed[:, -1])
+
+
+@every_task
+def test_recombined_motions_stay_on_the_path_and_are_like_the_one_then_like_the_other(make):
+    task = make()
+    q = rollout_starts(task, 200, chance())[:40]
+    first, second = np.repeat(np.arange(len(q)), 4), np.tile(np.arange(len(q)), 4)
+    mixed = recombined_starts(task, q[first], q[second], chance(1))
+    assert len(mixed) > 5
+    assert task.motion(mixed).tracking_error.max() < 1e-9
+    far = np.abs(mixed[:, None] - q[None]).max(axis=3)  # at every sample
+    assert (far.min(axis=(1, 2)) < 1e-9).mean() > 0.5  # somewhere just like one of both
+    assert (far.max(axis=2).min(axis=1) > 0.1).any()  # and not everywhere
+    if task.cyclic:
+        np.testing.assert_array_equal(mixed[:, 0], mixed[:, -1])
 
 
 def test_postures_are_drawn_within_one_sided_limits():
