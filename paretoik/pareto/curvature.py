@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy import sparse
 from scipy.linalg import qr
 
 from paretoik.errors import EvaluationFailed, SolverFailed
@@ -27,6 +28,8 @@ class CurvatureOptions:
 
     curvature: float = 1e-7  # second derivative along a direction of length one, below which there is none
     multiplier: float = 1e-6  # share of all multipliers from which on one counts
+    tie_share: float = 1e-3  # the same of a tie, among the ties of its slack or epigraph variable
+    least_multiplier: float = 1e-9  # that counts at all
     active: float = 1e-7  # slack up to which a limit is active
     violation: float = 1e-8  # that counts as none
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
@@ -47,7 +50,8 @@ def curvature_status(
     A saddle is called one where a step along negative curvature leads to a point that is better in every objective.
     """
     gradients = at.gradients[: len(ranges)] / ranges[:, None]
-    counts, strong = result.weights >= OPTIONS.multiplier, result.multipliers > OPTIONS.multiplier
+    counts = result.weights >= OPTIONS.multiplier
+    strong = result.multipliers > least_multipliers(constraints, result.multipliers)
     weak = ~strong & (constraints.values <= OPTIONS.active)
     hessian, cone_rows = _lagrangian(program, at, result, ranges)
     fixed = np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows])
@@ -68,6 +72,18 @@ def curvature_status(
     if len(directions) > 1 or not names:
         return "undetermined", f"curvature {curvature:.1e} along a direction in which no better point was found"
     return "undetermined", f"curvature {curvature:.1e} along a direction that ends at {names}"
+
+
+def least_multipliers(
+    constraints: Constraints, multipliers: Float[np.ndarray, " inequalities"]
+) -> Float[np.ndarray, " inequalities"]:
+    """Return from which size on each multiplier counts: those of ties share the weight of what they tie."""
+    auxiliary = abs(sparse.csc_array(constraints.jacobian)[:, constraints.unknowns :])
+    if not auxiliary.shape[1]:
+        return np.full(len(multipliers), OPTIONS.multiplier)
+    totals = sparse.csr_array(auxiliary @ sparse.diags_array(auxiliary.T @ multipliers)).max(axis=1).toarray().ravel()
+    least = np.clip(OPTIONS.tie_share * totals, OPTIONS.least_multiplier, OPTIONS.multiplier)
+    return np.where(totals > 0.0, least, OPTIONS.multiplier)
 
 
 def edge_names(

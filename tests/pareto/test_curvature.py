@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy import sparse
 
-from paretoik.pareto.curvature import null_space
+from paretoik.nlp.conic import Constraints
+from paretoik.pareto.curvature import least_multipliers, null_space
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -31,3 +33,14 @@ def test_an_auxiliary_column_in_no_row_is_free():
     basis = null_space(np.array([[1.0, 1.0, 0.0]]), 2)
     assert basis.shape == (3, 2)
     assert np.ptp(np.abs(basis[2])) == 1.0
+
+
+def test_a_tie_counts_by_its_share_of_what_it_ties_and_a_limit_by_its_own_size():
+    jacobian = sparse.csr_array(
+        [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+    )
+    multipliers = np.array([1e-7, 5e-8, 5e-8, 1e-2, 1e-8, 1e-5])  # a limit, a kink of little weight, another, a limit
+    constraints = Constraints(unknowns=1, values=np.zeros(6), jacobian=jacobian)
+    counts = multipliers > least_multipliers(constraints, multipliers)
+    assert counts.tolist() == [False, True, True, True, False, True]
+    assert (least_multipliers(constraints, 1e-8 * multipliers) >= 1e-9).all()
