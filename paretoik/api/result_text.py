@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from paretoik.formulations.protocol import is_loop
-from paretoik.task.motion_task import MotionTask
+from paretoik.review.limits_between import describe_limits_between
 
 if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
@@ -62,7 +62,7 @@ def _front_lines(front: Front) -> list[str]:
     lines.append(columns(rows))
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates))
-    lines += _between_samples(front, front.motions)
+    lines += filter(None, [describe_limits_between(front)])
     if counts["failed"]:
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     return lines
@@ -78,17 +78,8 @@ def choice_text(front: Front, choice: Choice) -> str:
     if front.certificates is not None:
         certificate = front.certificates[[choice.index]]
         lines += [certificate_text(certificate), *_exchange_rates(front, certificate)]
-    if front.motions is not None:
-        lines += _between_samples(front, front.motions[[choice.index]])
+    lines += filter(None, [describe_limits_between(front, [choice.index])])
     return "\n".join(lines)
-
-
-def _between_samples(front: Front, motions: Any) -> list[str]:
-    """Return which limit motions violate most between samples and when, where the problem can say it."""
-    task = getattr(front.problem, "task", None)
-    if motions is None or not hasattr(motions, "differences") or not isinstance(task, MotionTask) or is_loop(front):
-        return []
-    return [text] if (text := task.describe_between(motions)) else []
 
 
 def certificate_text(certificates: Certificates) -> str:

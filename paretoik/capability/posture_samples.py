@@ -29,6 +29,8 @@ class PostureSampleOptions:
 
     enough: int = 64  # postures that can be held from which on no more samples are drawn
     batches: int = 8  # of samples, at most
+    clear: float = 2.0  # least load of all samples, a share of what motors can hold, from which on none can be held
+    starts: int = 8  # of the least overloaded samples, from which overloads are led away
     tool_radius: float = 0.1  # m: times the motors' highest speed, the order of a tool's speed
 
 
@@ -54,11 +56,13 @@ def sample_holdable_postures(
     if len(feasible):
         return feasible
     excess = np.maximum(limit_excess(arm, q), 0.0).max(axis=1)
+    if overload(arm, actuation, q).min() > OPTIONS.clear:
+        raise postures_error(arm, actuation, q, position)
     program = DirectionalProgram(arm=arm, actuation=actuation, quantity="velocity", count=1)
     size = OPTIONS.tool_radius * max(float(curve.fastest.max()) for curve in actuation.curves)
     upright = np.eye(len(position))[-1]
     starts = distant_postures(arm, q[np.argsort(overload(arm, actuation, q) + excess)])
-    ends = [ascend(program, position, upright, size, start) for start in starts]
+    ends = [ascend(program, position, upright, size, start) for start in starts[: OPTIONS.starts]]
     feasible = np.array([end for end in ends if end is not None]).reshape(-1, arm.dof)
     feasible = feasible[can_hold(arm, actuation, feasible)]
     if len(feasible):

@@ -14,8 +14,9 @@ from matplotlib.axes import Axes
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
+from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER
-from paretoik.review.plots import label, picture
+from paretoik.review.plots import label, picture, warn_below
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,8 @@ STYLE = CertificateStyle()
 def certificates_picture(front: Front, file: Path | str) -> None:
     """Write a PNG of a certified front: trade-offs with their exchange rates, residuals and weights of all points.
 
-    The line through a point is the front's slope there, of two objectives with the others fixed. Raises InvalidInput
+    The line through a point is the front's slope there, of two objectives with the others fixed. Where motions exceed a
+    limit between samples, the words say which, when, and what helps. Raises InvalidInput
     where the front has no certificates, or the file cannot be written.
     """
     if front.certificates is None:
@@ -62,6 +64,7 @@ def certificates_picture(front: Front, file: Path | str) -> None:
             _draw_trade(axes, front, certificates, pair)
         _draw_residuals(panels[-2], certificates)
         _draw_weights(panels[-1], front.names, certificates)
+        warn_below(figure, describe_limits_between(front))
 
 
 def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tuple[int, int]) -> None:
@@ -94,8 +97,8 @@ def _draw_residuals(axes: Axes, certificates: Certificates) -> None:
         (certificates.violation_between, "between samples", PAPER.quiet),
     ):
         shown = values > STYLE.floor
-        text = name if shown.any() else f"{name}: none"
-        axes.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=text)
+        legend = name if shown.any() else f"{name}: none"
+        axes.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=legend)
     for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
         axes.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
     axes.set(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from PIL import Image
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
+from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
 
 
@@ -33,7 +35,8 @@ class Highlight:
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
     """Write a PNG of `front` and, where it has motions, of some of them: the best in each of the first objectives.
 
-    To these comes `choice`, or without one the point nearest to the best of everything. One objective is shown as
+    To these comes `choice`, or without one the point nearest to the best of everything. Where one of these motions
+    exceeds a limit between samples, the words say which, when, and what helps. One objective is shown as
     values, two and three as scatters, more as parallel coordinates. Raises InvalidInput where writing fails.
     """
     highlights = _highlights(front, choice)
@@ -47,6 +50,7 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
             trade_off, motions = np.ravel(figure.subfigures(**grid))
             _draw_front(trade_off, front, highlights)
             _draw_motions(motions, front, highlights)
+            warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
 
 
 @contextmanager
@@ -67,6 +71,13 @@ def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
 def label(front: Front, axis: int) -> str:
     """Return the label of an objective's axis."""
     return _text(objective_label(front.names[axis], front.units[axis], front.maximised[axis]))
+
+
+def warn_below(figure: Figure, words: str) -> None:
+    """Write words, if any, below what is drawn, in lines that fit its width."""
+    if words:
+        lines = textwrap.fill(_text(words), int(12 * figure.get_figwidth()))
+        figure.supxlabel(lines, fontsize="medium", color=PAPER.accents[0])
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:

@@ -6,10 +6,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+import paretoik as pk
 from paretoik.errors import InvalidInput
+from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
+from paretoik.review.certificate_plots import certificates_picture
 from paretoik.review.palette import PAPER
 from paretoik.review.plots import _highlights, front_picture, stroboscopic
+from tests.review.test_certificate_plots import certified
 
 
 @pytest.mark.parametrize(
@@ -61,3 +65,24 @@ def test_a_stroboscopic_view_draws_postures_and_the_way_of_the_tool(planar, make
 def test_a_place_that_cannot_be_written_is_refused(tmp_path, make_front):
     with pytest.raises(InvalidInput, match="wanted to write a picture"):
         front_picture(make_front(2, moving=False), tmp_path / "missing" / "front.png")
+
+
+def test_pictures_say_which_limit_is_exceeded_between_samples_and_when(tmp_path, monkeypatch):
+    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=13)
+    arm, objectives = pk.arms.tringali_3r(), [pk.kinetic_energy, pk.torque_norm]
+    words = []
+    monkeypatch.setattr(Figure, "supxlabel", lambda figure, text, **style: words.append(" ".join(text.split())))
+    for limit, said in ((np.inf, 0), (1.0, 2)):
+        problem = pk.Tracking(
+            arm, path, objectives=objectives, limits=pk.Limits(velocity=limit), differences="central", bases=1
+        )
+        motions = problem.decode(problem.sample_starts(3, np.random.default_rng(0)))
+        values = np.array([np.arange(3.0), -np.arange(3.0)]).T
+        front = Front(
+            ids=np.arange(3), objectives=values, names=problem.names, units=problem.units, maximised=[False, False],
+            motions=motions, problem=problem,
+        )  # fmt: skip
+        front_picture(front, tmp_path / "front.png")
+        certificates_picture(certified(front, ["minimum"]), tmp_path / "certificates.png")
+        assert len(words) == said
+    assert all("velocity of joint" in each and " s)" in each and "help" in each for each in words)
