@@ -45,18 +45,19 @@ class EstimateOptions:
 
     share: float = 0.1  # of all that is to do, done by then
     seconds: float = 0.5  # passed by then
+    tightening: float = 0.5  # of the time of refinement: 0.1 to 0.8, as many limits as are active between samples
 
 
 ESTIMATES = EstimateOptions()
 
 
 def count_observer(
-    observe: Observer | None, stage: str, *, later: float | None = None, uniform: bool = False
+    observe: Observer | None, stage: str, *, later: float | None = None, again: float = 0.0, uniform: bool = False
 ) -> Callable[..., object] | None:
     """Return what tells an observer of counts (done, total, summary=""); None without one.
 
     Where everything in the stage takes about as long (``uniform``), and later stages take so many seconds for each of
-    its ``total``, the observer learns about how long the verb will take.
+    its ``total``, and ``again`` times as long as this one, the observer learns about how long the verb will take.
     """
     if observe is None:
         return None
@@ -67,7 +68,7 @@ def count_observer(
         far = done >= ESTIMATES.share * total and seconds >= ESTIMATES.seconds
         remaining = None
         if uniform and far and done:
-            remaining = seconds / done * (total - done) + (later or 0.0) * total
+            remaining = seconds / done * ((1 + again) * total - done) + (later or 0.0) * total
         return observe(
             RunProgress(stage=stage, done=done, total=total, seconds=seconds, remaining=remaining, summary=summary)
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import ESTIMATES, Observer, count_observer
 from paretoik.api.run_session import verb_session
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
@@ -71,7 +71,8 @@ def refine(
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
         later = None if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
-        shown = count_observer(session.observe, "refinement", later=later, uniform=True)
+        again = ESTIMATES.tightening if _keeps_between(problem) else 0.0
+        shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True)
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
         refined = certified_front(
             problem,
@@ -83,6 +84,7 @@ def refine(
             before=front,
             solver=solver,
             observe=session.observe,
+            seconds_per_certificate=later,
         )
         counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
         status = {} if session.signal is None else {"status": session.signal}
@@ -99,6 +101,11 @@ def _seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Flo
         certify(program, first, ranges=ranges, signs=np.ones(len(ranges)), violation_between=np.zeros(1))
         seconds.append(time.monotonic() - started)
     return min(seconds)
+
+
+def _keeps_between(problem: Any) -> bool:
+    """Return whether limits of a problem's motions are tightened between samples."""
+    return getattr(getattr(problem, "task", None), "differences", None) == "spline"
 
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:
@@ -120,6 +127,7 @@ def certified_front(
     before: Front | None = None,
     solver: Solver = "auto",
     observe: Observer | None = None,
+    seconds_per_certificate: float | None = None,
 ) -> Front:
     """Return the front of these points with their certificates, except those that others dominate.
 
@@ -131,9 +139,8 @@ def certified_front(
         individuals = _no_worse(formulation, individuals, before, ranges)
     signs = np.where(formulation.maximised, -1.0, 1.0)
     rows = front_rows(individuals.objectives / ranges)
-    held, programs = formulation.hold_between(
-        individuals.x[rows], ranges, solver=solver, observe=count_observer(observe, "tightening")
-    )
+    shown = count_observer(observe, "tightening", later=seconds_per_certificate, uniform=True)
+    held, programs = formulation.hold_between(individuals.x[rows], ranges, solver=solver, observe=shown)
     if not np.array_equal(held, individuals.x[rows]):
         individuals, ids = formulation.individuals(held), ids[rows]
         rows = front_rows(individuals.objectives / ranges)

@@ -8,6 +8,7 @@ import numpy as np
 
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.front import Front
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
 
@@ -17,6 +18,6 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
     "" where none does, or the problem cannot say it; ``rows`` are those of the points that are looked at, else all.
     """
     motions, task = front.motions, getattr(front.problem, "task", None)
-    if motions is None or not hasattr(motions, "differences") or not isinstance(task, MotionTask) or is_loop(front):
+    if not isinstance(motions, Motion) or not isinstance(task, MotionTask) or is_loop(front):
         return ""
     return task.describe_between(motions if rows is None else motions[np.asarray(rows, dtype=int)])
