@@ -170,15 +170,17 @@ def _recombine(
     first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * wanted)
     second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other
     x = recombined_starts(task, q[first], q[second], rng)
+    if not len(x):
+        return x
     motions = task.motion(x)
     violation = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(x))
     order = np.lexsort((task.objectives[0].sign * task.objectives[0](motions), np.round(violation, 1)))
-    chosen = list[int]()
+    chosen = x[:0]
     for i in order:
-        others = np.concatenate([q, x[chosen]])
+        others = np.concatenate([q, chosen])
         if len(chosen) < wanted and joint_distance(task, x[i], others).min() > OPTIONS.distance:
-            chosen.append(int(i))
-    return x[chosen]
+            chosen = np.concatenate([chosen, x[i : i + 1]])
+    return chosen
 
 
 def disturb_best(
@@ -197,6 +199,8 @@ def disturb_best(
         batches = [(others, barrier) for barrier in LEVELS.cold]
         batches.append((disturb(task, solutions.x, rng), OPTIONS.barrier))
         x, options = np.concatenate([x for x, _ in batches]), [coarse(each) for x, each in batches for _ in x]
+        if not len(x):
+            break
         rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
         rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
         rough = rough[rough.converged & _new(task, rough, solutions)]

@@ -109,6 +109,25 @@ def test_recombined_optima_are_near_none_that_there_is():
     assert chosen < usual
 
 
+def test_where_no_pair_can_be_recombined_there_is_none(monkeypatch):
+    problem = pk.Tracking(
+        pk.arms.tringali_3r(), pk.line([0.4, 0.1], [0.1, 0.2], duration=1.0, samples=26), objectives=[pk.manipulability]
+    )
+    q = sample_starts(problem.task, 4, np.random.default_rng(0))
+    monkeypatch.setattr(restarts, "recombined_starts", lambda task, q, others, rng: q[:0])
+    assert restarts._recombine(problem.task, q, np.random.default_rng(1)).shape == (0, *q.shape[1:])
+
+
+def test_an_optimum_that_cannot_be_disturbed_is_led_from_high_barriers_and_kept(monkeypatch):
+    level = coarsest_level(tringali_2020.simulation_1().task)
+    q = starts_on(level, 1)
+    program = motion_program(level, objective_scales(level, q))
+    ends = minimise(program, q, np.ones((1, 1)), options=LEVELS.cold[2])
+    monkeypatch.setattr(restarts, "perturbed_starts", lambda task, q, rng, size: q[:0])
+    more = restarts.disturb_best(program, ends, np.random.default_rng(0))
+    assert joint_distance(level, ends.x[0], more.x).min() < 0.01
+
+
 def test_disturbing_the_best_loses_no_optimum_and_leads_to_better_ones():
     problem = pk.Tracking(
         pk.Arm.planar(lengths=[0.4, 0.3, 0.3, 0.2], masses=[1.0] * 4, centers=[0.2, 0.15, 0.15, 0.1]),
