@@ -91,7 +91,7 @@ def _interior_point(
     if program.kinked:
         options = [each._replace(iterations=each.kink_iterations * each.iterations) for each in options]
     unknown = np.full(len(program.upper), np.nan)
-    ends: list[Any] = [(start, INTERRUPTED, 0, unknown, np.nan, np.nan) for start in x]
+    ends: list[Any] = [(start, INTERRUPTED, 0, unknown, None, np.nan, np.nan) for start in x]
     remaining = iter(range(count))
 
     def work(kernel: Any) -> None:
@@ -99,8 +99,7 @@ def _interior_point(
             if STOP[0]:
                 return
             start = np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy()
-            end = search(kernel, *start, options[i], STOP)
-            ends[i] = (*end[:4], *end[5:7])
+            ends[i] = search(kernel, *start, options[i], STOP)
 
     if count == 1 and type(kernel) in _COMPILED and _hears_signals():
         work(kernel)
@@ -112,8 +111,8 @@ def _interior_point(
         if ends[i][1] not in (NOT_FINITE, INTERRUPTED):
             F, equalities, inequalities = program.evaluate(ends[i][0])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
-            ends[i] = (*ends[i][:3], F, ends[i][4], violation)
-    return _collect(ends, x.shape, len(program.upper))
+            ends[i] = (*ends[i][:3], F, *ends[i][4:6], violation)
+    return _collect(ends, x.shape, len(program.upper), upper)
 
 
 _COMPILED: set[type] = set()  # kernels whose interior-point method needs no more compilation, which no signal ends
@@ -163,22 +162,34 @@ def _sqp(
     ends = list[tuple[Any, ...]]()
     for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
         if STOP[0]:
-            ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), np.nan, np.nan))
+            ends.append((start, INTERRUPTED, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan))
             continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
         end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
-        ends.append((end.x, end.status, end.iterations, end.objectives, end.stationarity, end.violation))
-    return _collect(ends, x.shape, len(program.upper))
+        known = end.x, end.status, end.iterations, end.objectives
+        ends.append((*known, end.bound_multipliers, end.stationarity, end.violation))
+    return _collect(ends, x.shape, len(program.upper), upper)
 
 
-def _collect(ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int) -> Solutions:
-    """Return ends (x, status, iterations, F, stationarity, violation) as a batch of points of a ``shape``."""
-    x, status, iterations, F, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 6
+def _collect(
+    ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
+) -> Solutions:
+    """Return ends as a batch of points of a ``shape``: x, status, iterations, F, multipliers, stationarity, violation.
+
+    Of the multipliers the last are those of the finite bounds; None where they are unknown.
+    """
+    x, status, iterations, F, multipliers, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 7
+    finite = np.isfinite(upper)
+    bound_multipliers = np.where(finite, np.nan, 0.0)
+    for row, columns, values in zip(bound_multipliers, finite, multipliers, strict=True):
+        if values is not None:
+            row[columns] = values[len(values) - columns.sum() :]
     return Solutions(
         x=np.array(x).reshape(shape),
         status=np.array(status, dtype=int),
         iterations=np.array(iterations, dtype=int),
         objectives=np.array(F).reshape(len(ends), objectives),
+        bound_multipliers=bound_multipliers,
         stationarity=np.array(stationarity, dtype=float),
         violation=np.array(violation, dtype=float),
     )

@@ -29,11 +29,13 @@ class Solutions:
     """A batch of points that solvers ended at.
 
     ``objectives`` are F there, ``stationarity`` the RMS length of the Lagrangian's gradient, ``violation`` the worst of
-    all constraints as a share of its range, ``status`` a key of STATUSES.
+    all constraints as a share of its range, ``status`` a key of STATUSES. ``bound_multipliers`` are those of the upper
+    bounds that were asked for: 0 where there was none, NaN where they are unknown.
     """
 
     x: Points
     objectives: Float[np.ndarray, "points objectives"]
+    bound_multipliers: Float[np.ndarray, "points bounds"]
     stationarity: Float[np.ndarray, " points"]
     violation: Float[np.ndarray, " points"]
     status: Int[np.ndarray, " points"]

@@ -121,9 +121,9 @@ def _refine_rows(
             )
         except Interrupted as stop:
             if stop.partial is not None:
-                _keep(program, x, converged, rest, stop.partial, n_obj)
+                _keep(program, x, converged, rest, stop.partial, attempt)
             raise
-        _keep(program, x, converged, rest, solutions, n_obj)
+        _keep(program, x, converged, rest, solutions, attempt)
 
 
 def _keep(
@@ -132,20 +132,23 @@ def _keep(
     converged: Bool[np.ndarray, " points"],
     rows: Int[np.ndarray, " rows"],
     solutions: Solutions,
-    n_obj: int,
+    attempt: _Attempt,
 ) -> None:
-    """Replace points by solutions that are no worse: where these are feasible, although not yet optimal, too."""
+    """Replace points by solutions that are no worse: where these are feasible, although not yet optimal, too.
+
+    An optimum of the attempt is one of the front where no objective counts negatively in it: straight ahead, the first
+    may have to rise so that the others fall with it.
+    """
+    n_obj = len(attempt.rows)
+    weights = attempt.weights + solutions.bound_multipliers[:, :n_obj] @ attempt.rows
+    critical = (solutions.stationarity <= OPTIONS.stationary) & (weights[:, :n_obj].min(axis=1) >= 0.0)
     better = _no_worse(program, x[rows], solutions, n_obj)
     feasible = solutions.violation <= OPTIONS.violation
     good = better & (solutions.converged | (feasible & np.isfinite(solutions.objectives).all(axis=1)))
     x[rows[good]] = solutions.x[good]
-    for i, solved, stationarity in zip(
-        rows[good], solutions.converged[good], solutions.stationarity[good], strict=True
-    ):
+    for i, solved, optimal in zip(rows[good], solutions.converged[good], critical[good], strict=True):
         # in a flat valley a solver stops where rounding hides its gain, though all objectives together may have one
-        converged[i] = solved and (
-            stationarity <= OPTIONS.stationary or _is_critical(program, x[i], n_obj, OPTIONS.flat, criticality_at)
-        )
+        converged[i] = solved and (optimal or _is_critical(program, x[i], n_obj, OPTIONS.flat, criticality_at))
 
 
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:

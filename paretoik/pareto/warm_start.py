@@ -43,6 +43,7 @@ def evaluate_points(program: Program, x: Points) -> Solutions:
     return Solutions(
         x=np.array(x),
         objectives=np.array([objectives for objectives, _, _ in ends]).reshape(len(x), len(program.upper)),
+        bound_multipliers=np.full((len(x), len(program.upper)), np.nan),
         stationarity=np.full(len(x), np.inf),
         violation=np.array(violation),
         status=np.full(len(x), NO_PROGRESS),

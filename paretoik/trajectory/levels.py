@@ -176,6 +176,7 @@ def _unfinished(
             return Solutions(
                 x=x,
                 objectives=F,
+                bound_multipliers=np.full_like(F, np.nan),
                 stationarity=np.full(count, np.inf),
                 violation=violation,
                 status=np.full(count, INTERRUPTED),

@@ -17,6 +17,7 @@ from paretoik.errors import Infeasible
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
+from paretoik.pareto.refine import refine
 from paretoik.stop_flag import Interrupted, check_interruption
 from paretoik.task.between import OPTIONS as REFINEMENT
 from paretoik.task.between import finer_motion
@@ -134,7 +135,10 @@ def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> flo
 
 
 def _solve_again(program: MotionProgram, x: np.ndarray, n_obj: int, solver: Solver) -> np.ndarray | None:
-    """Return the motion that a tighter program has instead; None where it has none."""
+    """Return the motion that a tighter program has instead; None where it has none.
+
+    Straight ahead an objective may have to rise so that all move alike: what several can still gain is taken then.
+    """
     weights = np.zeros((1, len(program.upper)))
     weights[0, :n_obj] = OPTIONS.weight
     weights[0, 0] += 1.0
@@ -144,8 +148,13 @@ def _solve_again(program: MotionProgram, x: np.ndarray, n_obj: int, solver: Solv
     upper[0, 0] = np.inf
     for options in (OPTIONS.warm, OPTIONS.holding):
         solutions = minimise(program, x[None], weights, upper, options, rows=rows, solver=solver)
-        if solutions.converged[0]:
+        if not solutions.converged[0]:
+            continue
+        if n_obj == 1:
             return np.asarray(solutions.x[0])
+        optimal, critical = refine(program, solutions.x, n_obj, solver=solver)
+        if critical[0]:
+            return np.asarray(optimal[0])
     return None
 
 

@@ -88,3 +88,15 @@ def test_a_point_that_nothing_can_be_done_for_stays_and_is_said_to():
     assert np.array_equal(refined_points, z)
     assert good.tolist() == [False]
     assert certificates(nowhere, z).violation == pytest.approx([0.5])
+
+
+def test_where_straight_ahead_leads_nowhere_all_objectives_gain_as_they_can():
+    """The second falls half as fast as the first: to gain as much it would have to leave the line."""
+
+    def slopes(x):
+        return [x[0], 0.5 * x[0]]
+
+    program = sketched(1, slopes, lambda x: ([], [x[0]]))
+    points, good = refined(program, placed(slopes, [[3.0]]), ONES)
+    assert points[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert good.all()

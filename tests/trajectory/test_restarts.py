@@ -25,6 +25,7 @@ def ends(q, values, converged=True):
     return Solutions(
         x=q,
         objectives=np.array(values, dtype=float)[:, None],
+        bound_multipliers=np.full((len(q), 1), np.nan),
         stationarity=np.zeros(len(q)),
         violation=np.where(converged, 0.0, 1.0) * np.ones(len(q)),
         status=np.where(converged, CONVERGED, VIOLATED) * np.ones(len(q), dtype=int),
