@@ -26,6 +26,7 @@ from paretoik.trajectory.transcription import motion_program
 
 Observe = Callable[[int, int, int], object]
 Further = Callable[[Solutions], tuple[np.ndarray, Sequence[InteriorPointOptions]]]
+Disturb = Callable[[MotionProgram, Solutions], Solutions]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,7 @@ class LevelOptions:
     distinct: float = 0.01  # rad or m, RMS: optima nearer than this are one
     feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
     scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: its scale is no less
+    disturbed: int = 101  # samples: on levels with more than that, the same optimum is the best
     max_optima: int = 32  # that are refined on a finer level: their order there is another
     restored: int = 8  # motions whose violation is minimised, and twice as many starts of the first level
     first_restored: int = 1  # motions whose violation is minimised first: where limits clearly contradict, no others
@@ -97,13 +99,15 @@ def refine_levels(
     solver: Solver = "auto",
     restore: bool = False,
     further: Further | None = None,
+    disturb: Disturb | None = None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
 
     ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them, and
-    barriers for them, given their solutions, until it returns none. Where limits are violated at the end, ``restore``
-    first minimises the violation alone; where none of the first level can be restored, its least-violating motions are
-    returned. ``observe`` is called after each level with its number of samples, of starts and of optima.
+    barriers for them, given their solutions, until it returns none. ``disturb`` returns optima and those that they lead
+    to, on one of the finer levels. Where limits are violated at the end, ``restore`` first minimises the violation
+    alone; where none of the first level can be restored, its least-violating motions are returned. ``observe`` is
+    called after each level with its number of samples, of starts and of optima.
 
     After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
     optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
@@ -112,9 +116,11 @@ def refine_levels(
     bounded = len(programs[0].upper) - len(weights)
     weights, upper = np.pad(weights, (0, bounded)), np.pad(upper, (0, bounded), constant_values=np.inf)
     coarser: tuple[MotionProgram, Solutions] | None = None
+    disturbed = [program for program in programs if len(program.task.times) <= OPTIONS.disturbed][-1:] or programs[:1]
     for program, finer in zip(programs, [*programs[1:], None], strict=True):
         task, first = program.task, program is programs[0]
-        barriers = [coarse(each) if finer else each for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
+        exact = finer is None or (disturb is not None and program is disturbed[0])
+        barriers = [each if exact else coarse(each) for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
         search = partial(_minimise_in_turn, program, weights, upper, solver, barriers)
         try:
             solutions, q = _solve_level(search, q, further if first else None)
@@ -124,6 +130,9 @@ def refine_levels(
             return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
         limit = OPTIONS.max_optima if finer else len(solutions)
         solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, limit=limit)]
+        if disturb is not None and program is disturbed[0]:
+            with suppress(Interrupted):
+                solutions = disturb(program, solutions)[:limit]
         levels.append((len(task.times), len(solutions)))
         if observe is not None:
             observe(len(task.times), len(q), len(solutions))

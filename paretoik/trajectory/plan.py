@@ -5,7 +5,6 @@ Source: Tringali & Cocuzza 2020, section 3.1.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +35,7 @@ from paretoik.trajectory.levels import (
     refine_levels,
 )
 from paretoik.trajectory.plan_starts import sample_starts
+from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.restarts import RestartPolicy, disturb_best
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
@@ -85,8 +85,8 @@ def find_optima(
     ``starts`` motions per degree of redundancy are sampled and minimised at the coarsest level of samples that leads to
     an optimum. ``RestartPolicy`` adds independent starts there while one of the optima unseen so far is likely a better
     one; where optima are many, or redundancy more than one, it also perturbs the best at random while that finds better
-    ones. The distinct optima are refined on finer levels up to the task's own samples, where the best of many are
-    perturbed again. ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the
+    ones. The distinct optima are refined on finer levels up to the task's own samples; on one of them the best of many
+    are perturbed again. ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the
     best of the plan is no worse than the best feasible of them. ``observe`` is called after each level with its number
     of samples, of starts and of optima.
 
@@ -161,12 +161,23 @@ def _search_from(
     q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
     programs = level_programs(task, objective_scales(task, q), first)
     policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-starts // 2), rng)
+
+    def disturb(program: MotionProgram, solutions: Solutions) -> Solutions:
+        if policy is None or not policy.exhausted or not solutions.converged.any():
+            return solutions
+        return disturb_best(program, solutions, rng, solver)
+
     solutions, levels = refine_levels(
-        programs, q, np.ones(1), np.full(1, np.inf), observe, restore=True, further=policy, solver=solver
+        programs,
+        q,
+        np.ones(1),
+        np.full(1, np.inf),
+        observe,
+        restore=True,
+        further=policy,
+        disturb=disturb,
+        solver=solver,
     )
-    if policy is not None and solutions.converged.any() and policy.exhausted:
-        with suppress(Interrupted):
-            solutions = disturb_best(programs[-1], solutions, rng, solver)
     return solutions, levels
 
 

@@ -34,8 +34,8 @@ class RestartOptions:
     as ``patience`` says brought nothing better; with one degree of redundancy only where optima are ``many``. They are
     minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
     by a share of at most ``value`` count as one. A branch that so many starts led nowhere as ``doomed`` says is left
-    out. ``gain`` is the share of a value by which another is better. At the end the best are disturbed at the task's
-    own samples in at most ``final_rounds``: what is best there is not what is best on coarser levels.
+    out. ``gain`` is the share of a value by which another is better. The best are disturbed once more on a
+    finer level, in at most ``final_rounds``: what is best there is not what is best on the coarsest.
     """
 
     expected: float = 0.05
