@@ -86,9 +86,9 @@ def find_optima(
     an optimum. ``RestartPolicy`` adds independent starts there while one of the optima unseen so far is likely a better
     one; where optima are many, or redundancy more than one, it also perturbs the best at random while that finds better
     ones. The distinct optima are refined on finer levels up to the task's own samples; on one of them the best of many
-    are perturbed again. ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the
-    best of the plan is no worse than the best feasible of them. ``observe`` is called after each level with its number
-    of samples, of starts and of optima.
+    are perturbed again. ``initial`` motions on the path are minimised at the task's own samples, and are starts too:
+    the best of the plan is no worse than the best feasible of them. ``observe`` is called after each level with its
+    number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
