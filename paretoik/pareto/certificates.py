@@ -8,6 +8,7 @@ computed of one point leaves that one undetermined, with the reason, and no othe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,6 +106,19 @@ def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndar
         return criticality(gradients, constraints, at.unit).value
     result = active_set_criticality(gradients, constraints, at.unit)
     return np.inf if result is None else result.value
+
+
+def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"]:
+    """Return the weights of the objectives, as the program has them, at points that are critical; NaN at others."""
+    weights = np.full((len(x), n_obj), np.nan)
+    for row, one in zip(weights, x, strict=True):
+        check_interruption()
+        with suppress(SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
+            at = program.linearise(one)
+            result = criticality(at.gradients[:n_obj], _constraints(program, at), at.unit)
+            if result.value <= OPTIONS.critical:
+                row[:] = result.weights
+    return weights
 
 
 def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj"]) -> _Certificate:

@@ -24,10 +24,11 @@ class ColdSearchOptions:
     """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
 
     So many starts are led at a time as ``batch`` says: in between somebody may look. Points nearer than ``distinct``
-    (rad or m, RMS) are one.
+    (rad or m, RMS) are one. Of initial points so many lead to optima of an objective, the best in it.
     """
 
     weight: float = 1e-3
+    initial: int = 4
     batch: int = 4
     distinct: float = 0.01
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-2)
@@ -124,6 +125,8 @@ def optima_alone(
     natural = program_of(np.ones(n_obj))
     sizes = objective_sizes(natural, initial, n_obj)
     program = program_of(np.where(sizes > 0, sizes, 1.0))
+    values = np.array([natural.evaluate(one)[0][objective] for one in initial])
+    initial = initial[np.argsort(values, kind="stable")[: OPTIONS.initial]]
     x = minimise_from(program, initial, np.eye(n_obj)[objective], solver=solver).x
     with suppress(Infeasible, SolverFailed):  # the initial points will do
         x = np.concatenate([cold.optima(objective), x])

@@ -8,60 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
+from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.cold_search import ColdSearch, optima_alone
-from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
+from paretoik.pareto.epsilon_options import OPTIONS
+from paretoik.pareto.gap_filling import POINT_TOLERANCE
 from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
+from paretoik.pareto.sweep import Sweep
 from paretoik.pareto.warm_start import evaluate_points, feasible_points
 from paretoik.stop_flag import Interrupted
-
-
-@dataclass(frozen=True, kw_only=True)
-class EpsilonOptions:
-    """How a front is swept; objectives are divided by their ranges, so that values here are shares of these.
-
-    ``end_tolerance`` is what an objective gives way for the others at an end of the front, ``end_weight`` the weight of
-    the others there at first; ``weight`` theirs at any ε: with none a point may be only weakly optimal. ``inner`` are
-    the places between nadir and ideal where cold starts are led below an ε. Every ε starts from the ``nearest`` points.
-    Of each objective so many optima are followed as branches as ``pool`` says; one that takes more than
-    ``branch_iterations`` to the next level has ended. Each point tries the basins of its ``neighbours``, in at most so
-    many ``rounds``. So many points are led at a time as ``batch`` says. Points nearer than ``distinct`` (rad or m, RMS)
-    are one. Where the ends are within ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective's
-    size, the front is one point: that is what a solver's last barrier leaves open.
-
-    The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
-    valley one may get lost, or find a better one.
-    """
-
-    end_tolerance: float = 1e-6
-    end_weight: float = 1e-3
-    weight: float = 5e-4
-    inner: tuple[float, ...] = (0.25, 0.5, 0.75)
-    nearest: int = 4
-    pool: int = 4
-    branch_iterations: int = 60
-    neighbours: int = 2
-    rounds: int = 3
-    batch: int = 8
-    distinct: float = 0.01
-    resolution: float = 1e-7
-    resolved_distance: float = 1e-3
-    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    near: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
-    cold: InteriorPointOptions = InteriorPointOptions(barrier=0.1, radius=0.2)
-
-
-OPTIONS = EpsilonOptions()
 
 
 def epsilon_points(
@@ -71,15 +35,18 @@ def epsilon_points(
     *,
     points: int,
     initial: Float[np.ndarray, " initial *point"] | None = None,
+    refined: bool = False,
+    cold_points: int = OPTIONS.cold_points,
     solver: Solver = "auto",
     observe: Observe | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
     """Return at most so many points, but all ends, spread over the front, and the ranges of the objectives.
 
-    ``program_of`` returns the program with its objectives divided by its argument. First the ends, and what cold
-    starts lead to below some ε; of two objectives every branch is then followed through falling and rising ε. The rest
-    goes into the widest gaps: ε halfway between two neighbours, started from those near it. ``initial`` points within
-    all limits lead to ends, branches and points as well: none of them dominates what is returned.
+    ``program_of`` returns the program with its objectives divided by its argument. First come the ends. Of two
+    objectives points are then placed where the front gains the most hypervolume, the first ``cold_points`` sought from
+    cold starts too; of more come what cold starts lead to below some ε, and the widest gaps: ε halfway between two
+    neighbours, started from those near it. ``initial`` points within all limits lead to ends and points as well, unless
+    ``refined`` already: none of them dominates what is returned.
 
     After a signal the points so far are returned. Raises what ``cold`` does, SolverFailed where an end does not
     converge, and Interrupted where a signal comes before there is any point.
@@ -102,47 +69,35 @@ def epsilon_points(
     if len(alone) < n_obj:
         return best, ranges
     program = program_of(ranges)
-    pool = np.concatenate([optima[: OPTIONS.pool] for optima in alone])
     try:
         ends = _ends(program, best, solver)
     except Interrupted:
         return best, ranges
-    if initial is not None and len(initial):
+    if initial is not None and not refined:
         initial = refine(program, initial, n_obj, solver=solver)[0]
-        pool = np.concatenate([pool, initial[: OPTIONS.pool]])
-    sweep = _Sweep(
+    sweep = Sweep(
         program=program,
         n_obj=n_obj,
         x=ends.x,
         objectives=ends.objectives,
-        pool=pool[_distinct_rows(program, pool)],
+        weights=np.eye(n_obj),
         points=points,
         solver=solver,
         observe=observe,
     )
     with suppress(Interrupted):
-        if initial is not None and len(initial):
-            sweep.add(evaluate_points(program, initial))
-        for solutions in _inner_optima(program, cold, ends):
-            sweep.pool = np.concatenate([sweep.pool, solutions.x])
-            sweep.add(solutions)
-        if n_obj == 2:  # half of the points along every branch, evenly in the second objective
-            high, low = ends.objectives[0, 1], ends.objectives[1, 1]
-            sweep.follow_branches(np.linspace(high, low, max(points // 2, 6) + 1)[1:-1])
-        fill_gaps(lambda: sweep.front()[1], sweep.minimise_below, points)
-        if cold.multimodal:
+        if initial is not None:
+            sweep.add(evaluate_points(program, initial), weights_at(program, initial, n_obj) if n_obj == 2 else None)
+        if n_obj == 2:
+            few = max(OPTIONS.further, int(OPTIONS.further_share * points))
+            sweep.place_points(cold, cold_points, few if initial is None else max(few, points))
+            sweep.search_jumps()
+        else:
+            _add_inner_optima(sweep, cold)
+            sweep.fill_gaps()
+        if cold.multimodal or n_obj > 2:
             sweep.exchange_basins()
-    x, values = sweep.front()
-    return x[spread_rows(values, points)], ranges
-
-
-def _distinct_rows(program: Program, x: Points) -> Int[np.ndarray, " rows"]:
-    """Return which points are farther than ``distinct`` from all before them."""
-    rows = list[int]()
-    for i, one in enumerate(x):
-        if not rows or program.distance(one, x[rows]).min() > OPTIONS.distinct:
-            rows.append(i)
-    return np.array(rows, dtype=int)
+    return sweep.x[sweep.spread()], ranges
 
 
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
@@ -180,118 +135,12 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
     return ends.replace_rows(accepted, finished[accepted])
 
 
-def _inner_optima(program: Program, cold: ColdSearch, ends: Solutions) -> list[Solutions]:
-    """Return the optima that cold starts lead to below some ε: a branch may belong to no objective's own optimum."""
-    count = len(ends)
-    ideal, nadir = ends.objectives[:, :count].min(axis=0), ends.objectives[:, :count].max(axis=0)
-    batches = []
-    for share in OPTIONS.inner if count == 2 else OPTIONS.inner[1:2]:
-        for main in range(count):
-            upper = np.where(np.arange(count) == main, np.inf, nadir + share * (ideal - nadir))
-            solutions = cold.optima_below(program, main, upper, OPTIONS.weight)
-            if solutions is not None:
-                batches.append(solutions[solutions.converged][: OPTIONS.pool])
-    return batches
-
-
-@dataclass(kw_only=True, eq=False)
-class _Sweep:
-    """The points so far with their objectives, and how more are added; ``pool`` are starts of branches."""
-
-    program: Program
-    n_obj: int
-    x: Points
-    objectives: Float[np.ndarray, "points objectives"]
-    pool: Float[np.ndarray, " pool *point"]
-    points: int
-    solver: Solver
-    observe: Observe | None
-
-    def add(self, solutions: Solutions) -> None:
-        """Add points, whether they are part of the front or not."""
-        self.x = np.concatenate([self.x, solutions.x])
-        self.objectives = np.concatenate([self.objectives, solutions.objectives])
-        self._show()
-
-    def _show(self, *_: int) -> None:
-        if self.observe is not None:
-            self.observe(min(len(self.front()[0]), self.points), self.points)
-
-    def _minimise(self, x: Points, weights: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
-        return minimise_weighted(
-            self.program, x, weights, upper, barrier, solver=self.solver, batch=OPTIONS.batch, observe=self._show
-        )
-
-    def front(self) -> tuple[Points, Float[np.ndarray, "front n_obj"]]:
-        """Return the points that no other dominates, by the first objective."""
-        values = self.objectives[:, : self.n_obj]
-        rows = front_rows(values)
-        return self.x[rows], values[rows]
-
-    def minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
-        """Minimise objective ``main`` below ``upper`` from the nearest points; return whether that is a new one."""
-        values = self.objectives[:, : self.n_obj]
-        off = np.abs(values - np.where(np.isfinite(upper), upper, values)).max(axis=1)
-        starts = self.x[np.argsort(off, kind="stable")[: OPTIONS.nearest]]
-        weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        solutions = self._minimise(starts, weights, upper[None], OPTIONS.warm)
-        best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
-        if not solutions.converged[best] or is_duplicate(solutions.objectives[best], self.objectives):
-            return False
-        self.add(solutions[best : best + 1])
-        return True
-
-    def follow_branches(self, levels: Float[np.ndarray, " levels"]) -> None:
-        """Follow every optimum of the pool as its own branch, through falling and through rising ε of objective two.
-
-        Two objectives. A branch that is dominated here may be the best one there: all solutions are added.
-        """
-        second = np.array([self.program.evaluate(x)[0][1] for x in self.pool])
-        falling, rising = levels[:, None], levels[::-1, None]
-        within = second >= falling, second <= rising
-        joins = [np.where(each.any(axis=0), each.argmax(axis=0), len(levels)) for each in within]
-        x = [self.pool[:0], self.pool[:0]]
-        barrier = OPTIONS.warm._replace(iterations=OPTIONS.branch_iterations)
-        weights = main_weights(2, np.array([0]), OPTIONS.weight)
-        for step, both in enumerate(zip(levels, levels[::-1], strict=True)):
-            x = [np.concatenate([old, self.pool[join == step]]) for old, join in zip(x, joins, strict=True)]
-            counts = [len(each) for each in x]
-            upper = np.stack([np.full(sum(counts), np.inf), np.repeat(both, counts)], axis=1)
-            solutions = self._minimise(np.concatenate(x), weights, upper, barrier)
-            for direction, part in enumerate((solutions[: counts[0]], solutions[counts[0] :])):
-                branches = part[part.converged]
-                branches = branches[np.argsort(branches.objectives[:, 0], kind="stable")]
-                branches = branches[_distinct_rows(self.program, branches.x)]
-                self.add(branches)
-                x[direction] = branches.x
-
-    def exchange_basins(self) -> None:
-        """Try for every point of the front whether its neighbours' basins hold one that is better in everything.
-
-        Where there are many valleys, a neighbour that came later may lie in a better one.
-        """
-        options = OPTIONS.warm._replace(iterations=OPTIONS.branch_iterations)
-        tried = np.zeros((0, 2), dtype=int)
-        for _ in range(OPTIONS.rounds):
-            pairs = self._neighbours()
-            pairs = pairs[~(pairs[:, None] == tried).all(axis=2).any(axis=1)]
-            if not len(pairs):
-                return
-            tried = np.concatenate([tried, pairs])
-            upper = self.objectives[pairs[:, 0], : self.n_obj]
-            solutions = self._minimise(self.x[pairs[:, 1]], np.ones((1, self.n_obj)), upper, options)
-            gain = np.sum(upper - solutions.objectives[:, : self.n_obj], axis=1)
-            better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
-            if not better.any():
-                return
-            self.add(solutions[better])
-
-    def _neighbours(self) -> Int[np.ndarray, "pairs 2"]:
-        """Return pairs of rows: every point that spreads over the front, and one of the nearest others of these."""
-        rows = front_rows(self.objectives[:, : self.n_obj])
-        rows = rows[spread_rows(self.objectives[rows, : self.n_obj], self.points)]
-        values = self.objectives[rows, : self.n_obj]
-        distances = np.linalg.norm(values[:, None] - values, axis=2)
-        np.fill_diagonal(distances, np.inf)
-        near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
-        return np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
+def _add_inner_optima(sweep: Sweep, cold: ColdSearch) -> None:
+    """Add the optima that cold starts lead to below an ε: a branch may belong to no objective's own optimum."""
+    n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
+    ideal, nadir = ends.min(axis=0), ends.max(axis=0)
+    for main in range(n_obj):
+        upper = np.where(np.arange(n_obj) == main, np.inf, nadir + OPTIONS.inner * (ideal - nadir))
+        optima = cold.optima_below(sweep.program, main, upper, OPTIONS.weight)
+        if optima is not None:
+            sweep.add(optima[optima.converged][: OPTIONS.cold_optima])

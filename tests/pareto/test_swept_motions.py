@@ -5,7 +5,7 @@ import paretoik as pk
 from paretoik.front.indicators import hypervolume
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
-from paretoik.pareto.epsilon import _Sweep
+from paretoik.pareto.sweep import Sweep
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
@@ -124,7 +124,17 @@ def test_a_point_in_a_worse_valley_is_bettered_from_its_neighbours():
     x = np.array(front.motions.q)
     x[2] = spoiled.q
     values = np.stack([o(task.motion(x)) * o.sign for o in task.objectives], axis=1) / ranges
-    sweep = _Sweep(program=program, n_obj=2, x=x, objectives=values, pool=x, points=5, solver="auto", observe=None)
+    weights = np.full((5, 2), np.nan)
+    sweep = Sweep(
+        program=program,
+        n_obj=2,
+        x=x,
+        objectives=values,
+        weights=weights,
+        points=5,
+        solver="auto",
+        observe=None,
+    )
     worse = sweep.objectives[2].copy()
     others = np.delete(sweep.objectives, 2, axis=0)
     assert not np.any(np.all(others <= worse, axis=1))

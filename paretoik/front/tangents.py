@@ -1,0 +1,30 @@
+"""Tangents of a front of two objectives, from the weights of the objectives at its points."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+MARGIN = 1e-6  # of the gap between two neighbours: tangents that meet so far outside still meet inside
+
+
+def tangents_meet(
+    left: Float[np.ndarray, " 2"],
+    right: Float[np.ndarray, " 2"],
+    left_weights: Float[np.ndarray, " 2"],
+    right_weights: Float[np.ndarray, " 2"],
+) -> Float[np.ndarray, " 2"] | None:
+    """Return where the tangents at two neighbours meet; None unless that is between the two in both objectives.
+
+    A tangent lies across the weights. On a smooth piece of a front, whichever way it is bent, tangents meet between
+    neighbours that are close enough; across a jump they contradict each other. Weights are NaN where unknown.
+    """
+    width = right - left
+    determinant = left_weights[0] * right_weights[1] - left_weights[1] * right_weights[0]
+    if not np.isfinite(determinant) or determinant == 0.0:
+        return None
+    place = np.array([-left_weights[1], left_weights[0]]) * (right_weights @ width) / determinant
+    share = place / width
+    if np.any(share < -MARGIN) or np.any(share > 1.0 + MARGIN):
+        return None
+    return left + np.clip(share, 0.0, 1.0) * width

@@ -1,0 +1,176 @@
+"""Where points of a front of two objectives gain the most hypervolume, by the exchange rates of its points.
+
+Between two neighbours the front is taken for the parabola that touches the tangents at both: at an end it is one, as
+an objective is least there. Where tangents contradict each other, as across a jump, it is taken for the chord.
+
+Source: sandwich algorithms, e.g. Rote 1992; the subset of most hypervolume, Auger, Bader, Brockhoff & Zitzler 2009.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.front.tangents import tangents_meet
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacementOptions:
+    """``places`` are looked at in every gap, of a front of many gaps fewer, at most about ``total``.
+
+    Once there are as many points as wanted, another one is worth while that adds ``gain``, a share of the hypervolume
+    that all gaps hold.
+    """
+
+    places: int = 31
+    total: int = 400
+    gain: float = 0.005
+
+
+OPTIONS = PlacementOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gap:
+    """Two neighbours of a front and what is taken to lie between: ``places`` in their order, the neighbours ends.
+
+    ``area`` is the hypervolume that the whole curve adds to its ends; ``contradicts`` where it is but the chord.
+    """
+
+    places: Float[np.ndarray, "places 2"]
+    area: float
+    contradicts: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Target:
+    """A place for one more point, in which gap, and the hypervolume that it adds beside the ends of that."""
+
+    gap: int
+    values: Float[np.ndarray, " 2"]
+    gain: float
+
+
+def volume(values: Float[np.ndarray, "points 2"]) -> float:
+    """Return the hypervolume of points, in the order of the first objective, up to the worst value of each."""
+    return float(((values[-1, 0] - values[1:, 0]) * (values[:-1, 1] - values[1:, 1])).sum())
+
+
+def best_rows(
+    values: Float[np.ndarray, "points 2"], count: int, cost: Float[np.ndarray, " points"] | float = 0.0
+) -> Int[np.ndarray, " rows"]:
+    """Return the rows of at most so many points that have the most hypervolume less ``cost``, both ends among them.
+
+    ``values`` are mutually non-dominated, in the order of the first objective.
+    """
+    size, count = len(values), max(count, 2)
+    if size <= count:
+        return np.arange(size)
+    first, second = values.T
+    gain = (first[-1] - first) * (second[:, None] - second) - cost  # of a point (column) after another (row)
+    gain[np.tril_indices(size)] = -np.inf
+    best, before = gain[0], list[np.ndarray]()
+    for _ in range(count - 2):
+        sums = best[:, None] + gain
+        before.append(sums.argmax(axis=0))
+        best = sums.max(axis=0)
+    rows = [size - 1]
+    for row in reversed(before):
+        rows.append(int(row[rows[-1]]))
+    return np.array([0, *reversed(rows)])
+
+
+def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 2"]) -> Gap:
+    """Return the gap between two neighbours; ``weights`` are those of the objectives at each, NaN where unknown."""
+    left, right = values
+    meeting = tangents_meet(left, right, *weights)
+    control = values.mean(axis=0) if meeting is None else meeting
+    share = np.linspace(0.0, 1.0, OPTIONS.places + 2)[:, None]
+    places = (1 - share) ** 2 * left + 2 * share * (1 - share) * control + share**2 * right
+    width, offset = right - left, control - left
+    bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, below the chord positive
+    return Gap(places=places, area=float(bulge - 0.5 * width[0] * width[1]), contradicts=meeting is None)
+
+
+def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
+    """Return neighbours on the lower convex hull of points that have others between them, as pairs of rows.
+
+    ``values`` are in the order of the first objective. Points above the hull may lie on a worse branch.
+    """
+    hull = list[int]()
+    for i, value in enumerate(values):
+        while len(hull) > 1:
+            one, other = values[hull[-1]] - values[hull[-2]], value - values[hull[-2]]
+            if one[0] * other[1] - one[1] * other[0] > 0:
+                break
+            hull.pop()
+        hull.append(i)
+    return [(i, j) for i, j in pairwise(hull) if j > i + 1]
+
+
+def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
+    """Return where points go next; none where ``values`` are as many as wanted and no others add enough.
+
+    First all that are missing are shared out among the gaps, and the one that adds the most comes next. Then come all
+    the places of the best subset of points and places, where each place has to add enough.
+    """
+    if not gaps:
+        return []
+    missing = points - len(values)
+    return [_missing_target(gaps, missing)] if missing > 0 else _replacements(gaps, values, points)
+
+
+def _missing_target(gaps: Sequence[Gap], missing: int) -> Target:
+    """Return the best of the places of so many points, shared out one by one to where each adds the most."""
+    chosen = [best_rows(gap.places, 3)[1:-1] for gap in gaps]
+    totals = np.zeros(len(gaps))
+    gains = np.array([volume(gap.places[best_rows(gap.places, 3)]) - volume(gap.places[[0, -1]]) for gap in gaps])
+    for _ in range(missing):
+        k = int(np.argmax(gains))
+        chosen[k] = best_rows(gaps[k].places, 2 + int(totals[k]) + 1)[1:-1]
+        totals[k] += 1
+        more = [volume(gaps[k].places[best_rows(gaps[k].places, 2 + int(totals[k]) + extra)]) for extra in (0, 1)]
+        gains[k] = more[1] - more[0]
+    targets = [_best_target(gap, i, chosen[i]) for i, gap in enumerate(gaps) if totals[i]]
+    return max(targets, key=lambda target: target.gain)
+
+
+def _best_target(gap: Gap, index: int, rows: Int[np.ndarray, " rows"]) -> Target:
+    gains = (gap.places[-1, 0] - gap.places[rows, 0]) * (gap.places[0, 1] - gap.places[rows, 1])
+    best = int(np.argmax(gains))
+    return Target(gap=index, values=gap.places[rows[best]], gain=float(gains[best]))
+
+
+def _candidates(
+    gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"]
+) -> tuple[Float[np.ndarray, "candidates 2"], Int[np.ndarray, " candidates"]]:
+    """Return those of the points and places that no other dominates, in order, and the gap of each: −1 of a point."""
+    step = -(-OPTIONS.places * len(gaps) // OPTIONS.total)
+    inner = [gap.places[1 + step // 2 : -1 : step] for gap in gaps]
+    owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])
+    places = np.concatenate([values, *inner])
+    order = np.lexsort((places[:, 1], places[:, 0]))
+    least = np.minimum.accumulate(np.append(np.inf, places[order, 1]))[:-1]
+    order = order[places[order, 1] < least]
+    return places[order], owners[order]
+
+
+def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
+    """Return the places among the best of points and places, those first that add the most."""
+    candidates, owners = _candidates(gaps, values)
+    enough = OPTIONS.gain * sum(gap.area for gap in gaps)
+    chosen = best_rows(candidates, points, np.where(owners >= 0, enough, 0.0))
+    targets = [
+        Target(
+            gap=int(owners[row]),
+            values=candidates[row],
+            gain=float((candidates[after, 0] - candidates[row, 0]) * (candidates[before, 1] - candidates[row, 1])),
+        )
+        for before, row, after in zip(chosen[:-2], chosen[1:-1], chosen[2:], strict=True)
+        if owners[row] >= 0
+    ]
+    return sorted(targets, key=lambda target: -target.gain)

@@ -1,0 +1,200 @@
+"""A sweep of ε-constraints: the points so far, and how more are added where the front gains the most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise, product
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.arrays import Points
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.program import Program, Solver
+from paretoik.nlp.solutions import Solutions, concatenate
+from paretoik.pareto.cold_search import ColdSearch
+from paretoik.pareto.epsilon_options import OPTIONS
+from paretoik.pareto.gap_filling import POINT_TOLERANCE, fill_gaps, front_rows, is_duplicate, spread_rows
+from paretoik.pareto.placement import Gap, Target, best_rows, gap_between, hull_pairs, next_targets
+from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted
+
+
+@dataclass(kw_only=True, eq=False)
+class Sweep:
+    """The points so far, with their objectives and the weights of these in the Lagrangian, NaN where unknown.
+
+    ``tried`` has the objectives that were minimised between two neighbours (rows) without a new point.
+    """
+
+    program: Program
+    n_obj: int
+    x: Points
+    objectives: Float[np.ndarray, "points objectives"]
+    weights: Float[np.ndarray, "points n_obj"]
+    points: int
+    solver: Solver
+    observe: Observe | None
+    tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
+
+    def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
+        """Add points, whether they are part of the front or not; ``weights`` are their objectives', if known."""
+        weights = np.full((1, self.n_obj), np.nan) if weights is None else weights
+        self.weights = np.concatenate([self.weights, np.broadcast_to(weights, (len(solutions), self.n_obj))])
+        self.x = np.concatenate([self.x, solutions.x])
+        self.objectives = np.concatenate([self.objectives, solutions.objectives])
+        self._show()
+
+    def _lagrangian(self, solutions: Solutions, weights: np.ndarray) -> Float[np.ndarray, "points n_obj"]:
+        """Return the weights of the objectives in the Lagrangian where ``weights`` are minimised below bounds."""
+        return np.asarray(weights + solutions.bound_multipliers[:, : self.n_obj])
+
+    def front(self) -> Int[np.ndarray, " front"]:
+        """Return the rows that no other dominates, by the first objective."""
+        return front_rows(self._values)
+
+    def spread(self) -> Int[np.ndarray, " rows"]:
+        """Return the rows of as many points of the front as are wanted: of two objectives with most hypervolume."""
+        rows = self.front()
+        values = self._values[rows]
+        return rows[best_rows(values, self.points) if self.n_obj == 2 else spread_rows(values, self.points)]
+
+    @property
+    def _values(self) -> Float[np.ndarray, "points n_obj"]:
+        return self.objectives[:, : self.n_obj]
+
+    def _show(self, *_: int) -> None:
+        if self.observe is not None:
+            self.observe(min(len(self.front()), self.points), self.points)
+
+    def _minimise(self, x: Points, weights: np.ndarray, upper: np.ndarray, barrier: InteriorPointOptions) -> Solutions:
+        return minimise_weighted(
+            self.program, x, weights, upper, barrier, solver=self.solver, batch=OPTIONS.batch, observe=self._show
+        )
+
+    def place_points(self, cold: ColdSearch, cold_points: int, further: int) -> None:
+        """Add points where the front of two objectives gains the most hypervolume, until it has enough.
+
+        The first ``cold_points`` are sought from cold starts as well; at most ``further`` ones replace others.
+        """
+        while True:
+            rows = self.front()
+            pairs, gaps = self._gaps(rows)
+            targets = next_targets(gaps, self._values[rows], self.points)
+            if len(rows) >= self.points:
+                targets = targets[: max(further, 0)]
+                further -= len(targets)
+            if not targets:
+                return
+            for target in targets:
+                pair = pairs[target.gap]
+                if len(self.tried.get(pair, ())) < self.n_obj:
+                    self._place(pair, gaps[target.gap], target, cold if cold_points > 0 else None)
+                    cold_points -= 1
+
+    def search_jumps(self) -> None:
+        """Try the points beside jumps of the front from both sides: a better branch may pass there."""
+        chosen = self.spread()
+        for pair in (list(pair) for pair in pairwise(chosen.tolist())):
+            if not gap_between(self._values[pair], self.weights[pair]).contradicts:
+                continue
+            for row, main in product(pair, range(2)):
+                upper = np.where(np.arange(2) == main, np.inf, self._values[row])
+                weights = main_weights(2, np.array([main]), OPTIONS.weight)
+                solutions = self._minimise(self.x[pair], weights, upper[None], OPTIONS.warm)
+                self._add_new(solutions[solutions.converged], weights, upper)
+
+    def _gaps(self, rows: Int[np.ndarray, " front"]) -> tuple[list[tuple[int, int]], list[Gap]]:
+        """Return the gaps that may hold new points, and their ends: those between neighbours, and those of the hull.
+
+        Between neighbours on the hull whose tangents agree there may be a branch below the points that they enclose.
+        """
+        hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
+        pairs = [*pairwise(rows.tolist()), *hull]
+        pairs = [pair for pair in pairs if len(self.tried.get(pair, ())) < self.n_obj]
+        gaps = [gap_between(self._values[list(pair)], self.weights[list(pair)]) for pair in pairs]
+        valid = [pair not in hull or not gap.contradicts for pair, gap in zip(pairs, gaps, strict=True)]
+        return [pair for pair, one in zip(pairs, valid, strict=True) if one], [
+            gap for gap, one in zip(gaps, valid, strict=True) if one
+        ]
+
+    def _place(self, pair: tuple[int, int], gap: Gap, target: Target, cold: ColdSearch | None) -> None:
+        """Minimise across the longer side of a gap, to the target on that, or else across the other side."""
+        ends, mains = self._values[list(pair)], self.tried.setdefault(pair, [])
+        main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
+        upper = np.where(np.arange(self.n_obj) == main, np.inf, target.values)
+        weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
+        nearer = np.argsort(np.abs(ends - target.values)[:, 1 - main], kind="stable")
+        solutions = self._minimise(self.x[[pair[nearer[0]]]], weights, upper[None], OPTIONS.warm)
+        expected, corner = (1 - OPTIONS.falls_short) * np.prod(ends.max(axis=0) - target.values), ends.max(axis=0)
+        if gap.contradicts or not self._gain(solutions, corner) >= expected:
+            other = self._minimise(self.x[[pair[nearer[1]]]], weights, upper[None], OPTIONS.warm)
+            solutions = concatenate([solutions, other])
+        solutions = solutions[solutions.converged]
+        optima = None if cold is None else cold.optima_below(self.program, main, upper, OPTIONS.weight)
+        if optima is not None:
+            solutions = concatenate([solutions, optima[optima.converged][: OPTIONS.cold_optima]])
+        if not self._add_new(solutions, weights, corner) or self._gain(solutions, corner) < expected / 2:
+            mains.append(main)
+
+    def _gain(self, solutions: Solutions, corner: Float[np.ndarray, " 2"]) -> float:
+        """Return the most hypervolume that one of the solutions has below a corner."""
+        sides = np.maximum(corner - solutions.objectives[:, : self.n_obj], 0.0)
+        return float(np.where(solutions.converged, np.prod(sides, axis=1), 0.0).max(initial=0.0))
+
+    def _add_new(self, solutions: Solutions, weights: np.ndarray, corner: np.ndarray) -> bool:
+        """Add those that are new; return whether one of them is a point of the front below a corner."""
+        before, new = self._values[self.front()], False
+        for i, value in enumerate(solutions.objectives):
+            if is_duplicate(value, self.objectives):
+                continue
+            self.add(solutions[i : i + 1], self._lagrangian(solutions[i : i + 1], weights))
+            values = value[: self.n_obj]
+            dominated = (before <= values + POINT_TOLERANCE).all(axis=1).any()
+            new |= bool((values < corner).all() and not dominated)
+        return new
+
+    def fill_gaps(self) -> None:
+        """Add points in the widest gaps of the front, until it has enough."""
+        fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points)
+
+    def _minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
+        """Minimise objective ``main`` below ``upper`` from the nearest points; return whether that is a new one."""
+        off = np.abs(self._values - np.where(np.isfinite(upper), upper, self._values)).max(axis=1)
+        starts = self.x[np.argsort(off, kind="stable")[: OPTIONS.nearest]]
+        weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
+        solutions = self._minimise(starts, weights, upper[None], OPTIONS.warm)
+        best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
+        if not solutions.converged[best] or is_duplicate(solutions.objectives[best], self.objectives):
+            return False
+        self.add(solutions[best : best + 1], self._lagrangian(solutions[best : best + 1], weights))
+        return True
+
+    def exchange_basins(self) -> None:
+        """Try for every point of the front whether its neighbours' basins hold one that is better in everything.
+
+        Where there are many valleys, a neighbour that came later may lie in a better one.
+        """
+        options = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations)
+        tried = np.zeros((0, 2), dtype=int)
+        for _ in range(OPTIONS.rounds):
+            pairs = self._neighbours()
+            pairs = pairs[~(pairs[:, None] == tried).all(axis=2).any(axis=1)]
+            if not len(pairs):
+                return
+            tried = np.concatenate([tried, pairs])
+            upper = self._values[pairs[:, 0]]
+            solutions = self._minimise(self.x[pairs[:, 1]], np.ones((1, self.n_obj)), upper, options)
+            gain = np.sum(upper - solutions.objectives[:, : self.n_obj], axis=1)
+            better = solutions.converged & (gain > 10 * POINT_TOLERANCE)
+            if not better.any():
+                return
+            self.add(solutions[better], self._lagrangian(solutions[better], np.ones((1, self.n_obj))))
+
+    def _neighbours(self) -> Int[np.ndarray, "pairs 2"]:
+        """Return pairs of rows: every point that spreads over the front, and one of the nearest others of these."""
+        rows = self.spread()
+        values = self._values[rows]
+        distances = np.linalg.norm(values[:, None] - values, axis=2)
+        np.fill_diagonal(distances, np.inf)
+        near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
+        return np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
