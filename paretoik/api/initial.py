@@ -21,7 +21,7 @@ from paretoik.task.motion import Motion
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:
-    """Return genes (rows, n_var) of solutions to start from; warn of motions that they miss by more [rad, m].
+    """Return genes (rows, n_var) of solutions to start from; warn of motions that they miss by more.
 
     Raises InvalidInput for a front of another problem without motions, and for motions that it cannot encode.
     """

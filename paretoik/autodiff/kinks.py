@@ -25,7 +25,7 @@ NONSMOOTH = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
 
 @dataclass(frozen=True, kw_only=True)
 class KinkOptions:
-    """When kinks count: derivatives, and differences between values, below ``rounding`` are 0.
+    """When kinks count: derivatives, and differences between values, below ``rounding`` of the largest are 0.
 
     The pieces of a choice may differ by ``jump``, relative to its values, where its condition changes; that place is
     found in ``bisections``.
@@ -115,13 +115,14 @@ def reformulate_choices(
                 continue
             jumps = np.abs(np.subtract(*compile_evaluator(tape, [first, second])(boundary)))
             value, one, other = compile_evaluator(tape, [node, first, second])(probes)
-            if not np.nanmax(jumps, initial=0.0) <= OPTIONS.jump * (1 + np.nanmax(np.abs(value))):
+            size = np.nanmax(np.abs(value))
+            if not np.nanmax(jumps, initial=0.0) <= OPTIONS.jump * size:
                 raise InvalidInput(
                     f"{name}: jumps where the condition of np.where changes: pieces that meet are wanted"
                 )
-            if np.all(value >= np.maximum(one, other) - OPTIONS.rounding):
+            if np.all(value >= np.maximum(one, other) - OPTIONS.rounding * size):
                 replacements[node] = tape.apply(Op.MAXIMUM, first, second)
-            elif np.all(value <= np.minimum(one, other) + OPTIONS.rounding):
+            elif np.all(value <= np.minimum(one, other) + OPTIONS.rounding * size):
                 replacements[node] = tape.apply(Op.MINIMUM, first, second)
     return substitute(tape, functions, replacements)
 
@@ -160,11 +161,11 @@ def _is_convex_kink(
     with np.errstate(all="ignore"):
         rates = np.nan_to_num(compile_evaluator(tape, derivatives)(np.concatenate(inputs, axis=1)))
     signs = np.array(senses) * (-1.0 if op is Op.MINIMUM else 1.0)
-    worsening = signs[:, None] * rates
-    both_ways = (signs == 0) & (np.abs(rates) > OPTIONS.rounding).any(axis=1)
-    if np.any(both_ways) or np.any(worsening < -OPTIONS.rounding):
+    worsening, rounding = signs[:, None] * rates, OPTIONS.rounding * np.abs(rates).max(axis=1, initial=0.0)[:, None]
+    both_ways = (signs == 0) & (np.abs(rates) > rounding).any(axis=1)
+    if np.any(both_ways) or np.any(worsening < -rounding):
         return False
-    return bool(np.any(worsening[:, probes.shape[1] :] > OPTIONS.rounding))
+    return bool(np.any((worsening > rounding)[:, probes.shape[1] :]))
 
 
 def _pad(tape: Tape, probes: np.ndarray) -> np.ndarray:

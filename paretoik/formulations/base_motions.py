@@ -15,6 +15,8 @@ from paretoik.self_motion.motion_starts import rollout_starts
 from paretoik.stop_flag import check_interruption
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.motion_task_validation import START_TOLERANCE
+from paretoik.task.retraction import relative_errors
 from paretoik.trajectory.program import joint_distance
 
 
@@ -57,7 +59,8 @@ def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np
 def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """Return the joint positions of a user's motions.
 
-    Raises InvalidInput where they are not of the task's arm and samples, or more than 1e-6 m or rad off the path.
+    Raises InvalidInput where they are not of the task's arm and samples, or more than 1e-6 rad or lengths of the arm
+    off the path.
     """
     if not isinstance(motions, Motion):
         raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
@@ -68,7 +71,7 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
             f"{q.shape[1]}"
         )
     deviation = float(task.motion(q).tracking_error.max())
-    if deviation > 1e-6:
+    if np.abs(relative_errors(task.arm, task.tasks, q, task.targets)[0]).max() > START_TOLERANCE:
         raise InvalidInput(f"initial: motions on the path wanted, got one that is {deviation:.3g} m or rad off")
     return q
 

@@ -53,7 +53,7 @@ class Configurations:
             distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
             if distances.max(axis=1).min(initial=np.inf) > 0.1:
                 bases.append(posture)
-        return order_by_neighbour(np.array(bases), self.arm.periodic)
+        return order_by_neighbour(self.arm, np.array(bases))
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""

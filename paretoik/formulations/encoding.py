@@ -23,7 +23,7 @@ class EncodingOptions:
 
     degree: int = 3
     coefficients: tuple[int, int] = (4, 12)
-    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad or m, tried outwards
+    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; outwards
 
 
 OPTIONS = EncodingOptions()
@@ -69,9 +69,11 @@ class Encoding:
             q[:, -1] = q[:, 0]
         return q, on_path
 
-    def encode(self, which: Int[np.ndarray, " motions"], q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and by how much [rad, m] the spline misses them."""
-        y = self.charts.coordinates(which, q) / self.radius[which][..., None]
+    def encode(
+        self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths
+    ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
+        """Return genes of motions around bases ``which``, and by how much [rad, the arm's length] the spline misses."""
+        y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
         genes = np.concatenate([which[:, None] + 0.5, fitted.reshape(len(q), -1)], axis=1)

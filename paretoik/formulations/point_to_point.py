@@ -122,7 +122,7 @@ class PointToPoint(DenseFormulation):
         super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off [m]."""
+        """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off."""
         paths, count = self.initial_paths, len(genes)
         which = self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
@@ -140,7 +140,7 @@ class PointToPoint(DenseFormulation):
         return minimum_timing(self.arm, self.actuation, *self._samples(genes)[:2])
 
     def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return positions and front sliders (points, time, dof) at the samples, and how far ends are off [m]."""
+        """Return positions and front sliders (points, time, dof) at the samples, and how far ends are off."""
         q, front, error = self.profiles(genes)
         return self.initial_paths.spline @ q, self.initial_paths.spline @ front, error
 

@@ -28,6 +28,7 @@ from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
+from paretoik.robot.scales import joint_scales
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.variation import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
@@ -148,17 +149,17 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
 
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
-        """Return genes within bounds of motions on the path, and by how much [rad, m] they miss each.
+        """Return genes within bounds of motions on the path, and by how much [rad, arm's length] they miss each.
 
         Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample;
         where they miss it by much, the genes do not stand for the motion: use the motion itself.
         """
         genes, deviation = np.zeros((len(motions), self.n_var)), np.full(len(motions), np.inf)
         for base in range(self.encoding.bases):
-            encoded, _ = self.encoding.encode(np.full(len(motions), base), motions.q)
+            encoded, _ = self.encoding.encode(self.task, np.full(len(motions), base), motions.q)
             encoded = np.clip(encoded, self.xl, self.xu)
             q, _ = self.encoding.decode(self.task, encoded)
-            distance = np.abs(q - motions.q).max(axis=(1, 2))
+            distance = np.abs((q - motions.q) / joint_scales(self.task.arm)).max(axis=(1, 2))
             nearer = distance < deviation
             genes[nearer], deviation[nearer] = encoded[nearer], distance[nearer]
         return genes, deviation
@@ -166,7 +167,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
         """Return genes of the same motions around other bases, as near as they come within their bounds."""
         q, _ = self.encoding.decode(self.task, genes)
-        return np.clip(self.encoding.encode(np.asarray(labels), q)[0], self.xl, self.xu)
+        return np.clip(self.encoding.encode(self.task, np.asarray(labels), q)[0], self.xl, self.xu)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
         """Return the algorithm that suits these genes: differential steps, smooth mutation, some infeasible parents."""

@@ -208,7 +208,7 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
     candidates = wrap_difference(candidates, task.arm.periodic)
     lower, upper = task.arm.position_limits.T
     within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
-    return order_by_neighbour(candidates[within] if within.any() else candidates, task.arm.periodic)
+    return order_by_neighbour(task.arm, candidates[within] if within.any() else candidates)
 
 
 def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:

@@ -14,7 +14,7 @@ class InteriorPointOptions(NamedTuple):
     tolerance: float = 1e-8  # of stationarity, and of violations
     iterations: int = 150  # at most
     kink_iterations: int = 3  # times as many where functions have kinks
-    radius: float = 0.3  # [rad or m] of the first step, where sequential quadratic programming takes over
+    radius: float = 0.3  # [rad or arm lengths] of the first step, where sequential quadratic programming takes over
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5
     barrier_tolerance: float = 10.0  # times μ: the error up to which a subproblem counts as solved; ibid., Eq. 5

@@ -155,7 +155,7 @@ class Program(Protocol):
         """Return the program to first order at a point."""
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
-        """Return how far a point is from others (others,), RMS in rad or m: optima nearer than 0.01 are one."""
+        """Return how far a point is from others (others,), RMS in rad or alike: optima nearer than 0.01 are one."""
 
 
 def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:

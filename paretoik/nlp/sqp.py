@@ -26,7 +26,7 @@ from paretoik.stop_flag import STOP
 
 @dataclass(frozen=True, kw_only=True)
 class SqpOptions:
-    """How a search goes. Lengths of steps along the equalities are those of their largest entry [rad, m].
+    """How a search goes. Lengths of steps along the equalities are those of their largest entry [rad, arm lengths].
 
     The size of the objective is Σ |weights · F| at the start, or the length of its gradient if that is more.
     """

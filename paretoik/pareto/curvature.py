@@ -92,7 +92,7 @@ def edge_names(
     """Return the names of weakly active limits, kinks and objectives without weight, each once."""
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
-    limits = [program.inequality_names[i] for i in rows[rows < at.elastic]]
+    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # few have none
     totals = np.flatnonzero(np.isfinite(program.upper))
     limits += [program.objective_names[totals[i - at.elastic]] for i in rows if 0 <= i - at.elastic < bounds]
     kinks = [f"a kink of {name}" for name in program.kinked] if (rows >= at.elastic + bounds).any() else []

@@ -23,7 +23,7 @@ Observe: TypeAlias = Callable[[int, int], object]
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at points: the largest of |F|, and of what F changes by in a step of length 1.
 
-    The second is to first order, along the gradient (rad or m, RMS): optima may have values of nothing but rounding.
+    The second is to first order, along the gradient (rad, RMS): optima may have values of nothing but rounding.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])

@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import jacobian, link_nodes
+from paretoik.robot.scales import characteristic_length
 from paretoik.task.motion import Motion
 
 SINE_TOLERANCE = 1e-9  # of the angle between axes that count as parallel, or a joint that counts as straight
@@ -24,7 +25,7 @@ def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, 
     axes, origins = _axes(arm, q), link_nodes(arm, q)[..., 1:, :]
     before, here, after = axes[..., :-2, :], axes[..., 1:-1, :], axes[..., 2:, :]
     product = np.sum(np.cross(before, after) * here, axis=-1)
-    links = np.diff(origins, axis=-2)
+    links = np.diff(origins, axis=-2) / characteristic_length(arm)
     turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
     parallel = _always_parallel(arm)
     inner = np.where(parallel, turn[..., : arm.dof - 2], product)

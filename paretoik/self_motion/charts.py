@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
+from paretoik.robot.scales import joint_scales
 from paretoik.self_motion.motion_starts import OPTIONS as STARTS
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import relative_errors, retract, row_space_basis
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,7 +19,8 @@ class Charts:
     """Coordinates around base motions: q = base + null_space · y, then along ``row_space`` onto the path.
 
     ``null_space`` spans that of the tasks' Jacobian along each base, transported without turning, ``row_space`` its row
-    space. Both are orthonormal, so y = null_spaceᵀ (q − base) gives the coordinates back.
+    space. Both are orthonormal, slides measured in lengths of the arm, so y = null_spaceᵀ (q − base) gives the
+    coordinates back.
     """
 
     base: Float[np.ndarray, "bases time dof"]
@@ -32,21 +34,24 @@ class Charts:
 
         A sample whose correction jumps from that of the sample before has come to another sheet, and is off.
         """
-        start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y)
-        retracted = retract(task.arm, task.tasks, start, task.targets, self.row_space[which])
+        scales = joint_scales(task.arm)
+        start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y) * scales
+        retracted = retract(task.arm, task.tasks, start, task.targets, self.row_space[which] * scales[:, None])
         q, on_path = retracted.q, retracted.on_path
-        base_step = np.abs(np.diff(start, axis=1)).max(axis=2)
-        on_path[:, 1:] &= np.abs(np.diff(q - start, axis=1)).max(axis=2) <= STARTS.longest_jump + base_step
+        base_step = np.abs(np.diff(start / scales, axis=1)).max(axis=2)
+        on_path[:, 1:] &= np.abs(np.diff((q - start) / scales, axis=1)).max(axis=2) <= STARTS.longest_jump + base_step
         return q, on_path
 
-    def coordinates(self, which: np.ndarray, q: JointPaths) -> Float[np.ndarray, "*batch time redundancy"]:
+    def coordinates(
+        self, task: MotionTask, which: np.ndarray, q: JointPaths
+    ) -> Float[np.ndarray, "*batch time redundancy"]:
         """Return the coordinates y of motions around bases ``which``."""
-        return np.einsum("ptdr,ptd->ptr", self.null_space[which], q - self.base[which])
+        return np.einsum("ptdr,ptd->ptr", self.null_space[which], (q - self.base[which]) / joint_scales(task.arm))
 
 
 def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) -> Charts:
     """Return coordinates around base motions on the path."""
-    jacobian = task_errors(task.arm, task.tasks, base, task.targets)[1]
+    jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
     for i in range(1, base.shape[1]):  # parallel transport: each basis turned as near as can be to the one before
         left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])

@@ -10,22 +10,23 @@ from jaxtyping import Bool, Float
 
 from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible
+from paretoik.robot.scales import joint_scales
 from paretoik.self_motion.start_postures import reach_error, sample_postures
 from paretoik.stop_flag import check_interruption
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, row_space_basis, solve_small_systems, task_errors
+from paretoik.task.retraction import relative_errors, retract, row_space_basis, solve_small_systems
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How far starts move."""
+    """How far starts move, in rad, slides in lengths of the arm."""
 
-    travel: float = 9.0  # rad or m: all joints together along the self-motion, at most
+    travel: float = 9.0  # all joints together along the self-motion, at most
     travel_width: tuple[float, float] = (0.3, 1.0)  # shares of the path into which half of the travel falls
-    perturbation: float = 1.0  # rad or m: RMS change of joints where the path leaves them free
+    perturbation: float = 1.0  # RMS change of joints where the path leaves them free
     crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path that is another's, recombined
     crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path in which one changes over to the other
-    longest_jump: float = 0.7  # rad or m: of a joint from one sample to the next
+    longest_jump: float = 0.7  # of a joint from one sample to the next
     finer: tuple[int, ...] = (2, 4)  # times as many samples, tried in turn where a joint would jump between two
 
 
@@ -101,7 +102,7 @@ def perturbed_starts(
     *,
     size: float | Float[np.ndarray, " motions"] = OPTIONS.perturbation,
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path near others, all joints displaced at random by ``size`` [rad or m, RMS].
+    """Return motions on the path near others, all joints displaced at random by ``size`` [rad or arm's length, RMS].
 
     Most at both ends (in cyclic motions at opposite points), less in between, along the null space of the tasks'
     Jacobian; then they are retracted. Motions that leave the path, or jump further than they did, are left out.
@@ -114,10 +115,9 @@ def perturbed_starts(
         displacement = first * (1 + wave) / 2 + last * (1 - wave) / 2
     else:
         displacement = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
-    rows = row_space_basis(task_errors(task.arm, task.tasks, q, task.targets)[1])
-    retracted, on_path = _retract_to_path(
-        task, q + displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement), np.abs(np.diff(q, axis=1))
-    )
+    rows = row_space_basis(relative_errors(task.arm, task.tasks, q, task.targets)[1])
+    displacement = displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement)
+    retracted, on_path = _retract_to_path(task, q + displacement * joint_scales(task.arm), np.abs(np.diff(q, axis=1)))
     if task.start is not None:
         retracted[:, 0] = task.start
     return retracted[on_path.all(axis=1)]
@@ -159,7 +159,8 @@ def _integrate(
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
     """Return motions near the path, and the sample that the last of them reached.
 
-    One Newton step a sample, each making good the error of the one before, and ``pace`` [rad, m] along the self-motion.
+    One Newton step a sample, each making good the error of the one before, and ``pace`` [rad, the arm's length] along
+    the self-motion.
     """
     inverses = _sample_inverse_weights(len(start), task.arm.dof, rng)
     heading = rng.normal(size=start.shape)
@@ -169,14 +170,14 @@ def _integrate(
     for i in range(1, len(task.times)):
         check_interruption()
         here = q[alive, i - 1]
-        error, jacobian = task_errors(task.arm, task.tasks, here, task.targets[i])
+        error, jacobian = relative_errors(task.arm, task.tasks, here, task.targets[i])
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
             move = (spread @ solve_small_systems(jacobian @ spread, error)[0][..., None])[..., 0]
         if pace.any():
             heading[alive] = _project_to_self_motion(row_space_basis(jacobian), heading[alive])
             move += pace[alive, i - 1, None] * heading[alive]
-        q[alive, i] = here + move
+        q[alive, i] = here + move * joint_scales(task.arm)
         alive[alive] = np.abs(move).max(axis=1) <= OPTIONS.longest_jump
         if not alive.any():
             return q[:0], i
@@ -206,11 +207,13 @@ def _retract_to_path(
     task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0
 ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
     """Return motions retracted to the path, and which of their samples are on it without a jump beyond ``steps``."""
-    jacobian = task_errors(task.arm, task.tasks, q, task.targets)[1]
-    directions = jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)
+    scales = joint_scales(task.arm)
+    jacobian = relative_errors(task.arm, task.tasks, q, task.targets)[1]
+    directions = scales * jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)
     retracted = retract(task.arm, task.tasks, q, task.targets, directions.swapaxes(-1, -2))
     q_on_path, on_path = retracted.q, retracted.on_path
     if task.cyclic:
         q_on_path[:, -1] = q_on_path[:, 0]
-    on_path[:, 1:] &= (np.abs(np.diff(q_on_path, axis=1)) - steps).max(axis=2) <= OPTIONS.longest_jump
+    jumps = (np.abs(np.diff(q_on_path, axis=1)) - steps) / scales
+    on_path[:, 1:] &= jumps.max(axis=2) <= OPTIONS.longest_jump
     return q_on_path, on_path

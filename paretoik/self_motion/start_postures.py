@@ -8,8 +8,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import Infeasible, OutOfReach
+from paretoik.robot.arm import Arm
+from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ON_PATH_TOLERANCE, solve_small_systems, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, relative_errors, row_scales, solve_small_systems
 from paretoik.task.retraction import OPTIONS as RETRACTION
 
 
@@ -18,9 +20,9 @@ class InverseKinematicsOptions:
     """Settings of damped least squares from random starts."""
 
     iterations: int = 40
-    longest_step: float = 0.5  # rad or m: of a joint
+    longest_step: float = 0.5  # rad, or the arm's length: of a joint
     damping: float = 1e-2  # share of the squared error
-    first_damping: float = 1e-3  # added to it in the first iterations
+    first_damping: float = 4e-3  # added to it in the first iterations
     damped_iterations: int = 5
     quick_starts: int = 32
     thorough_starts: int = 256  # with five times the iterations, before a sample is called out of reach
@@ -47,30 +49,31 @@ def _solve_from_random_starts(
     *,
     iterations: int = OPTIONS.iterations,
 ) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
-    """Return for each of ``samples`` a posture near it, from a random start, and the task errors there."""
+    """Return for each of ``samples`` a posture near it, from a random start, and the relative task errors there."""
     q = rng.uniform(*_sampling_range(task), size=(len(samples), task.arm.dof))
     targets = task.targets[samples]
     active = np.arange(len(samples))
     for step in range(iterations):
-        error, jacobian = task_errors(task.arm, task.tasks, q[active], targets[active])
+        error, jacobian = relative_errors(task.arm, task.tasks, q[active], targets[active])
         size = np.linalg.norm(error, axis=1)
         damping = OPTIONS.damping * size**2 + (OPTIONS.first_damping if step < OPTIONS.damped_iterations else 1e-12)
         if step >= OPTIONS.iterations:
             damping = size  # out of reach, perhaps: with less damping it would oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
         step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error)[0][..., None])[..., 0]
-        q[active] += step_taken / np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
+        step_taken /= np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / OPTIONS.longest_step)
+        q[active] += step_taken * joint_scales(task.arm)
         active = active[size > RETRACTION.tolerance]
         if len(active) == 0:
             break
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
-    return q, task_errors(task.arm, task.tasks, q, targets)[0]
+    return q, relative_errors(task.arm, task.tasks, q, targets)[0]
 
 
 def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
     lower, upper = task.arm.position_limits.T
-    width = np.where(task.arm.periodic, 2 * np.pi, 2.0)
+    width = np.where(task.arm.periodic, 2 * np.pi, 2 * joint_scales(task.arm))
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
     return low, np.where(np.isfinite(upper), upper, low + width)
 
@@ -84,13 +87,13 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
             task, np.full(OPTIONS.thorough_starts, sample), rng, iterations=5 * OPTIONS.iterations
         )
         if np.abs(error).max(axis=1).min() > ON_PATH_TOLERANCE:
-            nearest = error[int(np.argmin(np.sum(error**2, axis=1)))]
+            nearest = error[int(np.argmin(np.sum(error**2, axis=1)))] * row_scales(task.arm, task.tasks)
             where = f"sample {sample} ({task.times[sample]:.3g} s)"
             return OutOfReach(f"path leaves reach at {where}: {_describe_error(task, sample, nearest)}", sample=sample)
     if task.cyclic:
         return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
     q = sample_postures(task, 64, rng, sample=near)
-    condition = float(np.linalg.cond(task_errors(task.arm, task.tasks, q, task.targets[near])[1]).min())
+    condition = float(np.linalg.cond(relative_errors(task.arm, task.tasks, q, task.targets[near])[1]).min())
     return Infeasible(
         f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
         f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "
@@ -114,14 +117,22 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
     )
 
 
-def order_by_neighbour(q: Float[np.ndarray, "postures dof"], periodic: np.ndarray) -> Float[np.ndarray, "postures dof"]:
+def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
     """Return postures in an order in which each comes after its nearest neighbour among those before it."""
     remaining = list(q)
     ordered = [remaining.pop(0)]
     while remaining:
-        difference = np.linalg.norm(wrap_difference(np.array(remaining) - ordered[-1], periodic), axis=1)
-        ordered.append(remaining.pop(int(np.argmin(difference))))
+        distance = posture_distance(arm, np.array(remaining), ordered[-1])
+        ordered.append(remaining.pop(int(np.argmin(distance))))
     return np.array(ordered)
+
+
+def posture_distance(
+    arm: Arm, q: Float[np.ndarray, "*#batch dof"], other: Float[np.ndarray, "*#batch dof"]
+) -> Float[np.ndarray, ...]:
+    """Return the joint distance [rad, the arm's length] between postures, angles modulo 2π."""
+    difference = wrap_difference(q - other, arm.periodic) / joint_scales(arm)
+    return np.asarray(np.linalg.norm(difference, axis=-1))
 
 
 def wrap_difference(difference: np.ndarray, periodic: np.ndarray) -> np.ndarray:

@@ -9,13 +9,13 @@ from paretoik.compilation import compiled, inlined
 
 
 @compiled(what="the retraction onto paths", seconds=2)
-def newton(arrays, targets, directions, settings, q, errors, same_sheet):
+def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet):
     """Move postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
 
-    ``arrays`` are those of the evaluator of errors and Jacobian entries at (q, targets); ``settings``: tolerance,
-    max_step and max_iterations. Writes q, the largest error where it was last evaluated, and whether the determinant of
-    the Newton matrix was positive there: the sheet that the posture started from. Samples share the lanes of the
-    evaluator's workspace; a sample that has finished leaves its lane to the next.
+    ``arrays`` are those of the evaluator of errors and Jacobian entries at (q, targets), ``scales`` (rows,) what errors
+    are measured in; ``settings``: tolerance, max_step and max_iterations. Writes q, the largest error where it was last
+    evaluated, and whether the determinant of the Newton matrix was positive there: the sheet that the posture started
+    from. Samples share the lanes of the evaluator's workspace; a sample that has finished leaves its lane to the next.
     """
     code, constants, inputs, outputs, workspace = arrays
     samples, n, rows = directions.shape
@@ -43,7 +43,7 @@ def newton(arrays, targets, directions, settings, q, errors, same_sheet):
         unfinished = 0
         for lane in range(active):
             s = sample_of[lane]
-            size = _newton_system(workspace, outputs, lane, directions, s, matrix, step)
+            size = _newton_system(workspace, outputs, lane, directions, scales, s, matrix, step)
             same_sheet[s] = _solve(matrix, step) > 0
             errors[s] = size
             iterations[lane] += 1
@@ -57,13 +57,16 @@ def newton(arrays, targets, directions, settings, q, errors, same_sheet):
 
 
 @inlined  # called, the two steps cost newton a fifth of its time
-def _newton_system(workspace, outputs, lane, directions, s, matrix, right):
-    """Write J · directions and the errors of sample s, in one lane; return the largest error, NaN where one is."""
+def _newton_system(workspace, outputs, lane, directions, scales, s, matrix, right):
+    """Write J · directions and the errors of sample s, in one lane; return the largest error, NaN where one is.
+
+    The size is one of errors divided by ``scales``.
+    """
     _, n, rows = directions.shape
     size = 0.0
     for i in range(rows):
         right[i] = workspace[outputs[i], lane]
-        size = max(size, abs(right[i])) if right[i] == right[i] else np.nan
+        size = max(size, abs(right[i]) / scales[i]) if right[i] == right[i] else np.nan
         for k in range(rows):
             total = 0.0
             for j in range(n):

@@ -18,7 +18,7 @@ Curve: TypeAlias = Callable[[np.ndarray], Samples]
 TimeLaw: TypeAlias = Literal["raised-cosine", "quintic", "uniform"]
 TIME_LAWS: tuple[TimeLaw, ...] = get_args(TimeLaw)
 
-CLOSURE_TOLERANCE = 1e-9  # m or rad: points of a path, and ends of a cyclic motion, that are nearer are the same
+CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: points and ends that are nearer are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,8 @@ def interpolate(
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, RotationSpline
 
-    closed = np.linalg.norm(positions[-1] - positions[0]) <= CLOSURE_TOLERANCE
+    extent = np.linalg.norm(np.ptp(positions, axis=0))
+    closed = np.linalg.norm(positions[-1] - positions[0]) <= CLOSURE_TOLERANCE * extent
     if closed:
         positions = np.concatenate([positions[:-1], positions[:1]])
     spline = CubicSpline(knots, positions, bc_type="periodic" if closed else "not-a-knot")

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number, real_array
 from paretoik.robot.arm import Arm
+from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function
 
@@ -129,25 +130,44 @@ def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.nd
     values = getattr(motion, LIMITED[kind])
     if kind == "velocity" and motion.derivatives is not None:
         values = motion.derivatives.velocity_bounds
-    return np.maximum(values - upper, lower - values) / limit_ranges(lower, upper)
+    usual = usual_ranges(kind, motion.arm, float(np.ptp(motion.time)))
+    return np.maximum(values - upper, lower - values) / limit_ranges(lower, upper, usual)
 
 
-def limit_ranges(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Return the ranges of limits: their width, or the magnitude of the only bound, or 1 where that is zero."""
+def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float = 1.0) -> np.ndarray:
+    """Return the ranges of limits: their width, or the size of the only bound, or the ``usual`` where that is 0."""
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
-    size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 1.0))
-    return np.where(size > 0, size, 1.0)
+    size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 0.0))
+    return np.where(size > 0, size, usual)
+
+
+def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " dof"]:
+    """Return what values of a kind of limit are measured in where the limit itself has no size, as 0 alone has not.
+
+    1 rad or the arm's length, per duration and its square; the torque that swings the arm so and holds it, 1 N m
+    without masses.
+    """
+    joint, length = joint_scales(arm), characteristic_length(arm)
+    weight = sum(body.mass for body in arm.bodies) * (length / duration**2 + float(np.linalg.norm(arm.gravity)))
+    work = weight * length or 1.0
+    return {
+        "position": joint,
+        "velocity": joint / duration,
+        "acceleration": joint / duration**2,
+        "torque": work / joint,
+        "power": np.full(arm.dof, work / duration),
+    }[kind]
 
 
 def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
     """Return the ranges [rad, m] of joints between their position limits.
 
-    A joint with one limit alone counts as having a range of a whole turn or 1 m; it is inf with none.
+    A joint with one limit alone counts as having a range of a whole turn or the arm's length; it is inf with none.
     """
     span = limits[..., 1] - limits[..., 0]
     one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
-    return np.where(one_sided, np.where(arm.periodic, 2 * np.pi, 1.0), span)
+    return np.where(one_sided, np.where(arm.periodic, 2 * np.pi, joint_scales(arm)), span)
 
 
 def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:

@@ -16,6 +16,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
+from paretoik.robot.scales import joint_scales
 from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import (
     Differences,
@@ -77,9 +78,11 @@ class Motion:
                 f"differences must be one of {', '.join(get_args(Differences))}, got {self.differences!r}"
             )
         if self.cyclic:
-            distance = np.abs(q[..., -1, :] - q[..., 0, :]).max(initial=0.0)
-            if distance > CLOSURE_TOLERANCE:
-                raise InvalidInput(f"cyclic motion: must end where it starts, got ends {distance:.3g} rad or m apart")
+            distance = np.abs(q[..., -1, :] - q[..., 0, :])
+            if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:
+                raise InvalidInput(
+                    f"cyclic motion: must end where it starts, got ends {distance.max():.3g} rad or m apart"
+                )
             q[..., -1, :] = q[..., 0, :]
         object.__setattr__(self, "q", _read_only(q))
         object.__setattr__(self, "time", np.broadcast_to(_read_only(time), q.shape[:-1]))
@@ -233,7 +236,8 @@ class Motion:
         """
         instants = np.atleast_1d(real_array("at: times", t))
         first, last = self.time[..., 0].max(), self.time[..., -1].min()
-        outside = instants[~((instants >= first - 1e-12) & (instants <= last + 1e-12))]
+        rounding = 1e-12 * (last - first)
+        outside = instants[~((instants >= first - rounding) & (instants <= last + rounding))]
         if len(outside):
             raise InvalidInput(f"at: wants times from {first:g} s to {last:g} s, got {outside[0]:g} s")
         if self.differences == "spline" and self.derivatives is None:
@@ -261,7 +265,7 @@ class Motion:
             lost = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
             raise Infeasible(
                 f"at: the motion must follow its path, but at {instants[lost[-1]]:g} s its tool is "
-                f"{retraction.error[lost]:.3g} m or rad off"
+                f"{retraction.error[lost]:.3g} rad or lengths of the arm off"
             )
         return retraction.q
 

@@ -12,10 +12,11 @@ from jaxtyping import Float, Int
 from paretoik.arrays import JointPaths, Times
 from paretoik.errors import Infeasible
 from paretoik.robot.arm import Arm
+from paretoik.robot.scales import characteristic_length
 from paretoik.task.between import finer_motion
 from paretoik.task.differences import Differences, quadrature_weights, simpson_weights, with_midpoints
 from paretoik.task.distances import closest_pair
-from paretoik.task.limits import Bounds, Constraint, relative_violation
+from paretoik.task.limits import Bounds, Constraint, limit_ranges, relative_violation, usual_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
@@ -166,10 +167,14 @@ class MotionTask:
         before, after = np.where(share < 1, bounds[last - 1], 0.0), np.where(share > 0, bounds[last], 0.0)
         return np.where(share < 1, 1 - share, 1.0) * before + np.where(share > 0, share, 1.0) * after
 
+    def limit_ranges(self, kind: str, bounds: Bounds) -> Float[np.ndarray, "*times dof"]:
+        """Return the ranges of limits of a kind: what violations are divided by."""
+        return limit_ranges(bounds[..., 0], bounds[..., 1], usual_ranges(kind, self.arm, float(np.ptp(self.times))))
+
     @property
     def clearance_range(self) -> float:
-        """What violations of clearance are divided by [m]."""
-        return max(self.min_clearance, 0.01)
+        """What violations of clearance are divided by [m]: its limit, or 1 % of the arm's length where that is more."""
+        return max(self.min_clearance, 0.01 * characteristic_length(self.arm))
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
         """Return the worst violation of the motions' curves on a finer grid, 0 at least; see ``finer_motion``."""

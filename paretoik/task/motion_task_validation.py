@@ -16,10 +16,10 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
-from paretoik.task.retraction import task_errors
+from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task
 
-START_TOLERANCE = 1e-6  # m and rad: a start this near the path is moved onto it
+START_TOLERANCE = 1e-6  # of the arm's length, and rad: a start this near the path is moved onto it
 
 
 def motion_task(
@@ -186,11 +186,15 @@ def _start_posture(arm: Arm, start: object) -> np.ndarray:
 
 
 def _check_start(task: MotionTask, start: np.ndarray) -> None:
-    error, _ = task_errors(task.arm, task.tasks, start, task.targets[0])
-    distance = float(np.abs(error).max())
-    if distance > START_TOLERANCE:
+    error, scales = (
+        np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0]),
+        row_scales(task.arm, task.tasks),
+    )
+    worst = int(np.argmax(error / scales))
+    if error[worst] > START_TOLERANCE * scales[worst]:
         raise InvalidInput(
-            f"start is {distance:.3g} m (or rad) off the path's first sample; wants at most {START_TOLERANCE}"
+            f"start is {error[worst]:.3g} m (or rad) off the path's first sample; wants at most "
+            f"{START_TOLERANCE * scales[worst]:.3g}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T

@@ -54,11 +54,11 @@ class Path:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the path ends where it starts: position within 1e-9 m, orientation within 1e-9 rad."""
+        """Whether the path ends where it starts: position within 1e-9 of its extent, orientation within 1e-9 rad."""
+        extent = float(np.linalg.norm(np.ptp(self.positions, axis=0)))
+        turn = 0.0 if self.quaternions is None else float(rotation_angles(self.quaternions[[0, -1]])[0])
         distance = float(np.linalg.norm(self.positions[-1] - self.positions[0]))
-        if self.quaternions is not None:
-            distance = max(distance, float(rotation_angles(self.quaternions[[0, -1]])[0]))
-        return distance <= CLOSURE_TOLERANCE
+        return distance <= CLOSURE_TOLERANCE * extent and turn <= CLOSURE_TOLERANCE
 
     def at(self, t: ArrayLike) -> tuple[Float[np.ndarray, "*batch axes"], Float[np.ndarray, "*batch 4"] | None]:
         """Positions (..., 2 or 3) [m] and quaternions (..., 4), None on a path of points, at any times ``t`` (...) [s].

@@ -49,7 +49,8 @@ def line(
         if len(origin) != len(goal):
             raise InvalidInput(f"line: start and end must both be 2-D or 3-D, got {len(origin)}-D and {len(goal)}-D")
         shape = Line(origin, goal - origin, None, np.zeros(3))
-    if max(np.linalg.norm(shape.step), np.linalg.norm(shape.rotation_vector)) <= CLOSURE_TOLERANCE:
+    length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # that rounding leaves
+    if np.linalg.norm(shape.step) <= length and np.linalg.norm(shape.rotation_vector) <= CLOSURE_TOLERANCE:
         raise InvalidInput(f"line: must have a length, but start and end are both {shape.origin.tolist()}")
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
@@ -127,9 +128,10 @@ def waypoints(
     if len(positions) < 2:
         raise InvalidInput(f"waypoints: must be at least 2, got {len(positions)}")
     lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    if quaternions is not None and lengths.max() <= CLOSURE_TOLERANCE:
-        lengths = rotation_angles(quaternions)
-    repeated = np.flatnonzero(lengths <= CLOSURE_TOLERANCE)
+    shortest = CLOSURE_TOLERANCE * np.linalg.norm(positions, axis=1).max()
+    if quaternions is not None and lengths.max() <= shortest:
+        lengths, shortest = rotation_angles(quaternions), CLOSURE_TOLERANCE
+    repeated = np.flatnonzero(lengths <= shortest)
     if len(repeated):
         first = int(repeated[0])
         raise InvalidInput(f"waypoints: must differ from one to the next, but {first} and {first + 1} are the same")

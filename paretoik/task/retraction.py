@@ -14,18 +14,19 @@ from jaxtyping import Bool, Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Tape, as_entry
 from paretoik.robot.arm import Arm
+from paretoik.robot.scales import characteristic_length, joint_scales
 from paretoik.task.task import Task, path_errors, path_jacobian
 
-ON_PATH_TOLERANCE = 1e-10  # m and rad: rounding may keep a long arm from Newton's tolerance, but not from this
+ON_PATH_TOLERANCE = 1e-10  # of the arm's length, and rad: rounding may keep from Newton's tolerance, not from this
 
 
 @dataclass(frozen=True, kw_only=True)
 class RetractionOptions:
     """Settings of Newton's method onto the path."""
 
-    tolerance: float = 1e-12  # m and rad: its last step squares the error
+    tolerance: float = 1e-12  # of the arm's length, and rad: its last step squares the error
     max_iterations: int = 12
-    max_step: float = 1.0  # rad or m, along any one direction
+    max_step: float = 1.0  # rad or the arm's length, along any one direction
     cache_size: int = 64  # evaluators in memory: one for every arm and set of frames and axes
 
 
@@ -36,7 +37,8 @@ OPTIONS = RetractionOptions()
 class Retraction:
     """Postures after Newton's method.
 
-    ``error`` [m, rad] is the largest task error; ``on_path`` says which converged on the sheet that they started from.
+    ``error`` is the largest task error [rad, or share of the arm's length]; ``on_path`` says which converged on the
+    sheet that they started from.
     """
 
     q: Float[np.ndarray, "*batch dof"]
@@ -47,11 +49,27 @@ class Retraction:
 def task_errors(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
-    """Return the errors of all tasks and their Jacobian at postures."""
+    """Return the errors [m, rad] of all tasks and their Jacobian at postures."""
     batch, rows = q.shape[:-1], sum(task.rows for task in tasks)
     inputs = np.concatenate([q, np.broadcast_to(targets, (*batch, targets.shape[-1]))], axis=-1)
     values = _error_evaluator(arm, tasks)(inputs.reshape(-1, inputs.shape[-1]).T).T
     return values[:, :rows].reshape(*batch, rows), values[:, rows:].reshape(*batch, rows, arm.dof)
+
+
+def relative_errors(
+    arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
+) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
+    """Return the errors of all tasks, lengths as shares of the arm's, and their Jacobian by joints, slides alike."""
+    error, jacobian = task_errors(arm, tasks, q, targets)
+    scales = row_scales(arm, tasks)
+    return error / scales, jacobian * joint_scales(arm) / scales[:, None]
+
+
+def row_scales(arm: Arm, tasks: Sequence[Task]) -> Float[np.ndarray, " rows"]:
+    """Return what task errors are measured in: the arm's length [m], or 1 rad."""
+    length = characteristic_length(arm)
+    rows = [[length] * task.position_rows + [1.0] * (task.rows - task.position_rows) for task in tasks]
+    return np.concatenate(rows)
 
 
 def retract(
@@ -75,6 +93,7 @@ def retract(
         _error_evaluator(arm, tasks).arrays,
         np.ascontiguousarray(targets, dtype=float),
         np.ascontiguousarray(directions, dtype=float),
+        row_scales(arm, tasks),
         (OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),
         q.reshape(-1, arm.dof),
         error.reshape(-1),
@@ -90,7 +109,14 @@ def retract_nearest(
     targets: Float[np.ndarray, "*#batch numbers"],
 ) -> Retraction:
     """Return postures retracted the shortest way: along the row space of the tasks' Jacobian at ``start``."""
-    return retract(arm, tasks, start, targets, row_space_basis(task_errors(arm, tasks, start, targets)[1]))
+    return retract(arm, tasks, start, targets, normal_directions(arm, tasks, start, targets))
+
+
+def normal_directions(
+    arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
+) -> Float[np.ndarray, "*batch dof rows"]:
+    """Return a basis [rad, m] of the directions across the self-motion, orthonormal where slides are measured alike."""
+    return row_space_basis(relative_errors(arm, tasks, q, targets)[1]) * joint_scales(arm)[:, None]
 
 
 def row_space_basis(jacobian: Float[np.ndarray, "*batch rows dof"]) -> Float[np.ndarray, "*batch dof rows"]:

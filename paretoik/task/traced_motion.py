@@ -13,6 +13,7 @@ from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
@@ -132,22 +133,30 @@ class TracedMotion:
         return flat.reshape(*flat.shape[:-1], *shape)
 
 
-def trace_sample(task: MotionTask, *, duration: float | None = None) -> TracedMotion:
+def trace_sample(
+    task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0, duration: float | None = None
+) -> TracedMotion:
     """Return one sample of a motion of a task, for functions that depend on one sample at a time.
 
-    ``duration`` [s] is what means over time divide by; by default the task's own.
+    Its inputs are joints and their rates divided by ``scales``. ``duration`` [s] is what means over time divide by; by
+    default the task's own.
     """
     trace = Trace(len(task.instants))
     seconds = float(np.ptp(task.times)) if duration is None else duration
-    q, dq, ddq, jerk = (trace.inputs(task.arm.dof) for _ in range(4))
+    q, dq, ddq, jerk = (_inputs(trace, scales, task.arm.dof) for _ in range(4))
     return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
 
 
-def trace_motion(task: MotionTask) -> TracedMotion:
-    """Return a whole motion of a task, for functions that combine several samples."""
+def trace_motion(task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
+    """Return a whole motion of a task, for functions that combine several samples; see ``trace_sample``."""
     trace = Trace(None)
-    q, dq, ddq, jerk = (trace.inputs(len(task.instants), task.arm.dof) for _ in range(4))
+    q, dq, ddq, jerk = (_inputs(trace, scales, len(task.instants), task.arm.dof) for _ in range(4))
     return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
+
+
+def _inputs(trace: Trace, scales: Float[np.ndarray, " dof"] | float, *shape: int) -> TracedArray:
+    scaled: Any = scales * trace.inputs(*shape)
+    return TracedArray(trace, scaled.entries, shared=True)
 
 
 def trace_motion_function(

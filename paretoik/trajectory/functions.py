@@ -15,6 +15,7 @@ import numpy as np
 from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
+from paretoik.robot.scales import joint_scales
 from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -42,7 +43,8 @@ class Total:
 class Functions:
     """The functions of a task: totals, objectives first, and entries on the tape of one sample.
 
-    ``sums`` are integrated; ``rows``, by name, lie between ``bounds`` (time, 2). A peak is the largest at any sample of
+    ``sums`` are integrated; ``rows``, by name, lie between ``bounds`` (time, 2), violations being shares of ``ranges``
+    (time,). A peak is the largest at any sample of
     its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
     ``epigraph_peaks`` says for each of these which peak it belongs to.
     """
@@ -53,6 +55,7 @@ class Functions:
     names: list[str] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     bounds: list[np.ndarray] = field(default_factory=list)
+    ranges: list[np.ndarray] = field(default_factory=list)
     epigraph_variables: list[int] = field(default_factory=list)
     epigraph_rows: list[int] = field(default_factory=list)
     epigraph_peaks: list[int] = field(default_factory=list)
@@ -70,7 +73,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
-    functions = Functions(motion=trace_sample(task))
+    functions = Functions(motion=trace_sample(task, scales=joint_scales(task.arm)))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
     _add_limits(functions)
@@ -80,8 +83,8 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
             trace_sample_function(functions.motion, label, constraint.function) if constraint.form == "peak" else None
         )
         if value is not None:
-            bounds = np.array([constraint.lower, constraint.upper]) / constraint.scale
-            _add_row(functions, constraint.name, value * (1.0 / constraint.scale), bounds)
+            bounds = np.array([constraint.lower, constraint.upper])
+            _add_row(functions, constraint.name, value, bounds, np.array(constraint.scale))
             continue
         for sign, bound in ((1.0, constraint.upper), (-1.0, -constraint.lower)):
             if np.isfinite(bound):
@@ -112,7 +115,7 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
 
 
 def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:
-    motion = trace_motion(task)
+    motion = trace_motion(task, scales=joint_scales(task.arm))
     values = trace_motion_function(motion, label, term.function, term.form)
     total: Any = 0.0
     if term.form == "integral":
@@ -133,11 +136,13 @@ def _add_limits(functions: Functions) -> None:
         _add_inner_velocities(functions)
     for kind in task.bounds:
         limits = task.bounds_at(kind, task.instants)
+        ranges = task.limit_ranges(kind, limits)
         for j, joint in enumerate(task.arm.joint_names if kind in series else ()):
             if np.isfinite(limits[:, j]).any():
-                _add_row(functions, f"{kind} of {joint}", series[kind]().entries[j], limits[:, j])
+                _add_row(functions, f"{kind} of {joint}", series[kind]().entries[j], limits[:, j], ranges[:, j])
     if task.obstacles:
-        _add_row(functions, "clearance", motion.clearance.entries, np.array([task.min_clearance, np.inf]))
+        bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
+        _add_row(functions, "clearance", motion.clearance.entries, bounds, ranges)
 
 
 def _add_inner_velocities(functions: Functions) -> None:
@@ -147,14 +152,14 @@ def _add_inner_velocities(functions: Functions) -> None:
     half[:-1:2] = np.diff(task.times) / 2
     between = task.bounds_at("velocity", task.instants)
     bounds[:-1:2] = between if len(between) == 1 else between[1::2]
-    half_step = motion.trace.parameter(half)
+    half_step, ranges = motion.trace.parameter(half), task.limit_ranges("velocity", bounds)
     for j, joint in enumerate(task.arm.joint_names):
         if np.isfinite(bounds[:, j]).any():
             value = motion.dq.entries[j] + half_step * motion.ddq.entries[j]
-            _add_row(functions, f"velocity of {joint}", value, bounds[:, j])
+            _add_row(functions, f"velocity of {joint}", value, bounds[:, j], ranges[:, j])
 
 
-def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray) -> None:
+def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
     """Add a function of an instant between bounds (instants or 1, 2), by its smooth pieces where it has kinks."""
     tape, instants = functions.motion.trace.tape, len(functions.motion.task.instants)
     entry, both = as_entry(tape, value), np.broadcast_to(bounds, (instants, 2))
@@ -169,3 +174,4 @@ def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray) ->
             functions.names.append(name)
             functions.rows.append(piece)
             functions.bounds.append(limits)
+            functions.ranges.append(np.broadcast_to(ranges, instants))

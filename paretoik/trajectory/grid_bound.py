@@ -30,7 +30,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
 
     ``grid`` is of all nodes, those that do not keep the limits included, a few beyond the joints' ranges.
     """
-    wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing)
+    wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing * grid.scales)
     pairs, edge = transitions(task, wide)
     counts = [len(sources) for sources, _ in pairs]
     costs = evaluate_at(task, terms.sample_costs, counts, edge)
@@ -42,7 +42,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
         around = _neighbouring_transitions(sources, ends, grid.next_node[i - 1], grid.next_node[i])
         costs[i] -= sum(_interpolation_error(_second_difference(costs[i], pair), around) for pair in around)
         steps = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources]))
-        near = steps <= grid.windows[i] + OPTIONS.cell * spacing
+        near = steps <= grid.windows[i] + OPTIONS.cell * spacing * grid.scales
         masks.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_satisfy(rates[i], around))
     layers = build_graph(grid, pairs, costs).prune(masks, np.where(nodes[0], 0.0, np.inf))
     return shortest_path(layers, task.cyclic)[0]

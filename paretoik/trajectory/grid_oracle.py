@@ -34,7 +34,8 @@ class GridOracle:
     """What the grid knows: motions ``q``, the best of each class and what is far from them, best on the grid first.
 
     ``labels`` are those of ``branches``, ``values`` the sums of objectives (minimised), ``violations`` the worst of the
-    limits, ``resolution`` [rad, m] the distance of nodes, ``samples`` how many of the motion the grid has.
+    limits, ``resolution`` [rad, the arm's length] the distance of nodes, ``samples`` how many of the motion the grid
+    has.
 
     Where ``exact``, no path through the grid is better than the first, and no motion on the curves traced, its joints
     within the same pace, has a value below ``lower_bound``, which comes nearer as the resolution is refined: with its
@@ -72,8 +73,8 @@ def grid_oracle(
     task
         A motion task with integral objectives, of which the sum counts, and backward differences.
     resolution
-        The distance [rad, m] between nodes; by default a share of the furthest step of a joint between samples,
-        or more where that would make too many nodes.
+        The distance [rad, the arm's length] between nodes; by default a share of the furthest step of a joint between
+        samples, or more where that would make too many nodes.
     classes
         The most motions returned, of every class first: how joints are bent, and how often they turn.
     seed
@@ -101,7 +102,7 @@ def grid_oracle(
     sample_index = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
     curves = trace_curves(level, [seeds[i] for i in sample_index])
-    spacing = resolution or node_spacing(curves, windows, second=terms.second)
+    spacing = resolution or node_spacing(task.arm, curves, windows, second=terms.second)
     unrolled = np.zeros(task.arm.dof, dtype=bool)
     if quick and count_nodes(task, curves, spacing) > OPTIONS.quick_nodes:
         limit = OPTIONS.quick_nodes
@@ -113,7 +114,7 @@ def grid_oracle(
         if not len(states):
             raise _no_path_error(level, layers, spacing)
         q = grid.motion(layers.node_path(states))
-        wound = level.cyclic & (np.abs(q[-1] - q[0]) > 1.0)
+        wound = level.cyclic & level.arm.periodic & (np.abs(q[-1] - q[0]) > 1.0)
         if not wound.any():
             break
         unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must be told apart
@@ -212,7 +213,7 @@ def _select_paths(
 ) -> dict[str, Any]:
     """Return the best motion of every class, by its objective value on the grid, and what is far from them."""
     if task.cyclic:
-        paths = paths[np.abs(paths[:, -1] - paths[:, 0]).max(axis=1) < 1e-6]
+        paths = paths[np.abs((paths[:, -1] - paths[:, 0]) / grid.scales).max(axis=1) < 1e-6]
     motions = level.motion(paths)
     cost, kinds = motions.integral(terms.cost(motions)), branch_labels(motions)
     change = paths[:, -1] - paths[:, 0]
@@ -222,7 +223,7 @@ def _select_paths(
         for k in np.argsort(cost, kind="stable").tolist():
             indices = list(selected)
             is_known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in indices)
-            square = np.sum(grid.step(paths[k], paths[indices]) ** 2, axis=-1)
+            square = np.sum((grid.step(paths[k], paths[indices]) / grid.scales) ** 2, axis=-1)
             distance = np.sqrt(np.mean(square, axis=-1)).min(initial=np.inf)
             chosen = distance > OPTIONS.distinct if far else not is_known
             q = _resample(task, motions[k]) if len(indices) < classes and chosen else None

@@ -24,7 +24,7 @@ class GridOptions:
 
     pace: float = 2.5  # times the path's own that joints without velocity limit may go
     quick_nodes: int = 30_000  # of a quick grid, at most
-    distinct: float = 0.15  # rad or m, RMS: paths nearer to a better one are not told from it
+    distinct: float = 0.15  # rad or arm lengths, RMS: paths nearer to a better one are not told from it
     transitions: int = 40_000_000  # more do not fit the memory of a small machine
     block: int = 200_000  # samples that are evaluated at once
     cell: int = 2  # nodes by which steps between a cell's corners are longer than those of a motion in it (the bound)
@@ -87,7 +87,7 @@ def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
 
     limits = [joint_excess(kind) for kind in task.bounds] + [constraint_excess(c) for c in task.constraints]
     if task.obstacles:
-        limits.append(lambda motion: task.min_clearance - motion.clearance)
+        limits.append(lambda motion: (task.min_clearance - motion.clearance) / task.clearance_range)
     orders = [derivative_order(task, limit, probe) for limit in limits]
     return Terms(
         cost=cost,

@@ -10,7 +10,6 @@ from paretoik.errors import Infeasible
 from paretoik.robot.kinematics import link_nodes
 from paretoik.self_motion.start_postures import sample_postures
 from paretoik.task.distances import clearance
-from paretoik.task.limits import limit_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
@@ -97,8 +96,10 @@ def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarr
     worst = np.zeros(len(q))
     if "position" in task.bounds:
         bounds = task.bounds["position"]
-        lower, upper = bounds[min(sample, len(bounds) - 1)].T
-        worst = np.maximum(worst, (np.maximum(q - upper, lower - q) / limit_ranges(lower, upper)).max(axis=1))
+        here = bounds[min(sample, len(bounds) - 1)]
+        lower, upper = here.T
+        ranges = task.limit_ranges("position", here)
+        worst = np.maximum(worst, (np.maximum(q - upper, lower - q) / ranges).max(axis=1))
     if task.obstacles:
         distance = clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius)
         worst = np.maximum(worst, (task.min_clearance - distance) / task.clearance_range)

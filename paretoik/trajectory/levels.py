@@ -34,7 +34,7 @@ class LevelOptions:
     """How optima are refined from level to level: ``cold`` on the coarsest, ``warm`` where coarser levels end."""
 
     coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
-    distinct: float = 0.01  # rad or m, RMS: optima nearer than this are one
+    distinct: float = 0.01  # rad or arm lengths, RMS: optima nearer than this are one
     feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
     scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: its scale is no less
     disturbed: int = 101  # samples: on levels with more than that, the same optimum is the best

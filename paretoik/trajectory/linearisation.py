@@ -9,6 +9,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.nlp.conic import Cone
+from paretoik.robot.scales import joint_scales
 from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.lagrangian import lagrangian_hessian, whole_basis
 from paretoik.trajectory.program import MotionProgram, MotionValues
@@ -18,10 +19,10 @@ from paretoik.trajectory.program import MotionProgram, MotionValues
 class MotionLinearisation:
     """A program at a motion ``x``, to first order; see ``Linearisation``.
 
-    Columns are steps of the self-motion, then slack and epigraph variables of samples, peaks and functions of the whole
-    motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of the tasks' ``path_jacobian``.
-    ``basis`` (variables · instants, columns) says how all variables move, ``function_gradients`` are those of the
-    functions of an instant by its variables.
+    Columns are steps of the self-motion, slides in lengths of the arm, then slack and epigraph variables of samples,
+    peaks and functions of the whole motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of
+    the tasks' ``path_jacobian``. ``basis`` (variables · instants, columns) says how all variables move,
+    ``function_gradients`` are those of the functions of an instant by its variables.
     """
 
     program: MotionProgram
@@ -48,7 +49,7 @@ class MotionLinearisation:
 
     @property
     def unit(self) -> float:
-        """Euclidean length of a step that is one RMS over time [rad, m]."""
+        """Euclidean length of a step that is one RMS over time [rad, the arm's length]."""
         return float(np.sqrt(self.unknowns / self.normal.shape[2]))
 
     @property
@@ -88,8 +89,7 @@ class MotionLinearisation:
         """Return how positions move, to first order, with a step."""
         first_unknown, r = self.program.stencil.first_unknown, self.normal.shape[2]
         unknowns = np.where(first_unknown[:, None] < 0, 0.0, step[np.maximum(first_unknown, 0)[:, None] + np.arange(r)])
-        displacement: np.ndarray = np.einsum("tja,ta->tj", self.normal, unknowns)
-        return displacement
+        return np.einsum("tja,ta->tj", self.normal, unknowns) * joint_scales(self.program.task.arm)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"] | None:
         """Return the motion that a step leads to, back on the path; None where it leaves the self-motion manifold."""
@@ -100,7 +100,8 @@ class MotionLinearisation:
             q[-1], targets[-1] = q[0], targets[0]
         if task.ties_end:
             q[-1] = q[-2]
-        retracted = retract(task.arm, task.tasks, q, targets, row_space_basis(self.path_jacobian))
+        directions = row_space_basis(self.path_jacobian) * joint_scales(task.arm)[:, None]
+        retracted = retract(task.arm, task.tasks, q, targets, directions)
         if not retracted.on_path.all():
             return None
         q = retracted.q

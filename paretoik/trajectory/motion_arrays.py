@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
+from paretoik.robot.scales import joint_scales
 from paretoik.trajectory.compiled import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
 from paretoik.trajectory.compiled.motion_arrays import MotionKernel
 from paretoik.trajectory.program import MotionProgram
@@ -42,8 +43,9 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
         inputs=program.inputs,
         multipliers=evaluators.multipliers,
         limited=np.stack([row, program.limited[:, 1]], axis=1)[limits],
-        sides=program.sides[limits],
+        factors=program.sides[limits] / program.ranges[limits],
         bounds=program.bounds[limits],
+        scales=joint_scales(program.task.arm),
         totals=np.array([each.index if each.kind == "sum" else -1 - each.index for each in program.totals]),
         peak_inputs=program.peak_inputs,
         row_peaks=row_peaks,

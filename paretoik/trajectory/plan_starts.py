@@ -28,7 +28,7 @@ class StartOptions:
 
     rollouts: int = 4  # that are tried for each start
     travelling: int = 3  # motions that are tried for each start that travels
-    spacing: float = 0.15  # rad or m: of a grid's nodes, so that it takes as long as many starts
+    spacing: float = 0.15  # rad or arm lengths: of a grid's nodes, so that it takes as long as many starts
     classes: int = 8  # of a grid's paths, at most
 
 

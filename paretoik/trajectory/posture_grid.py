@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from paretoik.robot.scales import joint_scales
 from paretoik.self_motion.curves import Curve, resample_curve, self_motion_frames, unwrap_nodes, unwrapped_ranges
 from paretoik.self_motion.start_postures import wrap_difference
 from paretoik.task.limits import LIMIT_TOLERANCE
@@ -22,13 +23,15 @@ from paretoik.trajectory.layered_graph import LayeredGraph
 class PostureGrid:
     """Nodes of every sample (nodes, dof) and the node that comes next on the curve of each, −1 where none does.
 
-    ``turning`` joints are known modulo 2π; ``windows`` (time, dof) is how far a joint may go to each sample.
+    ``turning`` joints are known modulo 2π; ``windows`` (time, dof) is how far a joint may go to each sample, distances
+    of joints are measured in ``scales``.
     """
 
     nodes: list[Float[np.ndarray, "_ dof"]]
     next_node: list[Int[np.ndarray, " _"]]
     turning: Bool[np.ndarray, " dof"]
     windows: Float[np.ndarray, "time dof"]
+    scales: Float[np.ndarray, " dof"]
 
     def step(self, later: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the shortest way of every joint between postures."""
@@ -67,15 +70,20 @@ class PostureGrid:
             next_node=next_node,
             turning=self.turning,
             windows=self.windows,
+            scales=self.scales,
         )
 
 
 def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
-    """Return how far each joint may go to each sample, at most ``pace`` [rad, m]; next to nothing where it may not."""
+    """Return how far [rad, m] each joint may go to each sample, at most ``pace`` [rad, the arm's length].
+
+    Next to nothing where it may not move at all.
+    """
     limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
     steps = np.diff(task.times)[:, None]
     steps = np.concatenate([steps[:1], steps])
-    return np.maximum(np.minimum(limits * steps * (1 + LIMIT_TOLERANCE), pace), LIMIT_TOLERANCE)
+    scales = joint_scales(task.arm)
+    return np.maximum(np.minimum(limits * steps * (1 + LIMIT_TOLERANCE), pace * scales), LIMIT_TOLERANCE * scales)
 
 
 def posture_grid(
@@ -88,13 +96,14 @@ def posture_grid(
 ) -> PostureGrid:
     """Return the nodes of every sample, ``spacing`` apart on its curves, joints at most ``beyond`` past their ranges.
 
-    Turns of ``unrolled`` joints are told apart.
+    Both are in rad, slides in lengths of the arm. Turns of ``unrolled`` joints are told apart.
     """
-    cut = [[resample_curve(curve, spacing, task.arm.periodic) for curve in here] for here in curves]
+    cut = [[resample_curve(task.arm, curve, spacing) for curve in here] for here in curves]
     samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
     q = np.concatenate([q for here in cut for q, _ in here])
     retracted = retract(task.arm, task.tasks, q, *self_motion_frames(task, samples, q)[1:])
-    ranges = unwrapped_ranges(task, unrolled) + np.array([-beyond, beyond])
+    scales = joint_scales(task.arm)
+    ranges = unwrapped_ranges(task, unrolled) + np.array([-beyond, beyond]) * scales[:, None]
     turning = task.arm.periodic & np.isnan(ranges[:, 0])
     nodes, next_node = [], []
     for i, here in enumerate(cut):
@@ -104,12 +113,12 @@ def posture_grid(
         ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
         mask = retracted.on_path[rows][which]
         nodes.append(there[mask])
-        next_node.append(_next_nodes(nodes[i], which[mask], ahead, turning, spacing))
+        next_node.append(_next_nodes(nodes[i] / scales, which[mask], ahead, turning, spacing))
     if task.start is not None:
         nodes[0], next_node[0] = task.start[None], np.array([-1])
     if task.cyclic:
         nodes[-1], next_node[-1] = nodes[0], next_node[0]
-    return PostureGrid(nodes=nodes, next_node=next_node, turning=turning, windows=windows)
+    return PostureGrid(nodes=nodes, next_node=next_node, turning=turning, windows=windows, scales=scales)
 
 
 def _next_nodes(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np.ndarray, spacing: float) -> np.ndarray:

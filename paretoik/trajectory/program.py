@@ -1,10 +1,11 @@
 """The nonlinear program of a motion, as solvers see it: one evaluation of everything at every instant.
 
 The instants are the samples, with differences="spline" the middles between them too. The variables of an instant are
-u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), and slacks v where functions have kinks;
-peaks have an epigraph variable σ for the whole motion. Integral objectives are sums over instants of functions of
-these; limits bound u itself, or further functions such as torque. The path is an equation in q at every sample.
-Functions that relate samples to one another are ``WholeFunction``.
+u = (q, q̇, q̈, q⃛), linear in the positions q of a few samples (``Stencil``), slides measured in lengths of the arm
+(``joint_scales``), and slacks v where functions have kinks; peaks have an epigraph variable σ for the whole motion.
+Integral objectives are sums over instants of functions of these; limits bound u itself, or further functions such as
+torque. The path is an equation in q at every sample. Functions that relate samples to one another are
+``WholeFunction``.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from jaxtyping import Float, Int
 
 from paretoik.autodiff.evaluator import Evaluator
 from paretoik.nlp.program import Linearisation
+from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import retract, row_space_basis, task_errors
+from paretoik.task.retraction import normal_directions, retract
 from paretoik.trajectory.functions import Total
 from paretoik.trajectory.stencil import Stencil
 from paretoik.trajectory.whole_functions import WholeFunction
@@ -193,7 +195,8 @@ class MotionProgram:
     def values(self, q: Float[np.ndarray, "time dof"]) -> MotionValues:
         """Return objectives and constraints at a motion on the path, and what they come of."""
         inputs = self.inputs.copy()
-        u = np.einsum("oik,ikj->oji", self.stencil.coefficients, q[self.stencil.neighbours])
+        relative = q / joint_scales(self.task.arm)
+        u = np.einsum("oik,ikj->oji", self.stencil.coefficients, relative[self.stencil.neighbours])
         inputs[: self.rates] = u.reshape(self.rates, -1)
         if self.slacks:
             inputs[self.slack_inputs] = self.evaluators.slack(inputs)
@@ -240,7 +243,7 @@ class MotionProgram:
     def distance(
         self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
     ) -> Float[np.ndarray, " others"]:
-        """Return the distance of a motion from others [rad, m], RMS over time, angles modulo 2π."""
+        """Return the distance of a motion from others [rad, the arm's length], RMS over time, angles modulo 2π."""
         return joint_distance(self.task, x, others)
 
     @property
@@ -252,15 +255,18 @@ class MotionProgram:
 
 
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
-    """Return the RMS over time of the joint distance [rad, m] between motions (..., time, dof), angles modulo 2π."""
-    difference = q - other
+    """Return the RMS over time of the joint distance between motions (..., time, dof), angles modulo 2π.
+
+    In rad, slides in lengths of the arm.
+    """
+    difference = (q - other) / joint_scales(task.arm)
     difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
     return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
 
 def _end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
     """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
-    directions = row_space_basis(task_errors(task.arm, task.tasks, q[:, -1], task.targets[-1])[1])
+    directions = normal_directions(task.arm, task.tasks, q[:, -1], task.targets[-1])
     retracted = retract(task.arm, task.tasks, q[:, -2], task.targets[-1], directions)
     ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
     return np.concatenate([q[:, :-1], ends[:, None]], axis=1)

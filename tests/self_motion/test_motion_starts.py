@@ -146,7 +146,7 @@ def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(o
 @every_task
 def test_recombined_motions_stay_on_the_path_and_are_like_the_one_then_like_the_other(make):
     task = make()
-    q = rollout_starts(task, 200, chance())[:40]
+    q = rollout_starts(task, 300, chance())[:80]
     first, second = np.repeat(np.arange(len(q)), 4), np.tile(np.arange(len(q)), 4)
     mixed = recombined_starts(task, q[first], q[second], chance(1))
     assert len(mixed) > 5
@@ -201,7 +201,7 @@ def test_coordinates_give_back_what_the_chart_was_asked_for(make):
     q, on_path = around.at(task, which, y)
     assert on_path.all()
     assert task.motion(q).tracking_error.max() < 1e-9
-    np.testing.assert_allclose(around.coordinates(which, q), y, atol=1e-12)
+    np.testing.assert_allclose(around.coordinates(task, which, q), y, atol=1e-12)
 
 
 def test_the_base_itself_has_coordinates_zero_to_the_bit():
@@ -282,7 +282,7 @@ def test_a_spatial_path_out_of_reach_is_refused_with_its_nearest_point():
 
 def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
     path = line(Pose.planar(3.5, 0, 0), Pose.planar(3.5, 0.1, 3.0), duration=1.0, samples=21)
-    with pytest.raises(OutOfReach, match=r"there turned 0.1\d* rad away") as refused:
+    with pytest.raises(OutOfReach, match=r"there turned 0.01\d* rad away") as refused:
         rollout_starts(task_of(marcos_nr(4), path), 60, chance())
     w, z = path.quaternions[:, 0], path.quaternions[:, 3]
     wrist = path.positions[:, :2] - np.stack([1 - 2 * z**2, 2 * w * z], axis=-1)

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Limits, circle
-from paretoik.self_motion.start_postures import order_by_neighbour, sample_postures, wrap_difference
+from paretoik import Limits, arms, circle
+from paretoik.self_motion.start_postures import order_by_neighbour, posture_distance, sample_postures, wrap_difference
 from paretoik.task.retraction import task_errors
 from tests.task.tasks import task
 
+ARM = arms.tringali_3r()
 PERIODIC = np.array([True, False, True])
 differences = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
 
@@ -47,9 +48,9 @@ def test_nothing_reaches_what_is_beyond_the_arm():
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 12))
 def test_each_comes_after_the_nearest_of_those_that_are_left(seed, count):
     q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, 3))
-    ordered = order_by_neighbour(q, PERIODIC)
+    ordered = order_by_neighbour(ARM, q)
     np.testing.assert_array_equal(ordered[0], q[0])
     np.testing.assert_array_equal(np.sort(ordered, axis=0), np.sort(q, axis=0))
     for k in range(count - 1):
-        distance = np.linalg.norm(wrap_difference(ordered[k + 1 :] - ordered[k], PERIODIC), axis=1)
+        distance = posture_distance(ARM, ordered[k + 1 :], ordered[k])
         assert distance[0] == distance.min()

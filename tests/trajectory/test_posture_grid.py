@@ -18,7 +18,8 @@ def random_grid(seed):
     nodes = [rng.uniform(-np.pi, np.pi, (rng.integers(1, 15), 3)) for _ in range(3)]
     next_node = [np.append(np.arange(1, len(q)), -1) for q in nodes]
     turning, windows = rng.uniform(size=3) < 0.5, rng.uniform(0.3, 2.0, (3, 3))
-    return PostureGrid(nodes=nodes, next_node=next_node, turning=turning, windows=windows)
+    grid = {"nodes": nodes, "next_node": next_node, "turning": turning, "windows": windows}
+    return PostureGrid(**grid, scales=np.ones(3))
 
 
 seeds = st.integers(0, 10_000)

@@ -12,9 +12,9 @@ from paretoik.compilation import compiled
 class MotionKernel(NamedTuple):
     """A MotionProgram of sums and peaks, as arrays; see there, and ``self_motion_steps`` for the stencil.
 
-    A point has a row of joint positions for each sample, then rows with the epigraph variables σ of its peaks. Path
-    equations are evaluated at the samples, functions at all instants. Functions of an instant are sums, limited rows,
-    the rows of peaks σ − piece among them, then the ties of slacks v.
+    A point has a row of joint positions for each sample, divided by ``scales``, then rows with the epigraph variables σ
+    of its peaks. Path equations are evaluated at the samples, functions at all instants. Functions of an instant are
+    sums, limited rows, the rows of peaks σ − piece among them, then the ties of slacks v.
     """
 
     value: tuple[np.ndarray, ...]
@@ -37,15 +37,16 @@ class MotionKernel(NamedTuple):
     inputs: np.ndarray
     multipliers: np.ndarray
     limited: np.ndarray  # (limits, 2): variable or row, and sample
-    sides: np.ndarray  # (limits,): 1 a lower limit, −1 an upper
+    factors: np.ndarray  # (limits,): one over the range of a lower limit, minus that of an upper one
     bounds: np.ndarray  # (limits,)
+    scales: np.ndarray  # (dof,): what joints are measured in
     totals: np.ndarray  # (totals,): which sum it is; −1 − peak for a peak
     peak_inputs: np.ndarray  # (peaks,)
     row_peaks: np.ndarray  # (rows,): the peak that a row belongs to, −1 for none
     kinks: np.ndarray  # (kinks, 4): input, variable, sign and first tie of a slack v, innermost first
     nesting: int  # how many kinks lie within one another at most
     smoothing: float  # of kinks, in barriers μ and sizes of their arguments: how many kinks there are at all instants
-    longest_step: float = 0.4  # [rad or m] of any joint: too little to reach another branch of the self-motion unseen
+    longest_step: float = 0.4  # [rad, arm's length] of any joint: too little to reach another branch unseen
     penalty: float = 1.0
     implied_slacks: bool = True
     large_multiplier: float = np.inf

@@ -23,7 +23,7 @@ def dimensions(kernel, x):
     """Return (size, band, border) of the Newton matrix and the number of limits."""
     rows = kernel.multipliers[1] - kernel.multipliers[0]
     band = kernel.coefficients.shape[2] * (x.shape[1] - rows)
-    return kernel.unknowns - kernel.border, band, kernel.border + len(kernel.peak_inputs), len(kernel.sides)
+    return kernel.unknowns - kernel.border, band, kernel.border + len(kernel.peak_inputs), len(kernel.factors)
 
 
 @implement(steps.objective_scale, MotionKernel)
@@ -43,7 +43,9 @@ def add_auxiliary(kernel, work, x):
     """Return the point of a motion, each σ as low as its peak allows; measure kinks."""
     samples, n = x.shape
     point = np.zeros((samples + peak_border.peak_rows(kernel, n), n))
-    point[:samples] = x
+    for s in range(samples):
+        for j in range(n):
+            point[s, j] = x[s, j] / kernel.scales[j]
     self_motion_steps.apply_stencil(point, kernel.neighbours, kernel.coefficients, work.inputs)
     peak_border.copy_peaks(kernel, work, point)
     kink_smoothing.evaluate_functions(kernel, work)
@@ -55,7 +57,7 @@ def add_auxiliary(kernel, work, x):
 @implement(steps.remove_auxiliary, MotionKernel)
 def remove_auxiliary(kernel, x):
     """Return the motion of a point."""
-    return x[: sample_count(kernel)].copy()
+    return x[: sample_count(kernel)] * kernel.scales
 
 
 @implement(steps.set_smoothing, MotionKernel)
@@ -77,7 +79,7 @@ def evaluate(kernel, work, x, F, c):
     samples, n = sample_count(kernel), x.shape[1]
     sums, variables = len(work.objective_gradients), len(work.gradient_u)
     inputs, values, quadrature = work.inputs, work.values, kernel.quadrature
-    limited, sides, bounds = kernel.limited, kernel.sides, kernel.bounds
+    limited, factors, bounds = kernel.limited, kernel.factors, kernel.bounds
     self_motion_steps.apply_stencil(x, kernel.neighbours, kernel.coefficients, work.inputs)
     peak_border.copy_peaks(kernel, work, x)
     kink_smoothing.evaluate_functions(kernel, work)
@@ -86,10 +88,10 @@ def evaluate(kernel, work, x, F, c):
         F[total] = 0.0 if k >= 0 else x[samples + peak // n, peak % n]
         for s in range(len(quadrature) if k >= 0 else 0):
             F[total] += quadrature[s] * values[k, s]
-    for i in range(len(sides)):
+    for i in range(len(factors)):
         row, s = limited[i, 0], limited[i, 1]
         value = inputs[row, s] if row < variables else values[sums + row - variables, s]
-        c[i] = sides[i] * (value - bounds[i])
+        c[i] = factors[i] * (value - bounds[i])
 
 
 @implement(steps.linearise, MotionKernel)
@@ -146,13 +148,13 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 @compiled
 def _limit_gradient(kernel, work, multipliers):
-    """Write the gradient of −multipliers · c by u, and the multipliers of variables and rows, signed."""
+    """Write the gradient of −multipliers · c by u, and the multipliers of variables and rows in their own units."""
     gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
-    limited, sides = kernel.limited, kernel.sides
+    limited, factors = kernel.limited, kernel.factors
     variables, samples = gradient_u.shape
     clear(by_row)
-    for i in range(len(sides)):
-        by_row[limited[i, 0], limited[i, 1]] -= sides[i] * multipliers[i]
+    for i in range(len(factors)):
+        by_row[limited[i, 0], limited[i, 1]] -= factors[i] * multipliers[i]
     sums = len(work.objective_gradients)
     for a in range(variables):
         for s in range(samples):
@@ -197,7 +199,7 @@ def assemble(kernel, work, stiffness, A, B, C):
     clear(work.by_row)
     by_row, limited = work.by_row, kernel.limited
     for i in range(len(limited)):
-        by_row[limited[i, 0], limited[i, 1]] += stiffness[i]
+        by_row[limited[i, 0], limited[i, 1]] += stiffness[i] * kernel.factors[i] ** 2
     for s in range(samples):
         _sample_hessian(kernel, work, s, row, phi)
         self_motion_steps.add_hessian(
@@ -246,7 +248,7 @@ def expand_step(kernel, work, step, dx):
 def directional_derivatives(kernel, work, dx, dF, dc):
     """Write the derivatives of sums and limits along dx."""
     du, by_row, gradients = work.du, work.by_row, work.gradients
-    limited, sides = kernel.limited, kernel.sides
+    limited, factors = kernel.limited, kernel.factors
     (variables, instants), n, samples = du.shape, dx.shape[1], sample_count(kernel)
     sums = len(work.objective_gradients)
     self_motion_steps.apply_stencil(dx, kernel.neighbours, kernel.coefficients, du)
@@ -263,8 +265,8 @@ def directional_derivatives(kernel, work, dx, dF, dc):
         for a in range(variables):
             for s in range(instants):
                 by_row[variables + g, s] += gradients[sums + g, a, s] * du[a, s]
-    for i in range(len(sides)):
-        dc[i] = sides[i] * by_row[limited[i, 0], limited[i, 1]]
+    for i in range(len(factors)):
+        dc[i] = factors[i] * by_row[limited[i, 0], limited[i, 1]]
 
 
 @implement(steps.retract, MotionKernel)

@@ -1,0 +1,32 @@
+"""What positions of joints and of the tool are measured in, so that no number depends on the choice of units."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.robot.arm import Arm
+
+
+@lru_cache(maxsize=256)
+def characteristic_length(arm: Arm) -> float:
+    """Return the length [m] of an arm stretched out, from its first joint to its tool, slides at 0.
+
+    Where all of that is 0 it is the longest range of a slide, or 1 m where none is limited.
+    """
+    offsets = [*arm.placements[1:], arm.tool]
+    length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
+    if length > 0.0:
+        return length
+    ranges = np.diff(arm.position_limits, axis=1)[~arm.periodic, 0]
+    return float(ranges[np.isfinite(ranges)].max(initial=0.0)) or 1.0
+
+
+@lru_cache(maxsize=256)
+def joint_scales(arm: Arm) -> Float[np.ndarray, " dof"]:
+    """Return what distances of each joint are measured in: 1 rad, or the arm's characteristic length [m] of a slide."""
+    scales = np.where(arm.periodic, 1.0, characteristic_length(arm))
+    scales.setflags(write=False)
+    return scales

@@ -1,0 +1,128 @@
+"""Nothing depends on units: the same problem in others has the same motions, as many optima, and the same front."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.self_motion.motion_starts import rollout_starts
+from paretoik.trajectory.transcription import motion_program
+from tests.api.scaled_problems import Units, around, of_a_panda, on_a_rail, past_an_obstacle, straight
+
+OTHERS = {
+    "hundredths of a second": Units(time=0.01),
+    "a thousand seconds": Units(time=1000.0),
+    "millimetres": Units(length=1e-3),
+    "a hundredth of a metre": Units(length=0.01),
+    "a hundred metres": Units(length=100.0),
+    "milligrams": Units(mass=1e-6),
+    "thousands of tons": Units(mass=1e6),
+    "a millionth of the objective": Units(objective=1e-6),
+    "a million times the objective": Units(objective=1e6),
+    "all of them": Units(time=30.0, length=0.02, mass=300.0, objective=1e-4),
+}
+SI = Units()
+ALL = OTHERS["all of them"]
+POWERS_OF_TWO = Units(time=2.0**5, length=2.0**-6, mass=2.0**8, objective=2.0**-13)  # that round nothing
+
+PROBLEMS = {
+    "torques and powers": partial(
+        straight, objectives=["torque_norm"], limits={"velocity": 3.8, "torque": 0.4, "power": 0.7}
+    ),
+    "accelerations": partial(
+        straight, objectives=["kinetic_energy"], limits={"velocity": 3.8, "acceleration": 40.0}, differences="central"
+    ),
+    "a circle": partial(around, objectives=["kinetic_energy"]),
+    "a spline": partial(
+        straight, objectives=["torque_norm"], limits={"velocity": 3.8, "torque": 0.4}, differences="spline", samples=26
+    ),
+    "an obstacle": partial(past_an_obstacle, objectives=["kinetic_energy"]),
+    "a rail": partial(on_a_rail, objectives=["kinetic_energy"]),
+    "a rail, spline": partial(on_a_rail, objectives=["kinetic_energy"], differences="spline"),
+    "a short rail": partial(on_a_rail, objectives=["kinetic_energy"], joints=2),
+    "a panda": partial(of_a_panda, objectives=["kinetic_energy"]),
+}
+SLOW = ("an obstacle", "a rail, spline", "a panda")
+FRONTS = {
+    "energy and torque": partial(straight, objectives=["kinetic_energy", "torque_norm"], samples=26),
+    "a rail": partial(on_a_rail, objectives=["kinetic_energy", "mechanical_energy"], joints=2),
+    "a peak": partial(straight, objectives=["kinetic_energy", "peak_torque"], samples=26),
+    "a panda": partial(of_a_panda, objectives=["kinetic_energy", "torque_norm"]),
+}
+
+
+@cache
+def planned(name, units):
+    return pk.plan(PROBLEMS[name](units), starts=24, seed=0)
+
+
+def assert_same(values, motions, other_values, other_motions, units, names):
+    """The same values and motions but for their units."""
+    factors = np.array([units.of_objective(name) for name in names])
+    np.testing.assert_allclose(np.asarray(other_values) / factors, values, rtol=1e-6)
+    lengths = np.where(motions.arm.periodic, 1.0, units.length)
+    np.testing.assert_allclose(other_motions.q / lengths, motions.q, rtol=0, atol=1e-6)
+
+
+def assert_same_plan(name, units):
+    one, other = planned(name, SI), planned(name, units)
+    assert len(other.optima) == len(one.optima)
+    assert [each.label for each in other.optima] == [each.label for each in one.optima]
+    for optimum, scaled in zip(one.optima, other.optima, strict=True):
+        objective = PROBLEMS[name].keywords["objectives"]
+        assert_same([optimum.objective], optimum.motion, [scaled.objective], scaled.motion, units, objective)
+
+
+@pytest.mark.parametrize("unit", OTHERS)
+@pytest.mark.parametrize("name", ["torques and powers", "a rail"])
+def test_a_plan_is_the_same_in_every_unit(name, unit):
+    assert_same_plan(name, OTHERS[unit])
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in PROBLEMS])
+def test_every_plan_is_the_same_in_other_units(name):
+    assert_same_plan(name, ALL)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", OTHERS)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_plan_is_the_same_in_every_unit(name, unit):
+    assert_same_plan(name, OTHERS[unit])
+
+
+@pytest.mark.parametrize("unit", OTHERS)
+def test_violations_are_shares_of_what_the_problem_itself_is_like(unit):
+    """Limits at 0 alone have no size of their own, nor has a clearance of 0."""
+    above, below = (0.0, np.inf), (-np.inf, 0.0)
+    limits = {"velocity": above, "acceleration": below, "torque": above, "power": below}
+    shares = []
+    for units in (SI, OTHERS[unit]):
+        task = past_an_obstacle(units, ["kinetic_energy"], limits=limits, clearance=0.0).task
+        program, q = motion_program(task), rollout_starts(task, 4, np.random.default_rng(0))
+        violations = task.violations(task.motion(q))
+        assert violations.max() > 0.1
+        shares.append(np.concatenate([violations.ravel(), *(program.evaluate(one)[2] for one in q)]))
+    np.testing.assert_allclose(shares[1], shares[0], rtol=1e-6, atol=1e-9)
+
+
+def assert_same_front(verb, name, units):
+    one, other = verb(FRONTS[name](SI)), verb(FRONTS[name](units))
+    assert len(other) == len(one)
+    assert_same(one.objectives, one.motions, other.objectives, other.motions, units, one.names)
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name != "a rail")) for name in FRONTS])
+def test_a_certified_front_is_the_same_in_other_units(name):
+    assert_same_front(partial(pk.epsilon_front, points=4, starts=8), name, POWERS_OF_TWO)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "a panda")) for name in FRONTS]
+)
+def test_a_search_is_the_same_in_other_units(name):
+    """Evolution ends elsewhere after the smallest rounding: in these units there is none."""
+    assert_same_front(partial(pk.solve, population=16, generations=5, seed=1), name, POWERS_OF_TWO)
