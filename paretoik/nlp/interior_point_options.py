@@ -29,7 +29,8 @@ class InteriorPointOptions(NamedTuple):
     flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
     flat_barrier: float = 1e-6  # times μ: a predicted decrease below which a subproblem has nothing to gain
     merit_rounding: float = 1e-14  # of the merit function, relative
-    stalled_steps: int = 5  # whose decrease is rounding, after which a subproblem counts as solved
+    stalled_decrease: float = 1e-12  # of the merit function, relative: less is as good as none
+    stalled_steps: int = 5  # that decrease it by less, after which a subproblem counts as solved
     least_slack: float = 1e-2  # that unknown slacks begin with, or √μ where that is less
     residual_tolerance: float = 1e-10  # of the sum of residuals
     filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18

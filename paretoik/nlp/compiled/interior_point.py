@@ -131,7 +131,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             options, trial, it
         )  # fmt: skip
         if accepted:
-            gained = after < before - options.merit_rounding * abs(before)
+            gained = after < before - options.stalled_decrease * abs(before)
             stalled = 0 if gained or theta > 0.0 else stalled + 1
             step_multipliers(it.dz, it.trial_s, it.trial_t, barrier.mu, barrier.penalty, options, it.z)
             x, trial = trial, x

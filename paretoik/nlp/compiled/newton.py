@@ -49,7 +49,7 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
     for i in range(A.shape[0]):
         largest_entry = max(largest_entry, abs(A[i, 0]))
     while not factorise(A, B, C, L, X, S, C.shape[0] - border):
-        more = max(1e-9 * largest, delta / 4, 8 * added, 1e-300)
+        more = max(1e-13 * largest, delta / 4, 8 * added, 1e-300)
         if not more < 1e15 * largest_entry:
             return np.inf
         for i in range(A.shape[0]):
