@@ -14,6 +14,8 @@ class InteriorPointOptions(NamedTuple):
     tolerance: float = 1e-8  # of stationarity, and of violations
     iterations: int = 150  # at most
     kink_iterations: int = 3  # times as many where functions have kinks
+    regularisation: float = 1e-9  # of the largest entry: what is added first to a matrix that is not definite
+    kink_regularisation: float = 1e-13  # the same where functions have kinks: their entries are large
     radius: float = 0.3  # [rad or arm lengths] of the first step, where sequential quadratic programming takes over
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5

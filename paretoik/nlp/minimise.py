@@ -89,7 +89,10 @@ def _interior_point(
 
     count = len(x)
     if program.kinked:
-        options = [each._replace(iterations=each.kink_iterations * each.iterations) for each in options]
+        options = [
+            each._replace(iterations=each.kink_iterations * each.iterations, regularisation=each.kink_regularisation)
+            for each in options
+        ]
     unknown = np.full(len(program.upper), np.nan)
     ends: list[Any] = [(start, INTERRUPTED, 0, unknown, None, np.nan, np.nan) for start in x]
     remaining = iter(range(count))

@@ -19,7 +19,8 @@ class EpsilonOptions:
     Of two objectives the first ``cold_points`` are sought from cold starts too, as a branch may belong to no
     objective's own optimum, and the best ``cold_optima`` of each search looked at. The second neighbour's motion is a
     start where that of the nearer one ``falls_short`` of the expected gain, by a share of it. So many points more than
-    wanted are solved at most as ``further`` says, or ``further_share`` of these. Of more objectives each is sought from
+    wanted are solved at most as ``further`` says, or ``further_share`` of these. Bounds of points are at even places of
+    a gap, so many parts of it as ``grid`` says apart. Of more objectives each is sought from
     cold starts once, at ``inner`` between nadir and ideal, and every ε starts from the ``nearest`` points. Each point
     tries the basins of its ``neighbours``, in at most so many ``rounds`` of ``basin_iterations`` each. So many points
     are led at a time as ``batch`` says.
@@ -37,6 +38,7 @@ class EpsilonOptions:
     falls_short: float = 0.02
     further: int = 4
     further_share: float = 0.5
+    grid: int = 256
     nearest: int = 4
     neighbours: int = 2
     rounds: int = 3

@@ -121,7 +121,7 @@ class Sweep:
         """Minimise across the longer side of a gap, to the target on that, or else across the other side."""
         ends, mains = self._values[list(pair)], self.tried.setdefault(pair, [])
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
-        upper = np.where(np.arange(self.n_obj) == main, np.inf, target.values)
+        upper = np.where(np.arange(self.n_obj) == main, np.inf, _on_grid(target.values, ends))
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
         nearer = np.argsort(np.abs(ends - target.values)[:, 1 - main], kind="stable")
         solutions = self._minimise(self.x[[pair[nearer[0]]]], weights, upper[None], OPTIONS.warm)
@@ -198,3 +198,10 @@ class Sweep:
         np.fill_diagonal(distances, np.inf)
         near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
         return np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
+
+
+def _on_grid(values: Float[np.ndarray, " 2"], ends: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, " 2"]:
+    """Return values between two ends at the nearest of even places: there the rounding of tangents moves no point."""
+    low, width = ends.min(axis=0), np.ptp(ends, axis=0)
+    share = np.clip(np.round((values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
+    return np.asarray(low + share * width)

@@ -73,6 +73,14 @@ def central_multipliers(s, mu, penalty, z):
 
 
 @compiled
+def approach_central_path(s, mu, penalty, factor, z):
+    """Bring multipliers within a factor of the central path; those that are already keep their digits."""
+    for i in range(len(s)):
+        central = mu / s[i]
+        z[i] = min(max(z[i], central / factor), central * factor, (1 - MULTIPLIER_ROUNDING) * penalty)
+
+
+@compiled
 def complementarity_and_violation(c, s, z, mu):
     """Return (the largest |s z − μ|, the largest violation)."""
     complementarity, violation = 0.0, 0.0

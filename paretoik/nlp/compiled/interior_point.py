@@ -20,6 +20,7 @@ from paretoik.compilation import compiled
 from paretoik.compilation_references import keep, refer
 from paretoik.nlp.compiled.array_loops import dot, finite_indices
 from paretoik.nlp.compiled.elastic import (
+    approach_central_path,
     begin_slacks,
     central_multipliers,
     complementarity_and_violation,
@@ -118,7 +119,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
                 status = VIOLATED
                 break
             _smooth(kernel, work, it, barrier, x, weights, rows, upper)
-        delta = newton_step(kernel, work, weights, rows, barrier, border, delta, it)
+        delta = newton_step(kernel, work, weights, rows, barrier, options, border, delta, it)
         if not np.isfinite(delta):
             status = NO_PROGRESS
             break
@@ -140,7 +141,8 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             if not flat:
                 status = NO_PROGRESS
                 break
-            _recentre(it, barrier.mu, barrier.penalty)  # x solves the subproblem as well as rounding can tell
+            # x solves the subproblem as well as rounding can tell
+            approach_central_path(it.s, barrier.mu, barrier.penalty, options.barrier_tolerance, it.z)
         else:
             restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
             if entries == 0:

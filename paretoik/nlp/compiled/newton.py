@@ -13,7 +13,7 @@ from paretoik.nlp.compiled.kernel_steps import assemble, directional_derivatives
 
 
 @compiled
-def newton_step(kernel, work, weights, rows, barrier, border, delta, it):
+def newton_step(kernel, work, weights, rows, barrier, options, border, delta, it):
     """Write Newton's step; return what was added to the diagonal last, inf where no matrix serves."""
     unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
     barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
@@ -31,7 +31,7 @@ def newton_step(kernel, work, weights, rows, barrier, border, delta, it):
         it.C[border + e, border + e] = -1.0 / it.stiffness[inequalities + e]
     weigh_objectives(weights, rows, it.bounds, it.force, it.objective_weights)
     reduced_gradient(kernel, work, it.objective_weights, it.force, it.residual)
-    delta = _factorise_definite(it.A, it.B, it.C, it.L, it.X, it.S, border, largest, delta)
+    delta = _factorise_definite(it.A, it.B, it.C, it.L, it.X, it.S, border, largest, options.regularisation, delta)
     if np.isfinite(delta):
         for i in range(len(it.step)):
             it.step[i] = -it.residual[i] if i < unknowns else 0.0
@@ -40,16 +40,17 @@ def newton_step(kernel, work, weights, rows, barrier, border, delta, it):
 
 
 @compiled
-def _factorise_definite(A, B, C, L, X, S, border, largest, delta):
+def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
     """Factorise with the least of growing multiples of the identity that gives the right inertia; return that.
 
-    Nocedal & Wright, algorithm 3.3. Infinity says that none does: the matrix is not finite.
+    The first is a share ``least`` of the largest entry, or what was added before. Nocedal & Wright, algorithm 3.3.
+    Infinity says that none does: the matrix is not finite.
     """
     added, largest_entry = 0.0, largest
     for i in range(A.shape[0]):
         largest_entry = max(largest_entry, abs(A[i, 0]))
     while not factorise(A, B, C, L, X, S, C.shape[0] - border):
-        more = max(1e-13 * largest, delta / 4, 8 * added, 1e-300)
+        more = max(least * largest, delta / 4, 8 * added, 1e-300)
         if not more < 1e15 * largest_entry:
             return np.inf
         for i in range(A.shape[0]):

@@ -47,7 +47,7 @@ class MotionKernel(NamedTuple):
     nesting: int  # how many kinks lie within one another at most
     smoothing: float  # of kinks, in barriers μ and sizes of their arguments: how many kinks there are at all instants
     longest_step: float = 0.4  # [rad, arm's length] of any joint: too little to reach another branch unseen
-    penalty: float = 1.0
+    penalty: float = 10.0  # of a whole range, in sizes of the objective
     implied_slacks: bool = True
     large_multiplier: float = np.inf
     dual_fraction: float = 0.25  # of the way to its bounds that the multiplier of a kink moves at most

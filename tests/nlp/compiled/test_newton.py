@@ -16,7 +16,7 @@ def factorised(A, B, C, border, delta=0.0):
     B, C = B.copy(), C.copy()
     parts = np.empty_like(band), np.empty_like(B), np.empty_like(C)
     largest = float(np.abs(A).max())
-    added = _factorise_definite(band, B, C, *parts, border, largest, delta)
+    added = _factorise_definite(band, B, C, *parts, border, largest, 1e-9, delta)
     return added, np.diag(band[:, 0] - np.diag(A)) + A, C
 
 
