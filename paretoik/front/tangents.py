@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-MARGIN = 1e-6  # of the gap between two neighbours: tangents that meet so far outside still meet inside
-
 
 def tangents_meet(
     left: Float[np.ndarray, " 2"],
     right: Float[np.ndarray, " 2"],
     left_weights: Float[np.ndarray, " 2"],
     right_weights: Float[np.ndarray, " 2"],
+    *,
+    margin: float = 1e-6,
 ) -> Float[np.ndarray, " 2"] | None:
     """Return where the tangents at two neighbours meet; None unless that is between the two in both objectives.
 
     A tangent lies across the weights. On a smooth piece of a front, whichever way it is bent, tangents meet between
-    neighbours that are close enough; across a jump they contradict each other. Weights are NaN where unknown.
+    neighbours that are close enough; across a jump they contradict each other. Weights are NaN where unknown. Where
+    tangents meet outside by a share of at most ``margin`` of the gap, they still meet inside.
     """
     width = right - left
     determinant = left_weights[0] * right_weights[1] - left_weights[1] * right_weights[0]
@@ -25,6 +26,6 @@ def tangents_meet(
         return None
     place = np.array([-left_weights[1], left_weights[0]]) * (right_weights @ width) / determinant
     share = place / width
-    if np.any(share < -MARGIN) or np.any(share > 1.0 + MARGIN):
+    if np.any(share < -margin) or np.any(share > 1.0 + margin):
         return None
     return left + np.clip(share, 0.0, 1.0) * width

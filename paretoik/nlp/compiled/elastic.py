@@ -74,7 +74,10 @@ def central_multipliers(s, mu, penalty, z):
 
 @compiled
 def approach_central_path(s, mu, penalty, factor, z):
-    """Bring multipliers within a factor of the central path; those that are already keep their digits."""
+    """Bring multipliers within a factor of the central path, x being as good as rounding can tell.
+
+    Those that are already keep their digits.
+    """
     for i in range(len(s)):
         central = mu / s[i]
         z[i] = min(max(z[i], central / factor), central * factor, (1 - MULTIPLIER_ROUNDING) * penalty)

@@ -141,7 +141,6 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             if not flat:
                 status = NO_PROGRESS
                 break
-            # x solves the subproblem as well as rounding can tell
             approach_central_path(it.s, barrier.mu, barrier.penalty, options.barrier_tolerance, it.z)
         else:
             restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
