@@ -18,12 +18,13 @@ class RunProgress:
     """What has been done of a verb's present stage.
 
     ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
-    plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front,
-    "refinement", "tightening" (of limits between samples) and "certification" of a front's points. ``done`` of at most
-    ``total`` are done; a stage without counts ("compilation", "saving") has a total of 0. ``seconds`` have passed since
-    the stage began, about ``remaining`` will until the verb ends; None where that cannot be told. ``summary`` says in
-    words what there is so far; ``generation`` has the points of a generation or step, None in other stages. ``then``
-    names what comes after the stage, "" for the end, where ``remaining`` does not count it.
+    plan have come, "optimum" of the starts (or samples) from which an ε-front begins, "point" of an ε-front (or, both,
+    of a search with ``refine`` once its points are refined), "refinement", "tightening" (of limits between samples) and
+    "certification" of a front's points. ``done`` of at most ``total`` are done; a stage without counts ("compilation",
+    "saving") has a total of 0. ``seconds`` have passed since the stage began, about ``remaining`` will until the verb
+    ends; None where that cannot be told. ``summary`` says in words what there is so far; ``generation`` has the points
+    of a generation or step, None in other stages. ``then`` names what comes after the stage, "" for the end, where
+    ``remaining`` does not count it.
     """
 
     stage: str
@@ -52,12 +53,19 @@ ESTIMATES = EstimateOptions()
 
 
 def count_observer(
-    observe: Observer | None, stage: str, *, later: float | None = None, again: float = 0.0, uniform: bool = False
+    observe: Observer | None,
+    stage: str,
+    *,
+    later: float | None = None,
+    again: float = 0.0,
+    uniform: bool = False,
+    then: str = "",
 ) -> Callable[..., object] | None:
     """Return what tells an observer of counts (done, total, summary=""); None without one.
 
     Where everything in the stage takes about as long (``uniform``), and later stages take so many seconds for each of
-    its ``total``, and ``again`` times as long as this one, the observer learns about how long the verb will take.
+    its ``total``, and ``again`` times as long as this one, the observer learns about how long the verb will take, but
+    for the stage ``then``.
     """
     if observe is None:
         return None
@@ -70,7 +78,15 @@ def count_observer(
         if uniform and far and done:
             remaining = seconds / done * ((1 + again) * total - done) + (later or 0.0) * total
         return observe(
-            RunProgress(stage=stage, done=done, total=total, seconds=seconds, remaining=remaining, summary=summary)
+            RunProgress(
+                stage=stage,
+                done=done,
+                total=total,
+                seconds=seconds,
+                remaining=remaining,
+                summary=summary,
+                then=then,
+            )
         )
 
     return show

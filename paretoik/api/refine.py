@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -59,6 +60,25 @@ def refine(
     InvalidInput
         Where the problem is not at hand or has no gradients, or an objective or limit has no derivative.
     """
+    return refine_front(front, problem, solver=solver, observe=observe)
+
+
+Complete: TypeAlias = Callable[
+    [Differentiable, Points, Ids, Float[np.ndarray, " n_obj"], Observer | None],
+    tuple[Points, Ids, Float[np.ndarray, " n_obj"]],
+]
+"""Returns refined points with others, their ids and the ranges, of a formulation, points, ids, ranges, observer."""
+
+
+def refine_front(
+    front: Front,
+    problem: Any,
+    *,
+    solver: Solver,
+    observe: Observer | bool | None,
+    complete: Complete | None = None,
+) -> Front:
+    """Return the front refined and certified as ``refine`` does, its refined points completed where that is wanted."""
     if not isinstance(front, Front):
         raise InvalidInput(f"refine: a front wanted, got {front!r}")
     problem = front.problem if problem is None else problem
@@ -66,22 +86,26 @@ def refine(
         raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
-    ranges = ranges_of(front.minimised)
+    ranges, ids = ranges_of(front.minimised), front.ids
     with verb_session(observe) as session:
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
         later = None if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
         again = ESTIMATES.tightening if _keeps_between(problem) else 0.0
-        shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True)
+        then = "" if complete is None else "optimum"
+        shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
+        if complete is not None:
+            individuals = _no_worse(formulation, formulation.individuals(x), front, ranges)
+            x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
         refined = certified_front(
             problem,
             formulation,
             x,
-            front.ids,
+            ids,
             ranges,
             dict(front.provenance),
-            before=front,
+            before=front if complete is None else None,
             solver=solver,
             observe=session.observe,
             seconds_per_certificate=later,

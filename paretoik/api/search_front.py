@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.api.completion import complete_front
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
-from paretoik.api.refine import refine as refine_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
 from paretoik.arrays import Objectives
@@ -88,7 +88,15 @@ class FrontSearch:
             session.show(progress)
             return session.signal is not None
 
-        front = refine_front(front, solver=self._solve_settings.solver, observe=observe)
+        settings = self._solve_settings
+        front = complete_front(
+            front,
+            points=len(front) if settings.points is None else settings.points,
+            seed=DEFAULTS.seed if settings.seed is None else settings.seed,
+            first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
+            solver=settings.solver,
+            observe=observe,
+        )
         status = front.provenance["status"] if session.signal is None else session.signal
         counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})

@@ -25,7 +25,9 @@ def solve(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
     time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
-    refine: Annotated[bool, typer.Option("--refine", help="Let gradients help, and certify every point.")] = False,
+    refine: Annotated[
+        bool, typer.Option("--refine", help="Let gradients help, and add ends and certificates.")
+    ] = False,
     solver: Annotated[
         Literal["auto", "interior-point", "sqp"],
         typer.Option(help="What --refine uses: interior points (smooth functions), or SQP by Clarabel (any)."),

@@ -118,6 +118,8 @@ def optima_alone(
 ) -> Points:
     """Return the local optima of one objective alone, best first; also those that feasible ``initial`` points lead to.
 
+    From these the other objectives count a little: without, one of them may rise beyond all bounds where a direction
+    costs the first nothing.
     Raises what ``cold`` does where there are no initial points.
     """
     if initial is None or not len(initial):
@@ -127,7 +129,8 @@ def optima_alone(
     program = program_of(np.where(sizes > 0, sizes, 1.0))
     values = np.array([natural.evaluate(one)[0][objective] for one in initial])
     initial = initial[np.argsort(values, kind="stable")[: OPTIONS.initial]]
-    x = minimise_from(program, initial, np.eye(n_obj)[objective], solver=solver).x
+    weights = main_weights(n_obj, np.array([objective]), OPTIONS.weight)[0]
+    x = minimise_from(program, initial, weights, solver=solver).x
     with suppress(Infeasible, SolverFailed):  # the initial points will do
         x = np.concatenate([cold.optima(objective), x])
     values = np.array([natural.evaluate(one)[0][objective] for one in x])

@@ -25,7 +25,7 @@ from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weighted, objective_sizes, ranges_of
 from paretoik.pareto.sweep import Sweep
 from paretoik.pareto.warm_start import evaluate_points, feasible_points
-from paretoik.stop_flag import Interrupted
+from paretoik.stop_flag import Interrupted, check_interruption
 
 
 def epsilon_points(
@@ -48,11 +48,12 @@ def epsilon_points(
     neighbours, started from those near it. ``initial`` points within all limits lead to ends and points as well, unless
     ``refined`` already: none of them dominates what is returned.
 
-    After a signal the points so far are returned. Raises what ``cold`` does, SolverFailed where an end does not
-    converge, and Interrupted where a signal comes before there is any point.
+    After a signal the points so far are returned, ``initial`` ones among them. Raises what ``cold`` does, SolverFailed
+    where an end does not converge, and Interrupted where a signal comes before there is any point.
     """
     natural = program_of(np.ones(n_obj))
     initial = feasible_points(natural, initial)
+    initial = None if initial is None or not len(initial) else initial
     alone = list[Points]()
     with suppress(Interrupted):
         for k in range(n_obj):
@@ -63,16 +64,14 @@ def epsilon_points(
     payoff = np.stack([natural.evaluate(x)[0][:n_obj] for x in best])
     sizes = objective_sizes(natural, best, n_obj)
     near = natural.distance(best[0], best) <= OPTIONS.resolved_distance
-    if near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
+    if len(alone) == n_obj and near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
         return best[:1], np.where(sizes > 0, sizes, 1.0)
     ranges = ranges_of(payoff, sizes)
-    if len(alone) < n_obj:
-        return best, ranges
     program = program_of(ranges)
-    try:
-        ends = _ends(program, best, solver)
-    except Interrupted:
-        return best, ranges
+    ends = evaluate_points(program, best)
+    if len(alone) == n_obj:
+        with suppress(Interrupted):
+            ends = _ends(program, best, solver)
     if initial is not None and not refined:
         initial = refine(program, initial, n_obj, solver=solver)[0]
     sweep = Sweep(
@@ -80,14 +79,15 @@ def epsilon_points(
         n_obj=n_obj,
         x=ends.x,
         objectives=ends.objectives,
-        weights=np.eye(n_obj),
+        weights=np.eye(n_obj)[: len(best)],
         points=points,
         solver=solver,
         observe=observe,
     )
+    if initial is not None:
+        sweep.add(evaluate_points(program, initial), _weights(program, initial, n_obj))
     with suppress(Interrupted):
-        if initial is not None:
-            sweep.add(evaluate_points(program, initial), weights_at(program, initial, n_obj) if n_obj == 2 else None)
+        check_interruption()
         if n_obj == 2:
             few = max(OPTIONS.further, int(OPTIONS.further_share * points))
             sweep.place_points(cold, cold_points, few if initial is None else max(few, points))
@@ -98,6 +98,13 @@ def epsilon_points(
         if cold.multimodal or n_obj > 2:
             sweep.exchange_basins()
     return sweep.x[sweep.spread()], ranges
+
+
+def _weights(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"] | None:
+    """Return the weights of two objectives at points, which are the slope of the front there; None after a signal."""
+    with suppress(Interrupted):
+        return weights_at(program, x, n_obj) if n_obj == 2 else None
+    return None
 
 
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:

@@ -11,7 +11,7 @@ import pytest
 from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.pareto import cold_search
-from paretoik.pareto.cold_search import StartSearch
+from paretoik.pareto.cold_search import StartSearch, optima_alone
 from tests.pareto.sketches import scaled, sketched
 
 
@@ -81,3 +81,14 @@ def test_batches_of_starts_are_shown():
 def test_where_no_start_leads_within_the_limits_that_is_said():
     with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted"):
         search_from(bounded_valleys(upper=-3.0), np.linspace(-1.0, 1.0, 3)).optima(0)
+
+
+def test_initial_points_lead_to_an_optimum_where_the_others_are_small_too():
+    """Of x alone and of x and y: where the first is least, any y is as good to it."""
+    program = sketched(
+        2, lambda x: [x[0] ** 2, (x[0] - 1) ** 2 + x[1] ** 2], lambda x: ([], [5 - x[0], 5 + x[0], 5 - x[1], 1 + x[1]])
+    )
+    nothing = StartSearch(program_of=partial(scaled, program), starts=np.empty((0, 4)), n_obj=2)
+    initial = np.array([[0.5, 3.0, 0.25, 9.25]])
+    x = optima_alone(partial(scaled, program), nothing, 0, 2, initial, "auto")
+    assert x[0, :2] == pytest.approx([0.0, 0.0], abs=1e-2)

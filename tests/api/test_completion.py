@@ -1,0 +1,187 @@
+"""What completes the front of a search: the planner's ends, and points in gaps; nothing that was refined is lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+from functools import cache
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.api.completion import complete_front
+from paretoik.errors import Infeasible
+from paretoik.pareto.scalarisation import ranges_of
+from paretoik.stop_flag import STOP
+from tests.api.problems import tracking
+
+SEARCH = {"population": 24, "generations": 10, "seed": 1, "points": 8, "observe": False}
+FIRST_ID = 10_000
+TOLERANCE = 2e-6  # of a range: ends give way by 1e-6 of it for the other objectives
+
+
+def three():
+    return tracking(pk.kinetic_energy, pk.torque_norm, pk.joint_limit_distance, position=3.0)
+
+
+def walk():
+    """A program in which one objective alone leaves the other without bound."""
+    arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
+    return pk.PointToPoint(arm, motors, (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4)
+
+
+def directions():
+    arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
+    return pk.DirectionalMaxima(arm, motors, (0.1, -0.15), [[1, 0], [0, 1]], power=False)
+
+
+MADE = [tracking, three, walk, directions]
+
+
+@cache
+def searched(made):
+    return pk.solve(made(), **SEARCH)
+
+
+@cache
+def refined(made):
+    return pk.refine(searched(made), observe=False)
+
+
+@cache
+def completed(made, points):
+    return complete(searched(made), points)
+
+
+def complete(front, points, observe=None):
+    return complete_front(front, points=points, seed=0, first_id=FIRST_ID, solver="auto", observe=observe)
+
+
+def lost(before, after):
+    """Return the ids of the points before that are not after, and that none after is at least as good as."""
+    shares = (after.minimised[None] - before.minimised[:, None]) / ranges_of(before.minimised)
+    return before.ids[~(shares <= TOLERANCE).all(axis=2).any(axis=1)].tolist()
+
+
+def assert_ids(before, after):
+    """Points that stay keep an id of the search, others have new ones, each its own; of two that met one is left."""
+    assert len(set(after.ids.tolist())) == len(after)
+    tolerance = TOLERANCE * ranges_of(before.minimised)
+    stays = (np.abs(after.minimised[:, None] - before.minimised) <= tolerance).all(axis=2).any(axis=1)
+    assert np.array_equal(stays, after.ids < FIRST_ID)
+    for value, number in zip(before.minimised, before.ids, strict=True):
+        assert (np.abs(after.minimised[after.ids == number] - value) <= tolerance).all()
+
+
+@pytest.mark.parametrize("made", [tracking, three])
+def test_the_best_of_every_objective_is_no_worse_than_the_planners(made):
+    front, ranges = completed(made, 8), ranges_of(completed(made, 8).minimised)
+    objectives = (pk.kinetic_energy, pk.torque_norm)
+    limits = {} if made is tracking else {"position": 3.0}
+    for k, objective in enumerate(objectives):
+        best = pk.plan(tracking(objective, **limits), starts=24, seed=0, observe=False).best.objective
+        assert front.minimised[:, k].min() <= best + TOLERANCE * ranges[k]
+
+
+@pytest.mark.parametrize("made", [walk, directions])
+def test_the_ends_are_those_of_an_epsilon_front(made):
+    ends = pk.epsilon_front(made(), points=2, starts=24, observe=False).minimised
+    front = completed(made, 8).minimised
+    assert ((front.min(axis=0) - ends.min(axis=0)) / np.ptp(ends, axis=0) <= TOLERANCE).all()
+    assert np.ptp(front, axis=0) == pytest.approx(np.ptp(ends, axis=0), rel=1e-2)
+
+
+@pytest.mark.parametrize("made", MADE)
+def test_a_refined_point_is_lost_only_where_there_are_more_than_wanted(made):
+    front = completed(made, 40)
+    assert lost(refined(made), front) == [] or len(front) == 40
+    assert_ids(refined(made), front)
+    assert set(refined(made).ids) & set(front.ids)
+    assert (front.ids >= FIRST_ID).any()
+
+
+@pytest.mark.parametrize("made", MADE)
+def test_there_are_no_more_points_than_wanted_and_all_are_certified(made):
+    front = completed(made, 8)
+    assert len(front) == 8
+    assert_ids(refined(made), front)
+    assert (front.certificates.status == "minimum").all()
+
+
+@pytest.mark.parametrize("made", [tracking, walk, directions])
+def test_at_equal_numbers_of_points_the_front_gains_hypervolume(made):
+    from paretoik.front.indicators import hypervolume
+
+    one = refined(made).minimised
+    for points in (len(one), 40):
+        other = completed(made, points).minimised
+        corner = np.maximum(one.max(axis=0), other.max(axis=0)) + 0.1 * np.ptp(other, axis=0)
+        assert len(other) <= points
+        assert hypervolume(other, corner) > hypervolume(one, corner)
+
+
+@pytest.mark.parametrize("stage", ["refinement", "optimum", "point"])
+@pytest.mark.parametrize("made", MADE)
+def test_a_signal_keeps_all_that_was_refined(made, stage):
+    stages = list[str]()
+
+    def interrupt(progress):
+        stages.append(progress.stage)
+        if progress.stage == stage and not STOP[0]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    front = complete(searched(made), 40, interrupt)
+    assert front.provenance["status"] == "SIGINT"
+    assert stage in stages
+    assert lost(searched(made) if stage == "refinement" else refined(made), front) == []
+    assert len(set(front.ids.tolist())) == len(front)
+    if stage == "refinement":
+        assert "optimum" not in stages
+        assert set(front.ids) <= set(searched(made).ids)
+
+
+@pytest.mark.parametrize("fault", [Infeasible("none"), pk.SolverFailed("none")])
+def test_where_the_planner_finds_nothing_the_refined_points_do(fault, monkeypatch):
+    problem = tracking()
+    front = pk.solve(problem, **SEARCH)
+
+    def fail(*_, **__):
+        raise fault
+
+    monkeypatch.setattr(type(problem), "cold_search", fail)
+    assert np.array_equal(complete(front, 40).objectives, pk.refine(front, observe=False).objectives)
+
+
+def test_one_objective_is_refined_and_no_more():
+    front = pk.solve(tracking(pk.kinetic_energy), **SEARCH)
+    again = complete(front, 40)
+    assert np.array_equal(again.objectives, pk.refine(front, observe=False).objectives)
+    assert np.array_equal(again.ids, front.ids)
+
+
+def test_a_search_with_refine_has_new_ids_after_its_own():
+    front = pk.solve(tracking(), **SEARCH, refine=True)
+    assert len(front) <= SEARCH["points"]
+    assert len(set(front.ids.tolist())) == len(front)
+    assert (front.ids >= front.provenance["counts"]["evaluations"]).any()
+    again = pk.solve(tracking(), **SEARCH, refine=True)
+    assert np.array_equal(front.objectives, again.objectives)
+    assert np.array_equal(front.ids, again.ids)
+
+
+def test_an_initial_end_leaves_the_other_objectives_finite():
+    searched_front = searched(walk)
+    cold = pk.epsilon_front(walk(), points=4, starts=8, observe=False).minimised
+    warm = pk.epsilon_front(walk(), points=4, starts=8, initial=searched_front, observe=False).minimised
+    assert len(warm) == 4
+    assert warm.max(axis=0) == pytest.approx(cold.max(axis=0), rel=1e-2)
+
+
+def test_the_planner_comes_after_refining():
+    stages = list[tuple[str, str]]()
+    complete(searched(tracking), 8, lambda progress: stages.append((progress.stage, progress.then)))
+    order = list(dict.fromkeys(stage for stage, _ in stages if stage != "compilation"))
+    assert order[:3] == ["refinement", "optimum", "point"]
+    assert order[-1] == "certification"
+    assert {then for stage, then in stages if stage == "refinement"} == {"optimum"}
