@@ -169,8 +169,8 @@ def _sqp(
             continue
         settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
         end = sqp.minimise(program, start, Goal(weights=factors, rows=rows, upper=bounds), settings)
-        known = end.x, end.status, end.iterations, end.objectives
-        ends.append((*known, end.bound_multipliers, end.stationarity, end.violation))
+        point = end.x, end.status, end.iterations, end.objectives
+        ends.append((*point, end.bound_multipliers, end.stationarity, end.violation))
     return _collect(ends, x.shape, len(program.upper), upper)
 
 

@@ -82,8 +82,8 @@ def least_multipliers(
     if not auxiliary.shape[1]:
         return np.full(len(multipliers), OPTIONS.multiplier)
     totals = sparse.csr_array(auxiliary @ sparse.diags_array(auxiliary.T @ multipliers)).max(axis=1).toarray().ravel()
-    least = np.clip(OPTIONS.tie_share * totals, OPTIONS.least_multiplier, OPTIONS.multiplier)
-    return np.where(totals > 0.0, least, OPTIONS.multiplier)
+    sizes = np.clip(OPTIONS.tie_share * totals, OPTIONS.least_multiplier, OPTIONS.multiplier)
+    return np.where(totals > 0.0, sizes, OPTIONS.multiplier)
 
 
 def edge_names(

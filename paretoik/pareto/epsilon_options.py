@@ -13,17 +13,17 @@ class EpsilonOptions:
 
     ``end_tolerance`` is what an objective gives way for the others at an end of the front, ``end_weight`` the weight of
     the others there at first; ``weight`` theirs at any ε: with none a point may be only weakly optimal. Where the ends
-    are within ``resolved_distance`` (rad or m, RMS) and ``resolution`` of every objective's size, the front is one
-    point: that is what a solver's last barrier leaves open.
+    are within ``resolved_distance`` (rad or lengths of the arm, RMS) and ``resolution`` of every objective's size, the
+    front is one point: that is what a solver's last barrier leaves open.
 
     Of two objectives the first ``cold_points`` are sought from cold starts too, as a branch may belong to no
     objective's own optimum, and the best ``cold_optima`` of each search looked at. The second neighbour's motion is a
     start where that of the nearer one ``falls_short`` of the expected gain, by a share of it. So many points more than
     wanted are solved at most as ``further`` says, or ``further_share`` of these. Bounds of points are at even places of
-    a gap, so many parts of it as ``grid`` says apart. Of more objectives each is sought from
-    cold starts once, at ``inner`` between nadir and ideal, and every ε starts from the ``nearest`` points. Each point
-    tries the basins of its ``neighbours``, in at most so many ``rounds`` of ``basin_iterations`` each. So many points
-    are led at a time as ``batch`` says.
+    a gap, ``grid`` in number. Of more objectives each is sought from cold starts once, at ``inner``
+    between nadir and ideal, and every ε starts from the ``nearest`` points. Each point tries the basins of its
+    ``neighbours``, in at most so many ``rounds`` of ``basin_iterations`` each. So many points are minimised at a time
+    as ``batch`` says.
 
     The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
     valley one may get lost, or find a better one.

@@ -154,8 +154,8 @@ def _candidates(
     owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])
     places = np.concatenate([values, *inner])
     order = np.lexsort((places[:, 1], places[:, 0]))
-    least = np.minimum.accumulate(np.append(np.inf, places[order, 1]))[:-1]
-    order = order[places[order, 1] < least]
+    lowest = np.minimum.accumulate(np.append(np.inf, places[order, 1]))[:-1]
+    order = order[places[order, 1] < lowest]
     return places[order], owners[order]
 
 

@@ -29,13 +29,14 @@ class RestartOptions:
 
     ``expected`` is the number of better optima that the next batch may be expected to find, below which no independent
     starts are added; in at most so many ``rounds``. Of the best optima so many ``centers`` are perturbed, each so often
-    as ``copies`` says, by ``perturbation`` [rad or m, RMS, least and largest]. Twice as many are recombined with others
-    as often as ``crossings`` says each: the best of so many ``tries`` for one. Both go on until so many batches in turn
-    as ``patience`` says brought nothing better; with one degree of redundancy only where optima are ``many``. They are
-    minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or m, RMS) whose values differ
-    by a share of at most ``value`` count as one. A branch that so many starts led nowhere as ``doomed`` says is left
-    out. ``gain`` is the share of a value by which another is better. The best are disturbed once more on a
-    finer level, in at most ``final_rounds``: what is best there is not what is best on the coarsest.
+    as ``copies`` says, by ``perturbation`` [rad or lengths of the arm, RMS: least, largest]. Twice as many are
+    recombined with others as often as ``crossings`` says each: the best of so many ``tries`` for one. Both go on until
+    so many batches in turn as ``patience`` says brought nothing better; with one degree of redundancy only where optima
+    are ``many``. They are minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or
+    lengths of the arm, RMS) whose values differ by a share of at most ``value`` count as one. A branch that so many
+    starts led nowhere as ``doomed`` says is left out. ``gain`` is the share of a value by which another is better. The
+    best are disturbed once more on a finer level, in at most ``final_rounds``: what is best there is not what is best
+    on the coarsest.
     """
 
     expected: float = 0.05
@@ -166,8 +167,8 @@ def _recombine(
     Where optima come near one another they may change over for little, and what is better before may be joined to
     what is better after.
     """
-    wanted = OPTIONS.crossings * min(len(q), 2 * OPTIONS.centers)
-    first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * wanted)
+    count = OPTIONS.crossings * min(len(q), 2 * OPTIONS.centers)
+    first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * count)
     second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other
     x = recombined_starts(task, q[first], q[second], rng)
     if not len(x):
@@ -178,7 +179,7 @@ def _recombine(
     chosen = x[:0]
     for i in order:
         others = np.concatenate([q, chosen])
-        if len(chosen) < wanted and joint_distance(task, x[i], others).min() > OPTIONS.distance:
+        if len(chosen) < count and joint_distance(task, x[i], others).min() > OPTIONS.distance:
             chosen = np.concatenate([chosen, x[i : i + 1]])
     return chosen
 

@@ -115,10 +115,10 @@ def _random_case(
             obstacles=obstacles,
         )
         task = case.problem("spline").task
-        kept = minimise_from(task, q[None])
+        optimum = minimise_from(task, q[None])
     except (Infeasible, OutOfReach, InvalidInput, SolverFailed):
         return None
-    return case if kept is not None and task.violations(task.motion(kept)).max() > -OPTIONS.active else None
+    return case if optimum is not None and task.violations(task.motion(optimum)).max() > -OPTIONS.active else None
 
 
 def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> Float[np.ndarray, "time dof"] | None:
