@@ -72,6 +72,10 @@ def epsilon_points(
     if len(alone) == n_obj:
         with suppress(Interrupted):
             ends = _ends(program, best, solver)
+            narrower = ranges_of(ends.objectives[:, :n_obj] * ranges, sizes)
+            if (narrower < OPTIONS.narrower * ranges).any():  # what is left open at an end may be far from the front
+                rescaled = program_of(narrower)
+                ends, program, ranges = _ends(rescaled, best, solver), rescaled, narrower
     if initial is not None and not refined:
         initial = refine(program, initial, n_obj, solver=solver)[0]
     sweep = Sweep(

@@ -12,9 +12,11 @@ class EpsilonOptions:
     """How a front is swept; objectives are divided by their ranges, so that values here are shares of these.
 
     ``end_tolerance`` is what an objective gives way for the others at an end of the front, ``end_weight`` the weight of
-    the others there at first; ``weight`` theirs at any ε: with none a point may be only weakly optimal. Where the ends
-    are within ``resolved_distance`` (rad or lengths of the arm, RMS) and ``resolution`` of every objective's size, the
-    front is one point: that is what a solver's last barrier leaves open.
+    the others there at first. Where a range of the ends is ``narrower`` than that of the objectives' own optima, by so
+    much of it, they are sought once more with objectives divided by the ends' ranges. ``weight`` is that of the others
+    at any ε: with none a point may be only weakly optimal. Where the ends are within ``resolved_distance`` (rad or
+    lengths of the arm, RMS) and ``resolution`` of every objective's size, the front is one point: that is what a
+    solver's last barrier leaves open.
 
     Of two objectives the first ``cold_points`` are sought from cold starts too, as a branch may belong to no
     objective's own optimum, and the best ``cold_optima`` of each search looked at. The second neighbour's motion is a
@@ -31,6 +33,7 @@ class EpsilonOptions:
 
     end_tolerance: float = 1e-6
     end_weight: float = 1e-3
+    narrower: float = 0.5
     weight: float = 5e-4
     cold_points: int = 3
     cold_optima: int = 4

@@ -38,12 +38,14 @@ OPTIONS = PlacementOptions()
 class Gap:
     """Two neighbours of a front and what is taken to lie between: ``places`` in their order, the neighbours ends.
 
-    ``area`` is the hypervolume that the whole curve adds to its ends; ``contradicts`` where it is but the chord.
+    ``area`` is the hypervolume that the whole curve adds to its ends; ``contradicts`` where it is but the chord, as the
+    tangents contradict each other; ``is_concave`` where it lies above that.
     """
 
     places: Float[np.ndarray, "places 2"]
     area: float
     contradicts: bool
+    is_concave: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +95,8 @@ def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 
     places = (1 - share) ** 2 * left + 2 * share * (1 - share) * control + share**2 * right
     width, offset = right - left, control - left
     bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, below the chord positive
-    return Gap(places=places, area=float(bulge - 0.5 * width[0] * width[1]), contradicts=meeting is None)
+    area = float(bulge - 0.5 * width[0] * width[1])
+    return Gap(places=places, area=area, contradicts=meeting is None, is_concave=bool(bulge < 0))
 
 
 def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
