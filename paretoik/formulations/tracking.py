@@ -8,7 +8,6 @@ weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), sprea
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -229,7 +228,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         if self.task.differences != "spline" or not len(x):
             return x, [natural] * len(x)
         held = hold_all(self.program(ranges), x, len(self.names), solver, observe)
-        return np.stack([each.x for each in held]), [replace(natural, bounds=each.bounds) for each in held]
+        return np.stack([each.x for each in held]), [each.program(natural) for each in held]
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
         """Return the label of each motion's branch."""

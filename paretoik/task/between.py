@@ -43,13 +43,13 @@ def finer_motion(motions: Motion, refinement: int | None = None) -> Motion:
     finer = np.append((time[:-1, None] + step[:, None] * np.arange(count) / count).ravel(), time[-1])
     q, (spline, dq, ddq, jerk) = motions.at(finer), motions.spline.at(finer)
     correction = q - spline
-    dq = dq + _differentiate(correction, step / count, 1, cyclic=motions.cyclic)
-    ddq = ddq + _differentiate(correction, step / count, 2, cyclic=motions.cyclic)
+    dq = dq + differentiate_pieces(correction, step / count, 1, cyclic=motions.cyclic)
+    ddq = ddq + differentiate_pieces(correction, step / count, 2, cyclic=motions.cyclic)
     derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
     return replace(motions, time=finer, q=q, derivatives=derivatives)
 
 
-def _differentiate(values: np.ndarray, steps: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
+def differentiate_pieces(values: np.ndarray, steps: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
     """Return derivatives of values (*batch, instants, columns) that are smooth between knots alone.
 
     Every interval has as many instants, its own ``steps`` apart. At a knot both sides' derivatives count the same.

@@ -6,17 +6,17 @@ functions of the whole motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
+from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.rewriting import smooth_pieces
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.robot.scales import joint_scales
-from paretoik.task.limits import Constraint
+from paretoik.task.limits import LIMITED, Constraint
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from paretoik.task.traced_motion import (
@@ -26,7 +26,11 @@ from paretoik.task.traced_motion import (
     trace_sample,
     trace_sample_function,
 )
+from paretoik.trajectory.path_rates import project_rates
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
+
+LOADS = ("torque", "power")
+ON_PATH = " on the path"  # after the name of a limit: its rates are those of the projected curve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +72,10 @@ class Functions:
         return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
 
 
-def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
+def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | None = None) -> Functions:
     """Return the functions of a task, each objective multiplied by its share.
+
+    Where a motion ``near`` by is given, torques and powers are limited on the path too; see ``path_rates``.
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
@@ -89,6 +95,8 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
         for sign, bound in ((1.0, constraint.upper), (-1.0, -constraint.lower)):
             if np.isfinite(bound):
                 _add_total(functions, label, constraint, sign / constraint.scale, bound / constraint.scale)
+    if near is not None:  # last: the limits before them stay where they are
+        _add_loads(functions, project_rates(functions.motion, near), ON_PATH)
     return functions
 
 
@@ -131,18 +139,25 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
 def _add_limits(functions: Functions) -> None:
     """Add the limits that are not on positions and rates themselves."""
     motion, task = functions.motion, functions.motion.task
-    series: dict[str, Callable[[], Any]] = {"torque": lambda: motion.torque, "power": lambda: motion.power}
     if task.differences == "spline" and "velocity" in task.bounds:
         _add_inner_velocities(functions)
-    for kind in task.bounds:
-        limits = task.bounds_at(kind, task.instants)
-        ranges = task.limit_ranges(kind, limits)
-        for j, joint in enumerate(task.arm.joint_names if kind in series else ()):
-            if np.isfinite(limits[:, j]).any():
-                _add_row(functions, f"{kind} of {joint}", series[kind]().entries[j], limits[:, j], ranges[:, j])
+    _add_loads(functions, motion, "")
     if task.obstacles:
         bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
         _add_row(functions, "clearance", motion.clearance.entries, bounds, ranges)
+
+
+def _add_loads(functions: Functions, motion: TracedMotion, suffix: str) -> None:
+    """Add the limits on torque and power, their names with a suffix."""
+    task = motion.task
+    for kind in LOADS:
+        if kind not in task.bounds:
+            continue
+        limits, values = task.bounds_at(kind, task.instants), getattr(motion, LIMITED[kind]).entries
+        ranges = task.limit_ranges(kind, limits)
+        for j, joint in enumerate(task.arm.joint_names):
+            if np.isfinite(limits[:, j]).any():
+                _add_row(functions, f"{kind} of {joint}{suffix}", values[j], limits[:, j], ranges[:, j])
 
 
 def _add_inner_velocities(functions: Functions) -> None:

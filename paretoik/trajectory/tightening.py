@@ -1,7 +1,9 @@
 """Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
 
 A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
-instants, may exceed a limit a little; what they exceed it by is taken from the limit there.
+instants, may exceed a limit a little; what they exceed it by is taken from the limit there. Torques and powers are
+limited with the rates that the path allows as well (``path_rates``): else those of the spline would give way where the
+projection does not follow.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
+from paretoik.trajectory.functions import LOADS, ON_PATH
 from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.transcription import motion_program
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +47,7 @@ class TighteningOptions:
 
     tolerance: float = 5e-5
     target: float = 0.5
-    rounds: int = 8
+    rounds: int = 3
     patience: int = 3
     feasible: float = 1e-8
     largest: float = 0.4
@@ -58,11 +62,19 @@ OPTIONS = TighteningOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldMotion:
-    """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples."""
+    """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples.
+
+    ``near`` is the motion beside which torques and powers are limited on the path, None where they are not.
+    """
 
     x: Float[np.ndarray, "time dof"]
     bounds: Float[np.ndarray, " limits"]
     violation: float
+    near: Float[np.ndarray, "time dof"] | None = None
+
+    def program(self, natural: MotionProgram) -> MotionProgram:
+        """Return the program that the motion is optimal for, from the task's own."""
+        return replace(_limited_on_path(natural, self.near), bounds=self.bounds)
 
 
 def hold_between(
@@ -80,15 +92,19 @@ def hold_between(
     for _ in range(OPTIONS.rounds):
         if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation) or vain == OPTIONS.patience:
             break
-        bounds = _tightened_bounds(program, current)
+        near = current.x if set(LOADS) & set(program.task.bounds) else None
+        untightened = _limited_on_path(program, near)
+        before = untightened.bounds.copy()
+        before[: len(current.bounds) - program.kinks] = current.bounds[: len(current.bounds) - program.kinks]
+        bounds = _tightened_bounds(untightened, current.x, before)
         for share in OPTIONS.shares:
-            tighter = replace(program, bounds=current.bounds + share * (bounds - current.bounds))
+            tighter = replace(untightened, bounds=before + share * (bounds - before))
             solved = _solve_again(tighter, current.x, n_obj, solver)
             if solved is not None:
                 break
         else:
             break
-        current = _held(tighter, solved)
+        current = _held(tighter, solved, near)
         vain = 0 if current.violation < best.violation else vain + 1
         best = min(best, current, key=lambda held: held.violation)
     return best
@@ -123,8 +139,13 @@ def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time 
     return [each for each in (_held(program, one) for one in at_samples) if each.violation <= OPTIONS.tolerance]
 
 
-def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
-    return HeldMotion(x=x, bounds=program.bounds, violation=violation_between(program.task, x))
+def _held(program: MotionProgram, x: np.ndarray, near: np.ndarray | None = None) -> HeldMotion:
+    return HeldMotion(x=x, bounds=program.bounds, violation=violation_between(program.task, x), near=near)
+
+
+def _limited_on_path(program: MotionProgram, near: np.ndarray | None) -> MotionProgram:
+    """Return the program of a task with torques and powers limited on the path too, beside a motion if one is given."""
+    return program if near is None else motion_program(program.task, program.scales, near=near)
 
 
 def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
@@ -159,22 +180,27 @@ def _solve_again(program: MotionProgram, x: np.ndarray, n_obj: int, solver: Solv
     return None
 
 
-def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndarray, " limits"]:
+def _tightened_bounds(
+    program: MotionProgram, x: Float[np.ndarray, "time dof"], before: Float[np.ndarray, " limits"]
+) -> Float[np.ndarray, " limits"]:
     """Return the bounds of a program, each moved inwards by what is exceeded within half a sample around it.
 
-    Where the limit itself is not active, as the excess is that of the projection, it bounds the value there instead.
+    Where the limit itself is not active, as the excess is that of the projection, it bounds the value there instead;
+    where it is exceeded itself, by so much less. Limits that hold on the path as well stay there alone.
     """
-    task, bounds, elastic = program.task, held.bounds.copy(), program.elastic
-    curve = finer_motion(task.motion(held.x))
+    task, bounds, elastic = program.task, before.copy(), program.elastic
+    curve = finer_motion(task.motion(x))
     half = REFINEMENT.spline // task.stride
     row, instant = program.limited[:elastic].T
     rates = row < program.rates  # those of slides are measured in lengths of the arm
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
-    slack = program.values(held.x).inequalities * ranges + sides * (program.bounds - bounds)[:elastic]
+    slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]
     after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the interval that follows
     for name in dict.fromkeys(names.tolist()):
-        for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
+        if name + ON_PATH in names:
+            continue
+        for side, excess in zip((1.0, -1.0), _excess(task, name.removesuffix(ON_PATH), curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
             padded = np.pad(excess, (half, 2 * half), constant_values=-np.inf)
             windows = sliding_window_view(padded, 2 * half + 1)[::half]
@@ -182,8 +208,8 @@ def _tightened_bounds(program: MotionProgram, held: HeldMotion) -> Float[np.ndar
             near = windows[:, half // 2 : 2 * half + 1 - half // 2].max(axis=1)[instant[chosen] + after[chosen]]
             near = near / units[chosen]
             tolerable = OPTIONS.target * OPTIONS.tolerance * ranges[chosen]
-            shift = np.where(around > tolerable, around, 0.0)
-            shift = np.where(near > tolerable, np.maximum(shift, near + np.maximum(slack[chosen], 0.0)), shift)
+            shift = np.where(around > tolerable, np.maximum(around + np.minimum(slack[chosen], 0.0), 0.0), 0.0)
+            shift = np.where(near > tolerable, np.maximum(shift, near + slack[chosen]), shift)
             bounds[chosen] += side * np.minimum(shift, OPTIONS.largest * ranges[chosen])
     return bounds
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import gradient, hessian
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
@@ -36,8 +37,12 @@ class TranscriptionOptions:
 OPTIONS = TranscriptionOptions()
 
 
-def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
+def motion_program(
+    task: MotionTask, scales: Sequence[float] | np.ndarray | None = None, *, near: JointPaths | None = None
+) -> MotionProgram:
     """Return the nonlinear program of a task, its objectives divided by ``scales``.
+
+    Of a spline, limits on torque and power hold on the path too where a motion ``near`` by is given (``path_rates``).
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """
@@ -46,7 +51,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
             "end_velocity=0: differences 'spline' or 'backward' wanted where motions are refined, got 'central'"
         )
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
-    functions = trace_functions(task, 1.0 / divisors)
+    functions = trace_functions(task, 1.0 / divisors, near)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
     evaluators = _evaluators(functions, _path_equations(functions))
     instants, n = len(task.instants), task.arm.dof
