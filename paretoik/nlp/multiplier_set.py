@@ -3,13 +3,14 @@
     {(λ, μ): Σ λᵢ ∇fᵢ = Aᵀ μ,  λ ≥ 0, μ ≥ 0},  A the gradients of the active inequalities
 
 λ is unique up to its length where the parts of ∇fᵢ across the rows of A depend on each other in one way only: that
-takes no solver. Elsewhere all solutions of the equation are λ = V y, μ = M y + N z, and one linear program, with a
-block for each end, gives the least and largest shares λᵢ / (λᵢ + λⱼ) of all pairs:
+takes no solver. Elsewhere all solutions of the equation are λ = V y, μ = M y + N z, and linear programs as small as
+these give the least and the largest share λᵢ / (λᵢ + λⱼ) of every pair:
 
     extremise   λᵢ
     subject to  λᵢ + λⱼ = 1,  V y ≥ 0,  M y + N z ≥ 0
 
-It is solved by Clarabel. Source: Gal & Nedoma 1972 for the set of multipliers; Charnes & Cooper 1962 for ratios.
+They are solved by SciPy's HiGHS, whose simplex ends on a vertex; an interior point stops short of one where many meet.
+Source: Gal & Nedoma 1972 for the set of multipliers; Charnes & Cooper 1962 for ratios.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 
-import clarabel
 import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 from scipy.linalg import qr, solve_triangular
+from scipy.optimize import linprog
 
 from paretoik.errors import SolverFailed
 from paretoik.nlp.elimination import eliminate
@@ -34,7 +35,7 @@ class MultiplierSetOptions:
     singular: float = 1e-7  # singular value that counts as none
     negligible: float = 1e-12  # length, of the longest gradient, of one that is none
     balance: float = 1e-9  # by which a multiplier may be negative
-    solver_tolerance: float = 1e-9  # of Clarabel's gaps and infeasibilities
+    solver_tolerance: float = 1e-9  # of HiGHS's infeasibilities
 
 
 OPTIONS = MultiplierSetOptions()
@@ -47,7 +48,7 @@ def share_ranges(
 ) -> Float[np.ndarray, "n_obj n_obj 2"] | None:
     """Return the least and largest λᵢ / (λᵢ + λⱼ) over all multipliers of a critical point; None where λ is unique.
 
-    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed where Clarabel ends without a solution.
+    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed where HiGHS ends without a solution.
     """
     longest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     scaled, lengths = gradients / longest, np.linalg.norm(active, axis=1)
@@ -65,7 +66,7 @@ def share_ranges(
     if np.count_nonzero(small) <= 1:
         return None
     weights = left[:, small]
-    return _solve_blocks(weights, *_by_parameters(along.T @ weights, triangle, order))
+    return _extreme_shares(weights, *_by_parameters(along.T @ weights, triangle, order))
 
 
 def _are_unique(
@@ -100,37 +101,32 @@ def _by_parameters(
     return particular, kernel
 
 
-def _solve_blocks(
+def _extreme_shares(
     weights: Float[np.ndarray, "n_obj y"], particular: Float[np.ndarray, "rows y"], kernel: Float[np.ndarray, "rows z"]
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
-    """Return the ends of the shares of all pairs, two blocks a pair."""
+    """Return the ends of the shares of all pairs."""
     count, free = len(weights), kernel.shape[1]
-    nonnegative = np.concatenate([np.pad(weights, ((0, 0), (0, free))), np.hstack([particular, kernel])])
+    padded = np.pad(weights, ((0, 0), (0, free)))
+    nonnegative = np.concatenate([padded, np.hstack([particular, kernel])])
     sizes = np.abs(nonnegative).max(axis=1)
     counts = sizes > OPTIONS.balance
-    nonnegative = nonnegative[counts] / sizes[counts, None]
-    pairs = list(combinations(range(count), 2))
-    equalities = [np.append(weights[i] + weights[j], np.zeros(free))[None] for i, j in pairs for _ in range(2)]
-    costs = [np.append(sign * weights[i], np.zeros(free)) for i, _ in pairs for sign in (1.0, -1.0)]
-    blocks = len(costs)
-    table = sparse.vstack(
-        [sparse.block_diag(equalities), -sparse.kron(sparse.eye_array(blocks), nonnegative)], format="csc"
-    )
-    right = np.concatenate([np.ones(blocks), np.full(blocks * len(nonnegative), OPTIONS.balance)])
-    cones = [clarabel.ZeroConeT(blocks), clarabel.NonnegativeConeT(blocks * len(nonnegative))]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = OPTIONS.solver_tolerance
-    columns = len(table.indptr) - 1
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((columns, columns)), np.concatenate(costs), sparse.csc_matrix(table), right, cones, settings
-    )
-    solution = solver.solve()
-    if str(solution.status) not in ("Solved", "AlmostSolved"):
-        raise SolverFailed(f"multipliers: Clarabel wanted to end with Solved, got {solution.status}")
-    x = np.array(solution.x).reshape(len(pairs), 2, -1)
+    limits = -sparse.csr_array(nonnegative[counts] / sizes[counts, None])
+    tolerance = OPTIONS.solver_tolerance
     shares = np.full((count, count, 2), 0.5)
-    for (i, j), ends in zip(pairs, x, strict=True):
-        low, high = np.clip(ends[:, : weights.shape[1]] @ weights[i], 0.0, 1.0)
-        shares[i, j], shares[j, i] = (low, high), (1.0 - high, 1.0 - low)
+    for i, j in combinations(range(count), 2):
+        for end, sign in enumerate((1.0, -1.0)):
+            solution = linprog(
+                sign * padded[i],
+                A_ub=limits,
+                b_ub=np.full(limits.shape[0], OPTIONS.balance),
+                A_eq=(padded[i] + padded[j])[None],
+                b_eq=np.ones(1),
+                bounds=(None, None),
+                method="highs-ds",
+                options={"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance},
+            )
+            if solution.status != 0:
+                raise SolverFailed(f"multipliers: HiGHS wanted to end with an optimum, got {solution.message}")
+            shares[i, j, end] = np.clip(padded[i] @ solution.x, 0.0, 1.0)
+        shares[j, i] = 1.0 - shares[i, j, ::-1]
     return shares
