@@ -6,6 +6,7 @@ functions of the whole motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -30,6 +31,7 @@ from paretoik.trajectory.path_rates import project_rates
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
 
 LOADS = ("torque", "power")
+PROJECTED = ("acceleration", *LOADS)  # limits that feel the projection onto the path
 ON_PATH = " on the path"  # after the name of a limit: its rates are those of the projected curve
 
 
@@ -75,7 +77,7 @@ class Functions:
 def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | None = None) -> Functions:
     """Return the functions of a task, each objective multiplied by its share.
 
-    Where a motion ``near`` by is given, torques and powers are limited on the path too; see ``path_rates``.
+    Where a motion ``near`` by is given, accelerations, torques and powers are limited on the path too (``path_rates``).
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """
@@ -96,7 +98,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | Non
             if np.isfinite(bound):
                 _add_total(functions, label, constraint, sign / constraint.scale, bound / constraint.scale)
     if near is not None:  # last: the limits before them stay where they are
-        _add_loads(functions, project_rates(functions.motion, near), ON_PATH)
+        _add_kinds(functions, project_rates(functions.motion, near), PROJECTED, ON_PATH)
     return functions
 
 
@@ -141,16 +143,16 @@ def _add_limits(functions: Functions) -> None:
     motion, task = functions.motion, functions.motion.task
     if task.differences == "spline" and "velocity" in task.bounds:
         _add_inner_velocities(functions)
-    _add_loads(functions, motion, "")
+    _add_kinds(functions, motion, LOADS)
     if task.obstacles:
         bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
         _add_row(functions, "clearance", motion.clearance.entries, bounds, ranges)
 
 
-def _add_loads(functions: Functions, motion: TracedMotion, suffix: str) -> None:
-    """Add the limits on torque and power, their names with a suffix."""
+def _add_kinds(functions: Functions, motion: TracedMotion, kinds: Sequence[str], suffix: str = "") -> None:
+    """Add the limits of some kinds on a motion, their names with a suffix."""
     task = motion.task
-    for kind in LOADS:
+    for kind in kinds:
         if kind not in task.bounds:
             continue
         limits, values = task.bounds_at(kind, task.instants), getattr(motion, LIMITED[kind]).entries

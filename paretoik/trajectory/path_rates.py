@@ -1,8 +1,9 @@
 """Velocities and accelerations that the path allows: those of a spline once its curve is projected onto the path.
 
 A spline is on the path at its samples alone. Where its task error is e, the projected curve is q − J⁺ e, and as e and ė
-are small beside ë, its velocity is q̇ − J⁺ ė and its acceleration q̈ − J⁺ ë, up to what J⁺ changes. Limits on torque and
-power are those of that curve. J⁺ is taken at a motion near by: what it changes on the way to another counts times ë.
+are small beside ë, its velocity is q̇ − J⁺ ė and its acceleration q̈ − J⁺ ë, up to what J⁺ changes. Limits on
+acceleration, torque and power are those of that curve. J⁺ is taken at a motion near by: what it changes on the way to
+another counts times ë.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
 
 A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
-instants, may exceed a limit a little; what they exceed it by is taken from the limit there. Torques and powers are
-limited with the rates that the path allows as well (``path_rates``): else those of the spline would give way where the
-projection does not follow.
+instants, may exceed a limit a little; what they exceed it by is taken from the limit there. Accelerations, torques and
+powers are limited with the rates that the path allows as well (``path_rates``): else those of the spline would give way
+where the projection does not follow.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
-from paretoik.trajectory.functions import LOADS, ON_PATH
+from paretoik.trajectory.functions import ON_PATH, PROJECTED
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 
@@ -64,7 +64,7 @@ OPTIONS = TighteningOptions()
 class HeldMotion:
     """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples.
 
-    ``near`` is the motion beside which torques and powers are limited on the path, None where they are not.
+    ``near`` is the motion beside which rates on the path are limited too, None where they are not.
     """
 
     x: Float[np.ndarray, "time dof"]
@@ -92,7 +92,7 @@ def hold_between(
     for _ in range(OPTIONS.rounds):
         if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation) or vain == OPTIONS.patience:
             break
-        near = current.x if set(LOADS) & set(program.task.bounds) else None
+        near = current.x if set(PROJECTED) & set(program.task.bounds) else None
         untightened = _limited_on_path(program, near)
         before = untightened.bounds.copy()
         before[: len(current.bounds) - program.kinks] = current.bounds[: len(current.bounds) - program.kinks]
@@ -144,7 +144,7 @@ def _held(program: MotionProgram, x: np.ndarray, near: np.ndarray | None = None)
 
 
 def _limited_on_path(program: MotionProgram, near: np.ndarray | None) -> MotionProgram:
-    """Return the program of a task with torques and powers limited on the path too, beside a motion if one is given."""
+    """Return the program of a task with limits on the path too, beside a motion if one is given."""
     return program if near is None else motion_program(program.task, program.scales, near=near)
 
 
