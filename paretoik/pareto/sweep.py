@@ -94,19 +94,20 @@ class Sweep:
     def search_jumps(self) -> None:
         """Try the points beside what may be a jump of the front from both sides: a better branch may pass there.
 
-        From the other side near by, and from both over the ridges between valleys, with a high barrier.
+        Where tangents contradict each other from the other side near by, always over the ridges between valleys, with a
+        high barrier.
         """
         chosen = self.spread()
         for pair in (list(pair) for pair in pairwise(chosen.tolist())):
             gap = gap_between(self._values[pair], self.weights[pair])
             if not (gap.contradicts or gap.is_concave):
                 continue
+            barriers = (OPTIONS.warm, OPTIONS.cold) if gap.contradicts else (OPTIONS.cold,)
             for (row, other), main in product((pair, pair[::-1]), range(2)):
                 upper = np.where(np.arange(2) == main, np.inf, self._values[row])
                 weights = main_weights(2, np.array([main]), OPTIONS.weight)
-                near = self._minimise(self.x[[other]], weights, upper[None], OPTIONS.warm)
-                far = self._minimise(self.x[pair], weights, upper[None], OPTIONS.cold)
-                solutions = concatenate([near, far])
+                ends = [self._minimise(self.x[[other]], weights, upper[None], barrier) for barrier in barriers]
+                solutions = concatenate(ends)
                 self._add_new(solutions[solutions.converged], weights, upper)
 
     def _gaps(self, rows: Int[np.ndarray, " front"]) -> tuple[list[tuple[int, int]], list[Gap]]:
