@@ -39,16 +39,14 @@ class TighteningOptions:
 
     At the samples a violation up to ``feasible`` of it is none.
 
-    At most so many ``rounds``, as many as ``patience`` without a better motion, each by at most ``largest`` of a range,
-    where more than ``target`` of the tolerance is exceeded. ``weight`` is that of all objectives beside the first, as
-    when fronts are refined. ``warm`` is tried first, ``holding`` where it does not converge, then the next of the
-    ``shares`` of what is exceeded.
+    At most so many ``rounds``, each by at most ``largest`` of a range, where more than ``target`` of the tolerance is
+    exceeded. ``weight`` is that of all objectives beside the first, as when fronts are refined. ``warm`` is tried
+    first, ``holding`` where it does not converge, then the next of the ``shares`` of what is exceeded.
     """
 
     tolerance: float = 5e-5
     target: float = 0.5
     rounds: int = 3
-    patience: int = 3
     feasible: float = 1e-8
     largest: float = 0.4
     shares: tuple[float, ...] = (1.0, 0.5, 0.25)
@@ -88,14 +86,14 @@ def hold_between(
     best = _held(program, x)
     if program.task.differences != "spline":
         return best
-    current, vain = best, 0
+    current = best
     for _ in range(OPTIONS.rounds):
-        if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation) or vain == OPTIONS.patience:
+        if current.violation <= OPTIONS.tolerance or not np.isfinite(current.violation):
             break
         near = current.x if set(PROJECTED) & set(program.task.bounds) else None
         untightened = _limited_on_path(program, near)
-        before = untightened.bounds.copy()
-        before[: len(current.bounds) - program.kinks] = current.bounds[: len(current.bounds) - program.kinks]
+        before, limits = untightened.bounds.copy(), len(current.bounds) - program.kinks  # limits on the path come last
+        before[:limits] = current.bounds[:limits]
         bounds = _tightened_bounds(untightened, current.x, before)
         for share in OPTIONS.shares:
             tighter = replace(untightened, bounds=before + share * (bounds - before))
@@ -105,7 +103,6 @@ def hold_between(
         else:
             break
         current = _held(tighter, solved, near)
-        vain = 0 if current.violation < best.violation else vain + 1
         best = min(best, current, key=lambda held: held.violation)
     return best
 
