@@ -16,7 +16,7 @@ from paretoik.trajectory.plan import Plan
 def plan(
     problem: Any,
     *,
-    starts: int = 48,
+    starts: int | None = None,
     seed: int = 0,
     initial: Motion | None = None,
     solver: Solver = "auto",
@@ -30,9 +30,10 @@ def plan(
         A ``Tracking`` with one integral objective.
     starts, seed
         Number of starts for every degree of redundancy, and the seed of their chance: the same seed gives the same
-        plan. With functions without kinks, peaks or whole-motion parts more are tried: with one degree about three
-        times as many while some optimum was reached from one or two only, and ways through a grid of postures where
-        optima stay rare or are many; with more degrees starts near the best, while better ones come of it.
+        plan. By default up to 48, until hardly a better optimum is unseen. With functions without kinks, peaks or
+        whole-motion parts more are tried: with one degree about three times as many while some optimum was reached from
+        one or two only, and ways through a grid of postures where optima stay rare or are many; with more degrees,
+        where optima are rare, starts near the best, while better ones come of it.
     initial
         Motions of the problem, on its path, to start from as well.
     solver
@@ -62,7 +63,8 @@ def plan(
     >>> round(optima.best.objective, 3)
     0.038
     """
-    check_size("starts", starts, 1)
+    if starts is not None:
+        check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     find_optima = require_plan(problem)
     samples = len(problem.task.times)

@@ -244,7 +244,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     def plan(
         self,
         *,
-        starts: int,
+        starts: int | None,
         seed: int,
         initial: Motion | None = None,
         solver: Solver = "auto",

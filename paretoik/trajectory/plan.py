@@ -36,7 +36,8 @@ from paretoik.trajectory.levels import (
 )
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.program import MotionProgram
-from paretoik.trajectory.restarts import RestartPolicy, disturb_best
+from paretoik.trajectory.restarts import OPTIONS as RESTARTS
+from paretoik.trajectory.restarts import RestartPolicy, disturb_best, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
 
@@ -74,7 +75,7 @@ class Plan:
 def find_optima(
     task: MotionTask,
     *,
-    starts: int,
+    starts: int | None = None,
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None = None,
     solver: Solver = "auto",
@@ -82,13 +83,13 @@ def find_optima(
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
-    ``starts`` motions per degree of redundancy are sampled and minimised at the coarsest level of samples that leads to
-    an optimum. ``RestartPolicy`` adds independent starts there while one of the optima unseen so far is likely a better
-    one; where optima are many, or redundancy more than one, it also perturbs the best at random while that finds better
-    ones. The distinct optima are refined on finer levels up to the task's own samples; on one of them the best of many
-    are perturbed again. ``initial`` motions on the path are minimised at the task's own samples, and are starts too:
-    the best of the plan is no worse than the best feasible of them. ``observe`` is called after each level with its
-    number of samples, of starts and of optima.
+    ``starts`` motions per degree of redundancy, by default up to 48 until a better one is hardly unseen, are sampled
+    and minimised at the coarsest level of samples that leads to an optimum. ``RestartPolicy`` adds independent starts
+    there while one of the optima unseen so far is likely a better one; where optima are many it also perturbs the best
+    at random while that finds better ones. The distinct optima are refined on finer levels up to the task's own
+    samples; on one of them the best of many are perturbed again. ``initial`` motions on the path are minimised at the
+    task's own samples, and are starts too: the best of the plan is no worse than the best feasible of them. ``observe``
+    is called after each level with its number of samples, of starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
@@ -120,7 +121,7 @@ def _minimise_initial(
 
 def _search(
     task: MotionTask,
-    starts: int,
+    starts: int | None,
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
@@ -149,7 +150,7 @@ def _search(
 def _search_from(
     task: MotionTask,
     first: int,
-    starts: int,
+    starts: int | None,
     seed: int,
     initial: Float[np.ndarray, "motions time dof"] | None,
     solver: Solver,
@@ -157,15 +158,19 @@ def _search_from(
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima from starts on the level ``first``, and samples and optima of each level."""
     level, rng = coarsest_level(task, first), np.random.default_rng(seed)
-    q = sample_starts(level, starts * max(task.redundancy, 1), rng)
-    q = q if initial is None else np.concatenate([initial[:, np.searchsorted(task.times, level.times)], q])
-    programs = level_programs(task, objective_scales(task, q), first)
-    policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-starts // 2), rng)
+    count = RESTARTS.starts if starts is None else starts
+    q = sample_starts(level, count * max(task.redundancy, 1), rng)
+    given = q[:0] if initial is None else initial[:, np.searchsorted(task.times, level.times)]
+    programs = level_programs(task, objective_scales(task, np.concatenate([given, q])), first)
+    portions = [q] if starts is not None or programs[-1].unsupported else first_portions(q)
+    q = np.concatenate([given, portions[0]])
+    policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-count // 2), rng, portions[1:])
 
     def disturb(program: MotionProgram, solutions: Solutions) -> Solutions:
-        if policy is None or not policy.exhausted or not solutions.converged.any():
+        if policy is None or not policy.several or not solutions.converged.any():
             return solutions
-        return disturb_best(program, solutions, rng, solver)
+        patience = RESTARTS.patience if policy.improved else 1
+        return disturb_best(program, solutions, rng, solver, patience=patience)
 
     solutions, levels = refine_levels(
         programs,
@@ -222,12 +227,12 @@ def _optima(
     )
 
 
-def _failure(task: MotionTask, solutions: Solutions, starts: int, seed: int) -> Infeasible | SolverFailed:
+def _failure(task: MotionTask, solutions: Solutions, starts: int | None, seed: int) -> Infeasible | SolverFailed:
     status = STATUSES[int(solutions.status[0])]
     if solutions.violation[0] <= OPTIONS.feasible:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     level = task.subsample(solutions.x.shape[1])
-    obstructed = bool(task.obstacles) and _is_feasible(without_obstacles(level), starts, seed)
+    obstructed = bool(task.obstacles) and _is_feasible(without_obstacles(level), starts or RESTARTS.starts, seed)
     return infeasible_error(task, level, level.motion(solutions.x[0]), obstructed=obstructed, status=status)
 
 

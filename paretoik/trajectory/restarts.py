@@ -27,18 +27,23 @@ Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOpt
 class RestartOptions:
     """When starts are added, and which.
 
-    ``expected`` is the number of better optima that the next batch may be expected to find, below which no independent
-    starts are added; in at most so many ``rounds``. Of the best optima so many ``centers`` are perturbed, each so often
-    as ``copies`` says, by ``perturbation`` [rad or lengths of the arm, RMS: least, largest]. Twice as many are
-    recombined with others as often as ``crossings`` says each: the best of so many ``tries`` for one. Both go on until
-    so many batches in turn as ``patience`` says brought nothing better; with one degree of redundancy only where optima
-    are ``many``. They are minimised from ``barrier``: a high one leaves basins. Optima within ``distance`` (rad or
-    lengths of the arm, RMS) whose values differ by a share of at most ``value`` count as one. A branch that so many
-    starts led nowhere as ``doomed`` says is left out. ``gain`` is the share of a value by which another is better. The
-    best are disturbed once more on a finer level, in at most ``final_rounds``: what is best there is not what is best
-    on the coarsest.
+    Where nobody says how many, ``starts`` for every degree of redundancy are sampled, and minimised in so many
+    ``portions`` while better optima are likely unseen. ``expected`` is the number of better optima that the next batch
+    may be expected to find, below which no independent starts are added; in at most so many ``rounds``. Of the best
+    optima so many ``centers`` are perturbed, each so often as ``copies`` says, by ``perturbation`` [rad or lengths of
+    the arm, RMS: least, largest]. Twice as many are recombined with others as often as ``crossings`` says each: the
+    best of so many ``tries`` for one. Both go on until so many batches in turn as ``patience`` says brought nothing
+    better; with one degree of redundancy only where optima are ``many``, with more only where another start finds an
+    unseen optimum with a probability above ``unseen``. They are minimised from ``barrier``: a high one leaves basins.
+    Optima within ``distance`` (rad or lengths of the arm, RMS) whose values differ by a share of at most ``value``
+    count as one. A branch that so many starts led nowhere as ``doomed`` says is left out. ``gain`` is the share of a
+    value by which another is better. The best are disturbed once more on a finer level, in at most ``final_rounds``:
+    what is best there is not what is best on the coarsest. Where nothing better came of it on the coarsest, one batch
+    that brings nothing is enough there.
     """
 
+    starts: int = 48
+    portions: int = 4
     expected: float = 0.05
     rounds: int = 6
     centers: int = 4
@@ -48,6 +53,7 @@ class RestartOptions:
     perturbation: tuple[float, float] = (0.2, 2.0)
     patience: int = 2
     many: int = 6
+    unseen: float = 0.02
     barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300)
     distance: float = 0.1
     value: float = 1e-3
@@ -62,44 +68,52 @@ OPTIONS = RestartOptions()
 class RestartPolicy:
     """Which starts to add to those of the coarsest level.
 
-    Independent ones as long as they are likely to find something better. The share of starts that are alone at an
-    optimum estimates how likely the next one finds another (Good 1953). Such another is a rare one too: each rank among
-    those is as likely, and so is each among the optima from the best to the best rare one. The best ones perturbed and
-    recombined, as long as the best gets better (basin hopping, Wales & Doye 1997). With one degree of redundancy once
-    the best paths through a grid, where optima are rare or many.
+    First those that wait, a portion at a time, while a better optimum is likely unseen: w optima that n starts led to
+    tell how likely the next one finds another (Boender & Rinnooy Kan 1987). Then independent ones as long as they are
+    likely to find something better. The share of starts that are alone at an optimum estimates how likely the next one
+    finds another (Good 1953). Such another is a rare one too: each rank among those is as likely, and so is each among
+    the optima from the best to the best rare one. The best ones perturbed and recombined, as long as the best gets
+    better (basin hopping, Wales & Doye 1997). With one degree of redundancy once the best paths through a grid, where
+    optima are rare or many.
     """
 
-    def __init__(self, level: MotionTask, q: np.ndarray, count: int, rng: np.random.Generator) -> None:
-        self.level, self.count, self.rng = level, count, rng
-        self.rounds, self.failures, self.best, self.several = 0, 0, np.inf, False
+    def __init__(
+        self,
+        level: MotionTask,
+        q: np.ndarray,
+        count: int,
+        rng: np.random.Generator,
+        waiting: Sequence[Float[np.ndarray, "starts samples dof"]] = (),
+    ) -> None:
+        self.level, self.count, self.rng, self.waiting = level, count, rng, list(waiting)
+        self.rounds, self.failures, self.best = 0, 0, np.inf
+        self.several = self.improved = False  # whether optima are likely unseen, and whether restarts found better ones
         self.grid_tried = level.redundancy > 1
         self.independent = np.ones(len(q), dtype=bool)  # of all starts so far: neither perturbed nor of a grid
-        self.labels = branch_labels(level.motion(q))
-
-    @property
-    def exhausted(self) -> bool:
-        """Whether there are likely more optima than were found."""
-        return self.level.redundancy > 1 or self.several
+        self.starts, self.labels = [q], list[str]()
 
     def __call__(self, solutions: Solutions) -> Batch:
         """Return further starts, and the options that they are minimised with in turn; none where enough were tried."""
+        portion = self._waiting_portion(solutions)
+        if len(portion):
+            return self._batch([], [portion])
         if not solutions.converged.any():
             return self._batch([] if self.grid_tried else [self._grid()], [])
         best = float(solutions.objectives[solutions.converged, 0].min())
         better = self.best == np.inf or best < self.best - OPTIONS.gain * abs(self.best)
+        self.improved = self.improved or (better and self.best < np.inf)
         self.failures, self.best = 0 if better else self.failures + 1, min(best, self.best)
         optima, hits = self._optima(solutions)
-        alone, starts = int(np.sum(hits == 1)), int(self.independent.sum())
-        if not self.grid_tried and (len(optima) >= OPTIONS.many or (alone and self.rounds)):
+        if not self.grid_tried and (len(optima) >= OPTIONS.many or (self.rounds and np.any(hits == 1))):
             paths = self._grid()
             if len(paths):
                 return self._batch([paths], [])
         independent, perturbed = list[np.ndarray](), list[np.ndarray]()
         if self.rounds < OPTIONS.rounds:
-            rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # of the best that is rare
-            if self.count * alone / starts / (alone + 1) / rank > OPTIONS.expected:
+            if _expected_better(hits, self.count, int(self.independent.sum())) > OPTIONS.expected:
                 independent.append(self._without_doomed(self._sample(), solutions))
-            self.several = self.level.redundancy > 1 or len(optima) >= OPTIONS.many
+            many = len(optima) >= OPTIONS.many
+            self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
             if self.several and self.failures <= OPTIONS.patience:
                 perturbed.append(disturb(self.level, solutions.x[optima], self.rng))
         self.rounds += 1
@@ -110,8 +124,23 @@ class RestartPolicy:
         flags = [np.zeros(len(q), dtype=bool) for q in dependent] + [np.ones(len(q), dtype=bool) for q in independent]
         self.independent = np.concatenate([self.independent, *flags])
         q = np.concatenate([np.empty((0, len(self.level.times), self.level.arm.dof)), *parts])
-        self.labels = self.labels + (branch_labels(self.level.motion(q)) if len(q) else [])
+        self.starts.append(q)
         return q, (OPTIONS.barrier,) if len(dependent) and self.rounds else ()
+
+    def _waiting_portion(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
+        """Return the next starts that wait; none once neither they nor a further batch likely find a better optimum.
+
+        The next start finds another optimum with the probability ``_unseen``; one in w + 1 of these is better than all.
+        """
+        if self.waiting and solutions.converged.any():
+            hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
+            expected = max(
+                count * _unseen(hits) / (np.count_nonzero(hits) + 1),
+                _expected_better(hits, self.count, int(self.independent.sum())),
+            )
+            if expected <= OPTIONS.expected:
+                self.waiting = []
+        return self.waiting.pop(0) if self.waiting else np.empty((0, len(self.level.times), self.level.arm.dof))
 
     def _optima(self, solutions: Solutions) -> tuple[Int[np.ndarray, " optima"], Int[np.ndarray, " optima"]]:
         """Return a row of every optimum, best first, and how many independent starts led to it."""
@@ -135,6 +164,11 @@ class RestartPolicy:
 
     def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the starts whose branch has not led nowhere again and again."""
+        if solutions.converged.all() or not len(q):
+            return q
+        for unlabelled in filter(len, self.starts):
+            self.labels += branch_labels(self.level.motion(unlabelled))
+        self.starts = []
         labels, failed = np.array(self.labels), ~solutions.converged
         doomed = [
             name
@@ -147,6 +181,30 @@ class RestartPolicy:
     def _grid(self) -> Float[np.ndarray, "paths samples dof"]:
         self.grid_tried = True
         return grid_starts(self.level, self.level.arm.dof)
+
+
+def first_portions(
+    q: Float[np.ndarray, "starts samples dof"],
+) -> list[Float[np.ndarray, "portion samples dof"]]:
+    """Return starts dealt out in turn, so that every portion has some of every kind and each keeps its barrier."""
+    turn = np.arange(len(q)) // len(LEVELS.cold) % OPTIONS.portions
+    return [q[turn == i] for i in range(OPTIONS.portions)]
+
+
+def _expected_better(hits: Int[np.ndarray, " optima"], count: int, starts: int) -> float:
+    """Return how many better optima so many more starts are expected to find, from the share alone (Good 1953)."""
+    alone = int(np.sum(hits == 1))
+    rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # of the best that is rare
+    return count * alone / starts / (alone + 1) / rank
+
+
+def _unseen(hits: Int[np.ndarray, " optima"]) -> float:
+    """Return the probability that the next start leads to an optimum that none has, as many led to each as ``hits``.
+
+    Source: Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods, Eq. 9.
+    """
+    optima, starts = int(np.count_nonzero(hits)), int(hits.sum())
+    return min(1.0, optima * (optima + 1) / max(starts * (starts - 1), 1))
 
 
 def disturb(
@@ -185,12 +243,18 @@ def _recombine(
 
 
 def disturb_best(
-    program: MotionProgram, solutions: Solutions, rng: np.random.Generator, solver: Solver = "auto"
+    program: MotionProgram,
+    solutions: Solutions,
+    rng: np.random.Generator,
+    solver: Solver = "auto",
+    *,
+    patience: int = OPTIONS.patience,
 ) -> Solutions:
     """Return optima and those that the best lead to, disturbed or from high barriers, while the best gets better.
 
     Where valleys are many, neighbouring ones are as often better as not. Starts are minimised as on a coarse level;
-    only where they lead to other optima are these refined.
+    only where they lead to other optima are these refined. It ends after so many batches in turn as ``patience`` says
+    that brought nothing better.
     """
     task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(OPTIONS.final_rounds):
@@ -211,7 +275,7 @@ def disturb_best(
             solutions = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
         better = solutions.objectives[0, 0] < before - OPTIONS.gain * abs(before)
         failures = 0 if better else failures + 1
-        if failures >= OPTIONS.patience:
+        if failures >= patience:
             break
     return solutions
 

