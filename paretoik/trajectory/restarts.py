@@ -201,7 +201,7 @@ def _expected_better(hits: Int[np.ndarray, " optima"], count: int, starts: int) 
 def _unseen(hits: Int[np.ndarray, " optima"]) -> float:
     """Return the probability that the next start leads to an optimum that none has, as many led to each as ``hits``.
 
-    Source: Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods, Eq. 9.
+    Source: Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods.
     """
     optima, starts = int(np.count_nonzero(hits)), int(hits.sum())
     return min(1.0, optima * (optima + 1) / max(starts * (starts - 1), 1))
