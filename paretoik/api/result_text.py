@@ -62,7 +62,7 @@ def _front_lines(front: Front) -> list[str]:
     lines.append(columns(rows))
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates))
-    lines += filter(None, [describe_limits_between(front)])
+    lines += filter(None, [gap_text(front), describe_limits_between(front)])
     if counts["failed"]:
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     return lines
@@ -78,6 +78,8 @@ def choice_text(front: Front, choice: Choice) -> str:
     if front.certificates is not None:
         certificate = front.certificates[[choice.index]]
         lines += [certificate_text(certificate), *_exchange_rates(front, certificate)]
+        jumps = [pair for pair in front.jumps or () if choice.id in pair]
+        lines += [_jump_text(jumps)] if jumps else []
     lines += filter(None, [describe_limits_between(front, [choice.index])])
     return "\n".join(lines)
 
@@ -96,6 +98,19 @@ def certificate_text(certificates: Certificates) -> str:
     order = np.argsort(-counts, kind="stable")
     lines += [f"undetermined: {counts[i]} of {len(certificates)}, {reasons[i]}" for i in order]
     return "\n".join(lines)
+
+
+def gap_text(front: Front) -> str:
+    """Return where a front of two objectives jumps, and what hypervolume further points could add; "" if unknown."""
+    lines = [_jump_text(front.jumps)] if front.jumps else []
+    if front.missing_hypervolume is not None:
+        lines.append(f"further points could add about {100 * front.missing_hypervolume:.2g} % of the hypervolume")
+    return "\n".join(lines)
+
+
+def _jump_text(jumps: Sequence[tuple[int, int]]) -> str:
+    pairs = ", ".join(f"{one} and {other}" for one, other in jumps)
+    return f"jump{'s' * (len(jumps) > 1)} to another branch of optima between points {pairs}"
 
 
 def _kinds_of_reason(certificates: Certificates) -> list[str]:

@@ -127,6 +127,28 @@ def reformulate_choices(
     return substitute(tape, functions, replacements)
 
 
+def remaining_kinks(
+    tape: Tape, reformulation: Reformulation, excluded: Collection[int] = ()
+) -> list[tuple[int, int, int]]:
+    """Return the kinks that functions still have: the number of the function and the two entries that meet there.
+
+    Those of constraints count for every function that has their variables.
+    """
+    smooth = reformulation
+    reached = [set(dependencies(tape, [entry])) for entry in (*smooth.functions, *smooth.constraints)]
+    owners = [{k} for k in range(len(smooth.functions))]
+    for variable in smooth.epigraph_variables:  # outermost first
+        users = [owner for owner, entries in zip(owners, reached, strict=False) if variable in entries]
+        owners += 2 * [set().union(*users)]
+    kinks = dict[tuple[int, int, int], None]()
+    for owner, entries in zip(owners, reached, strict=True):
+        for node in sorted(entries - set(excluded)):
+            op, a, b, _ = tape.entries[node]
+            if op in NONSMOOTH:
+                kinks |= {(k, a, tape.constant(0.0) if op is Op.ABSOLUTE else b): None for k in sorted(owner)}
+    return list(kinks)
+
+
 def _boundary(
     tape: Tape, condition: int, probes: Float[np.ndarray, "inputs points"]
 ) -> Float[np.ndarray, "inputs pairs"]:

@@ -59,7 +59,8 @@ def solve(
             observe=observe or False,
         )
     if as_json:
-        print_json({**front.provenance, "out": out, "front": entries(front)})
+        gaps = {"jumps": front.jumps, "missing_hypervolume": front.missing_hypervolume}
+        print_json({**front.provenance, **gaps, "out": out, "front": entries(front)})
     else:
         print(result_text(front, out))
     raise typer.Exit(exit_code(front.provenance["status"]))

@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from pymoo.core.problem import Problem
 
-from paretoik.arrays import Genes, Points
+from paretoik.arrays import Genes, Points, Values
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.errors import InvalidInput
+from paretoik.formulations.interpolation import possible_values
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
@@ -68,6 +69,13 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
             motions=decode(self, rows),
             violation_between=np.maximum(self.violation_between(rows), G.max(axis=1)),
         )
+
+    def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
+        """Return the objectives, minimised, of points between neighbours of a front; inf where none is possible."""
+        x = self.front_points(front)
+        between = x[:-1, None] + shares[:, None] * np.diff(x, axis=0)[:, None]
+        F, G = self.evaluate(self.genes(between.reshape(-1, x.shape[1])), return_values_of=["F", "G"])
+        return possible_values(F, G).reshape(*between.shape[:2], self.n_obj)
 
     def branches(self, x: Points) -> list[str]:
         """Return the number of the base that each point is nearest to."""

@@ -14,6 +14,8 @@ part                                     what it makes possible
 ``task``                                 motions of a stored run with their arm
 all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without has
                                          no gradients, and these verbs refuse it before any work
+``values_between(front, shares)``        ``front.jumps``: objectives (gaps, shares, n_obj), minimised, of what lies at
+                                         shares of the way from each point to the next, inf where that is impossible
 ``plan(...)``                            ``plan``: the distinct local optima of one objective
 ``sample_starts(count, rng)``            genes that searches and local solvers start from
 ``species(genes), n_species``            branches: mating within each, anchors for the ends of a front

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable
-from paretoik.front.front import check_names
+from paretoik.front.names import check_names
 
 if TYPE_CHECKING:
     from paretoik.trajectory.plan import Plan

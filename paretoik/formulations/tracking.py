@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from pymoo.core.problem import Problem
 
-from paretoik.arrays import Genes
+from paretoik.arrays import Genes, Values
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.base_motions import (
     choose_bases,
@@ -23,6 +23,7 @@ from paretoik.formulations.base_motions import (
     sample_rollouts,
 )
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
+from paretoik.formulations.interpolation import values_between
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
@@ -230,6 +231,10 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         held = hold_all(self.program(ranges), x, len(self.names), solver, observe)
         return np.stack([each.x for each in held]), [each.program(natural) for each in held]
 
+    def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
+        """Return the objectives, minimised, of motions between neighbours of a front; inf where none is possible."""
+        return values_between(self.task, self.front_points(front), shares)
+
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
         """Return the label of each motion's branch."""
         return branch_labels(self.task.motion(x))
@@ -279,11 +284,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         q, on_path = self.encoding.decode(self.task, genes)
         reasons = [self.task.describe_violation(motion) for motion in self.task.motion(q)]
         for i in np.flatnonzero(~on_path.all(axis=1)):
-            sample = int(np.argmin(on_path[i]))
-            reasons[i] = (
-                f"off the path at sample {sample} ({self.task.times[sample]:.3g} s): beyond a fold of the "
-                f"self-motion manifold around base {int(self.species(genes[i : i + 1])[0])}"
-            )
+            sample, base = int(np.argmin(on_path[i])), int(self.species(genes[i : i + 1])[0])
+            where = f"at sample {sample} ({self.task.times[sample]:.3g} s)"
+            reasons[i] = f"off the path {where}: beyond a fold of the self-motion manifold around base {base}"
         return reasons
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol, TypeAlias, runtime_checkable
@@ -14,13 +15,14 @@ from jaxtyping import Float
 from paretoik.arrays import Genes, Ids, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
+from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.indicators import non_dominated
 from paretoik.front.joint_motions import JointMotions
+from paretoik.front.names import check_names
 from paretoik.inputs import file_path
 
 Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
 
-RESERVED_NAMES = ("id", "violation", "violation_between", "kkt_residual", "status")
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
 
 
@@ -97,7 +99,7 @@ class Front:
         return len(self.ids)
 
     def __repr__(self) -> str:
-        """Return one line: how many points, and between what values each objective lies."""
+        """Return one line: how many points, between what values each objective lies, what further points could add."""
         points = "1 point" if len(self) == 1 else f"{len(self)} points"
         if len(self) == 0:
             return f"Front of {points}: {', '.join(self.names)}"
@@ -107,7 +109,11 @@ class Front:
                 self.names, self.units, self.maximised, self.objectives.min(0), self.objectives.max(0), strict=True
             )
         )
-        return f"Front of {points}: {', '.join(ranges)}"
+        missing = self.missing_hypervolume
+        further = (
+            "" if missing is None else f"; further points could add about {100 * missing:.2g} % of the hypervolume"
+        )
+        return f"Front of {points}: {', '.join(ranges)}{further}"
 
     @property
     def minimised(self) -> Objectives:
@@ -137,6 +143,28 @@ class Front:
             return self.certificates.violation_between
         measure = getattr(getattr(self.problem, "task", None), "violation_between", None)
         return None if measure is None or self.motions is None else measure(self.motions)
+
+    @cached_property
+    def jumps(self) -> tuple[tuple[int, int], ...] | None:
+        """Neighbours, as pairs of ids, between which the front jumps from one branch of optima to another.
+
+        Halfway between the two lies a barrier: what is interpolated between them is worse than both in some objective,
+        or impossible. Navigation from one to the other cannot be continuous there.
+
+        None where this is not defined or not known: of other than two objectives, where points have no order, without
+        certificates, or without a problem that can interpolate (the one that the front came from).
+        """
+        return find_jumps(self)
+
+    @cached_property
+    def missing_hypervolume(self) -> float | None:
+        """Share of the hypervolume up to the front's worst values that further points could still add, 0 to 1.
+
+        An estimate: between neighbours the front is taken for the parabola that touches the tangents of their exchange
+        rates, or for the chord where these contradict each other or are unknown. None of other than two objectives,
+        without certificates, and of fewer than two points.
+        """
+        return missing_hypervolume(self)
 
     def select(self, preference: Preference) -> Choice:
         """Return the point that `preference` chooses; a closed loop is followed again with it.
@@ -191,23 +219,6 @@ def _check_objectives(
         if isinstance(values, str) or len(values) != n_obj:
             raise InvalidInput(f"front {field_name}: wanted one for each of {n_obj} objectives, got {values!r}")
     check_names(names, units)
-
-
-def check_names(names: Sequence[str], units: Sequence[str]) -> None:
-    """Raise InvalidInput for names or units that do not fit a table, or names that repeat."""
-    if len(set(names)) != len(names):
-        raise InvalidInput(f"front names: wanted each objective named once, got {list(names)}")
-    for name in names:
-        printable = isinstance(name, str) and name.isprintable() and name.strip() == name
-        if not printable or name[:1] in ("", "=", "+", "-", "@"):  # these make a spreadsheet run the cell
-            raise InvalidInput(
-                f"front names: wanted printable, without outer spaces or a leading = + - @, got {name!r}"
-            )
-        if name in RESERVED_NAMES:
-            raise InvalidInput(f"front names: wanted none of {', '.join(RESERVED_NAMES)}, got {name!r}")
-    for unit in units:
-        if not isinstance(unit, str) or not unit.isprintable():
-            raise InvalidInput(f"front units: wanted printable text, got {unit!r}")
 
 
 def _check_ids(values: np.ndarray, points: int) -> Ids:

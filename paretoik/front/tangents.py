@@ -29,3 +29,15 @@ def tangents_meet(
     if np.any(share < -margin) or np.any(share > 1.0 + margin):
         return None
     return left + np.clip(share, 0.0, 1.0) * width
+
+
+def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"] | None) -> float:
+    """Return the hypervolume that the front between two neighbours adds to them.
+
+    It is taken for the parabola that touches the tangents at both, which meet there, or else for the chord.
+    """
+    left, right = values
+    width = right - left
+    offset = 0.5 * width if meeting is None else meeting - left
+    bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, below the chord positive
+    return float(bulge - 0.5 * width[0] * width[1])

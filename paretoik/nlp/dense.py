@@ -86,6 +86,10 @@ class DenseProgram:
             jacobian=dense_rows(jacobian[len(equalities) :] @ basis),
         )
 
+    def kinks_at(self, x: Float[np.ndarray, " unknowns"]) -> tuple[str, ...]:
+        """Return nothing: all kinks have unknowns of their own."""
+        return ()
+
     def distance(
         self, x: Float[np.ndarray, " unknowns"], others: Float[np.ndarray, "others unknowns"]
     ) -> Float[np.ndarray, " others"]:

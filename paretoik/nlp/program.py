@@ -154,6 +154,9 @@ class Program(Protocol):
     def linearise(self, x: Point) -> Linearisation:
         """Return the program to first order at a point."""
 
+    def kinks_at(self, x: Point) -> tuple[str, ...]:
+        """Return the names of what has a kink at a point that no auxiliary column stands for."""
+
     def distance(self, x: Point, others: Points) -> np.ndarray:
         """Return how far a point is from others (others,), RMS in rad or alike: optima nearer than 0.01 are one."""
 

@@ -130,13 +130,17 @@ def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj
     except (SolverFailed, EvaluationFailed, np.linalg.LinAlgError) as fault:
         return _unknown(program, x, n_obj, str(fault))
     violation, ratios = violation_at(program, at), np.full((n_obj, n_obj, 2), np.nan)
-    status, reason = "undetermined", f"criticality {result.value:.1e}: all objectives can still gain"
+    status, reason = "undetermined", ""
     if result.value <= OPTIONS.critical:
         try:
             status, reason = curvature_status(program, at, result, constraints, ranges)
             ratios = weight_ratios(gradients, constraints, result.weights)
         except (SolverFailed, EvaluationFailed, np.linalg.LinAlgError) as fault:
             reason = str(fault)
+    else:
+        kinks = ", ".join(program.kinks_at(x))
+        side = f", by its derivatives on one side of a kink of {kinks}" if kinks else ""
+        reason = f"criticality {result.value:.1e}: all objectives can still gain{side}"
     return _Certificate(
         violation=violation, weights=result.weights, ratios=ratios, residual=result.value, status=status, reason=reason
     )

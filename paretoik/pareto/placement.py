@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.front.tangents import tangents_meet
+from paretoik.front.tangents import curve_area, tangents_meet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,10 +93,8 @@ def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 
     control = values.mean(axis=0) if meeting is None else meeting
     share = np.linspace(0.0, 1.0, OPTIONS.places + 2)[:, None]
     places = (1 - share) ** 2 * left + 2 * share * (1 - share) * control + share**2 * right
-    width, offset = right - left, control - left
-    bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, below the chord positive
-    area = float(bulge - 0.5 * width[0] * width[1])
-    return Gap(places=places, area=area, contradicts=meeting is None, is_concave=bool(bulge < 0))
+    area, chord = curve_area(values, meeting), -0.5 * float(np.prod(right - left))
+    return Gap(places=places, area=area, contradicts=meeting is None, is_concave=area < chord)
 
 
 def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:

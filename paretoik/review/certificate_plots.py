@@ -16,7 +16,7 @@ from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER
-from paretoik.review.plots import label, picture, warn_below
+from paretoik.review.plots import draw_jumps, label, picture, warn_below
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +83,7 @@ def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tupl
             axes.plot(
                 [a - step, a + step], [b - slope * step, b + slope * step], color=PAPER.quiet, linewidth=0.9, zorder=1
             )
+    draw_jumps(axes, front)
     axes.set(xlabel=label(front, i), ylabel=label(front, j))
     axes.locator_params(nbins=5)
     axes.margins(0.12)

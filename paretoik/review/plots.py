@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,8 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
 
     To these comes `choice`, or without one the point nearest to the best of everything. Where one of these motions
     exceeds a limit between samples, the words say which, when, and what helps. One objective is shown as
-    values, two and three as scatters, more as parallel coordinates. Raises InvalidInput where writing fails.
+    values, two and three as scatters, more as parallel coordinates; of two, neighbours on one branch of optima are
+    joined by a line, jumps dotted (``Front.jumps``). Raises InvalidInput where writing fails.
     """
     highlights = _highlights(front, choice)
     many, moving = len(front.names) > 2, front.motions is not None
@@ -78,6 +79,15 @@ def warn_below(figure: Figure, words: str) -> None:
     if words:
         lines = textwrap.fill(_text(words), int(12 * figure.get_figwidth()))
         figure.supxlabel(lines, fontsize="medium", color=PAPER.accents[0])
+
+
+def draw_jumps(axes: Axes, front: Front) -> None:
+    """Join neighbours of a front by dots where it jumps from one branch of optima to another."""
+    for i, pair in enumerate(pairwise(front.ids.tolist())):
+        if pair in (front.jumps or ()):
+            first = pair == (front.jumps or ())[0]
+            x, y = front.objectives[i : i + 2].T
+            axes.plot(x, y, color=PAPER.accents[0], linestyle=":", zorder=1, label="jump" if first else None)
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
@@ -141,6 +151,13 @@ def _draw_values(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> N
 def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequence[Highlight]) -> None:
     x, y = front.objectives[:, pair[0]], front.objectives[:, pair[1]]
     axes.plot(x, y, color=PAPER.quiet, linestyle="none", marker="o", markersize=3.6, markeredgewidth=0)
+    if front.jumps is not None:
+        first_rows = [i + 1 for i, each in enumerate(pairwise(front.ids.tolist())) if each in front.jumps]
+        for rows in np.split(np.arange(len(front)), first_rows):
+            axes.plot(x[rows], y[rows], color=PAPER.quiet, linewidth=0.8, zorder=1)
+    if front.jumps:
+        draw_jumps(axes, front)
+        axes.legend(frameon=False, loc="upper right")
     for point in highlights:
         spot = (x[point.index], y[point.index])
         axes.plot(*spot, color=point.colour, marker="o", markersize=7.5, markeredgecolor="white")

@@ -28,6 +28,7 @@ from paretoik.trajectory.whole_functions import WholeFunction
 if TYPE_CHECKING:
     from paretoik.trajectory.compiled.motion_arrays import MotionKernel
 
+KINK_TOLERANCE = 1e-8  # of the largest operand of a maximum, minimum or absolute value: where operands meet
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 
 
@@ -46,8 +47,9 @@ class Evaluators:
     ``inputs`` counts their inputs: u, then v and σ at ``auxiliary``, parameters, and from ``multipliers`` on those of
     path equations, sums and rows. ``slack`` gives the ``slacks`` v that the point implies, ``ties`` rows bound them, a
     pair each, from below where its entry of ``signs`` is 1, from above where it is −1;
-    ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by variables; ``hessian`` the
-    entries of that of the Lagrangian by u and v; ``path`` the path equations and their Jacobian by q.
+    ``kink_operands`` gives, a pair each, what meets at a kink that no slack stands for, of the function that ``kinked``
+    says; ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by variables;
+    ``hessian`` the entries of that of the Lagrangian by u and v; ``path`` the path equations and their Jacobian by q.
     """
 
     inputs: int
@@ -57,6 +59,8 @@ class Evaluators:
     ties: int
     signs: tuple[int, ...]
     slack: Evaluator
+    kinked: tuple[int, ...]
+    kink_operands: Evaluator
     value: Evaluator
     gradient: Evaluator
     gradient_sparsity: Sparsity
@@ -162,6 +166,19 @@ class MotionProgram:
         kinked_functions = set(sparsity.rows[by_slack].tolist())
         names = tuple(total.name for total in self.totals if total.kind != "sum" or total.index in kinked_functions)
         return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
+
+    def kinks_at(self, x: Float[np.ndarray, "time dof"]) -> tuple[str, ...]:
+        """Return the names of objectives and limits with a kink at a motion that no auxiliary column stands for."""
+        kinked = self.evaluators.kinked
+        if not kinked:
+            return ()
+        one, other = self.evaluators.kink_operands(self.values(x).inputs).reshape(len(kinked), 2, -1).swapaxes(0, 1)
+        size = np.maximum(np.abs(one), np.abs(other)).max(axis=1, keepdims=True)
+        meet = (np.abs(one - other) <= KINK_TOLERANCE * size).any(axis=1)
+        peaks = [total.name for total in self.totals if total.kind == "peak"]
+        names = [total.name for total in self.totals if total.kind == "sum"]
+        names += [*self.rows, *(peaks[i] for i in self.epigraph_peaks)]
+        return tuple(dict.fromkeys(names[k] for k, touches in zip(kinked, meet, strict=True) if touches))
 
     @property
     def unsupported(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from paretoik.arrays import JointPaths
 from paretoik.autodiff.differentiation import gradient, hessian
 from paretoik.autodiff.evaluator import compile_evaluator
-from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks
+from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks, remaining_kinks
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
 from paretoik.robot.scales import joint_scales
@@ -108,6 +108,7 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     tape, n = functions.motion.trace.tape, functions.motion.arm.dof
     smooth = _reformulate(functions)
     entries = [*smooth.functions, *smooth.constraints]
+    kinks = remaining_kinks(tape, smooth, functions.distances)
     multipliers = len(tape.inputs) + np.cumsum([0, len(path), len(functions.sums)])
     lagrangian: Any = 0.0
     factors = [tape.input() for _ in range(len(path) + len(entries))]
@@ -127,6 +128,8 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
         ties=len(smooth.constraints),
         signs=tuple(smooth.signs),
         slack=compile_evaluator(tape, smooth.nodes),
+        kinked=tuple(kink[0] for kink in kinks),
+        kink_operands=compile_evaluator(tape, [operand for kink in kinks for operand in kink[1:]]),
         value=compile_evaluator(tape, entries),
         gradient=compile_evaluator(tape, [*entries, *slopes.values()]),
         gradient_sparsity=_sparsity(list(slopes)),

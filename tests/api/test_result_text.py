@@ -6,13 +6,14 @@ import json
 import re
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import paretoik as pk
 from paretoik.api.load_front import load_front
-from paretoik.api.result_text import certificate_text, choice_text, entries
+from paretoik.api.result_text import certificate_text, choice_text, entries, gap_text
 from paretoik.cli import main
 from paretoik.run_files import to_json
 from problems import tringali_2020
@@ -44,6 +45,25 @@ def test_a_chosen_point_is_printed_with_its_certificate_and_its_exchange_rates(f
     printed = re.search(r"1 J s less of kinetic_energy costs (\S+) N²m²s more of torque_norm", text)
     rate = front.certificates.exchange_rates[choice.index, 0, 1]
     assert float(printed[1]) == pytest.approx(-rate, rel=1e-3)
+
+
+def test_jumps_and_what_further_points_could_add_are_printed(front):
+    def jumping(*rows):
+        high = np.isin(np.arange(4), rows)[:, None, None]
+        between = SimpleNamespace(values_between=lambda one, shares: np.where(high, np.inf, one.minimised[:-1, None]))
+        return replace(front, problem=between)
+
+    share = f"further points could add about {100 * front.missing_hypervolume:.2g} % of the hypervolume"
+    ids = front.ids.tolist()
+    assert gap_text(jumping()) == share
+    jump = f"jump to another branch of optima between points {ids[1]} and {ids[2]}"
+    assert gap_text(jumping(1)) == f"{jump}\n{share}"
+    assert f"jumps to another branch of optima between points {ids[0]} and {ids[1]}, {ids[2]} and" in gap_text(
+        jumping(0, 2)
+    )
+    for row, said in ((0, False), (1, True), (2, True), (3, False)):
+        assert (jump in choice_text(jumping(1), front.choice(row, ""))) == said
+    assert gap_text(replace(front, certificates=None)) == ""
 
 
 def test_an_unknown_exchange_rate_is_not_printed(front):
@@ -90,7 +110,9 @@ def test_a_refined_run_is_printed_stored_and_drawn_with_its_certificates(tmp_pat
         return capsys.readouterr().out
 
     small = ("--population", "8", "--generations", "10", "--quiet", "--refine")
-    assert re.search(r"certified: \d+ minimum; criticality", output("solve", problem, "--out", out, *small))
+    said = output("solve", problem, "--out", out, *small)
+    assert re.search(r"certified: \d+ minimum; criticality", said)
+    assert re.search(r"further points could add about \S+ % of the hypervolume", said)
     assert (out / "certificates.png").stat().st_size > 1000
     chosen = json.loads(output("select", out, "--weights", "kinetic_energy=1", "--json"), parse_constant=pytest.fail)
     stored = load_front(out)

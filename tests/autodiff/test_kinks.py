@@ -7,7 +7,7 @@ import pytest
 
 from paretoik.autodiff.differentiation import dependencies, gradient
 from paretoik.autodiff.evaluator import compile_evaluator
-from paretoik.autodiff.kinks import NONSMOOTH, reformulate_choices, reformulate_kinks
+from paretoik.autodiff.kinks import NONSMOOTH, reformulate_choices, reformulate_kinks, remaining_kinks
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Tape, as_entry, where
 from paretoik.errors import InvalidInput
@@ -174,3 +174,24 @@ def test_a_choice_that_no_probe_changes_stays():
 def test_a_jump_is_refused_by_name():
     with pytest.raises(InvalidInput, match=r"^effort: jumps where the condition of np\.where changes"):
         choice(lambda x: where(np.less(0.3, x), x + 1.0, x))
+
+
+@pytest.mark.parametrize("function", CONVEX.values(), ids=CONVEX.keys())
+def test_no_kink_remains_that_has_a_variable(function):
+    tape, _, result = reformulation(function)
+    assert remaining_kinks(tape, result) == []
+
+
+@pytest.mark.parametrize(("function", "sense"), UNCHANGED.values(), ids=UNCHANGED.keys())
+def test_a_kink_that_stays_remains_with_its_operands(function, sense):
+    tape, entry, result = reformulation(function, sense)
+    nodes = [i for i in dependencies(tape, [entry]) if tape.entries[i][0] in NONSMOOTH]
+    remaining = remaining_kinks(tape, result)
+    assert [(owner, first) for owner, first, _ in remaining] == [(0, tape.entries[node][1]) for node in nodes]
+    assert remaining_kinks(tape, result, nodes) == []
+
+
+def test_a_kink_inside_a_constraint_remains_for_the_function_of_its_variable():
+    tape, _, result = reformulation(lambda x, y, z: np.abs(np.minimum(x, y) * z))
+    assert result.constraints
+    assert {owner for owner, *_ in remaining_kinks(tape, result)} == {0}

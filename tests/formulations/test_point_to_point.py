@@ -48,6 +48,11 @@ def test_in_every_interval_some_motor_is_at_its_limit_and_none_is_past_it(proble
     assert np.abs(room.min(axis=(-1, -2))).max() <= 1e-9
 
 
+def test_neighbours_are_on_one_branch(refined):
+    assert refined.jumps == ()
+    assert 0.0 < refined.missing_hypervolume < 0.5
+
+
 def test_energy_is_the_work_of_all_motors(problem, front):
     q = front.motions.q
     middle = (q[:, 1:] + q[:, :-1]) / 2

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.front.front import RESERVED_NAMES, Front
+from paretoik.front.front import Front
 from paretoik.front.indicators import non_dominated
+from paretoik.front.names import RESERVED_NAMES
 from paretoik.front.preferences import Weights
 
 

@@ -74,3 +74,20 @@ def test_the_ends_of_an_interval_are_those_of_the_dual_set():
         gradients, Constraints(unknowns=2, values=np.zeros(2), jacobian=slopes), np.array([0.6, 0.4])
     )
     assert ratios[0, 1, 0] == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_kink_that_keeps_a_motion_from_being_certified_is_named():
+    path, arm = tringali_2020.straight(11), pk.arms.tringali_3r()
+    plain = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], bases=1, differences="backward")
+    q = np.array(plain.decode(np.atleast_2d((plain.xl + plain.xu) / 2)).q)
+    ends = np.abs(q[0, 5, 1]), 2.0 * np.abs(q).max()  # met by the joint at a sample, and never
+    for end, named in zip(ends, (True, False), strict=True):
+
+        def saturated(motion, end=end):
+            return np.clip(motion.q[..., 1], -end, end) ** 2
+
+        effort = pk.objective(unit="rad²s", form="integral", maximise=True)(saturated)
+        task = pk.Tracking(arm, path, objectives=[effort], bases=1, differences="backward").task
+        (reason,) = certify_motions(task, q, np.ones(1)).reason
+        assert ("on one side of a kink of saturated" in reason) == named
+        assert reason.startswith("criticality")

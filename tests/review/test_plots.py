@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -86,3 +90,30 @@ def test_pictures_say_which_limit_is_exceeded_between_samples_and_when(tmp_path,
         certificates_picture(certified(front, ["minimum"]), tmp_path / "certificates.png")
         assert len(words) == said
     assert all("velocity of joint" in each and " s)" in each and "help" in each for each in words)
+
+
+def test_jumps_are_drawn_apart_from_branches(tmp_path, monkeypatch, make_front):
+    drawn = []
+    plot = Axes.plot
+
+    def record(axes, *values, **style):
+        drawn.append((np.size(values[0]), style.get("linestyle", "-"), style.get("label")))
+        return plot(axes, *values, **style)
+
+    monkeypatch.setattr(Axes, "plot", record)
+    front = certified(make_front(2, points=9, moving=False), ["minimum"])
+
+    def high(jumping):
+        """Barriers in the gaps of these rows."""
+        rows = np.isin(np.arange(8), jumping)[:, None, None]
+        return SimpleNamespace(values_between=lambda front, shares: np.where(rows, np.inf, front.minimised[:-1, None]))
+
+    for jumping, branches in (([], [9]), ([3], [4, 5]), ([0, 3], [1, 3, 5])):
+        drawn.clear()
+        front_picture(replace(front, problem=high(jumping)), tmp_path / "front.png")
+        assert [size for size, line, _ in drawn[1:] if line == "-"][: len(branches)] == branches
+        assert [size for size, line, _ in drawn if line == ":"] == [2] * len(jumping)
+        assert [text for _, _, text in drawn if text] == ["jump"] * bool(jumping)
+        drawn.clear()
+        certificates_picture(replace(front, problem=high(jumping)), tmp_path / "certificates.png")
+        assert sum(size == 2 and line == ":" for size, line, _ in drawn) == len(jumping)

@@ -115,3 +115,23 @@ def test_what_has_no_derivative_is_named():
         motion_program(
             pk.Tracking(pk.arms.tringali_3r(), path, objectives=[spectrum], bases=1, differences="backward").task
         )
+
+
+def test_limits_go_by_the_names_that_the_task_has_for_them():
+    limits = pk.Limits(position=2.0, velocity=3.8, acceleration=90.0, torque=2.0, power=3.0, clearance=0.01)
+    ball = pk.obstacles.Circle(center=(0.3, 0.3), radius=0.02)
+
+    @pk.constraint(unit="m", upper=0.4)
+    def height(motion):
+        return motion.tool[..., 1]
+
+    task = pk.Tracking(
+        pk.arms.tringali_3r(),
+        pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=9),
+        objectives=[pk.kinetic_energy],
+        limits=limits,
+        constraints=[height],
+        obstacles=[ball],
+        bases=1,
+    ).task
+    assert set(motion_program(task).inequality_names) == set(task.limit_names)
