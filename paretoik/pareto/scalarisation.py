@@ -23,11 +23,13 @@ Observe: TypeAlias = Callable[[int, int], object]
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
     """Return the size of every objective at points: the largest of |F|, and of what F changes by in a step of length 1.
 
-    The second is to first order, along the gradient (rad, RMS): optima may have values of nothing but rounding.
+    The second is to first order, along the gradient (rad, RMS): optima may have values of nothing but rounding. What an
+    objective owes to auxiliary variables has no such length and does not count.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])
-    changes = np.array([np.linalg.norm(each.gradients[:n_obj], axis=1) * each.unit for each in at])
+    slopes = [np.linalg.norm(each.gradients[:n_obj, : each.unknowns], axis=1) for each in at]
+    changes = np.array([slope * each.unit for slope, each in zip(slopes, at, strict=True)])
     return np.asarray(np.maximum(np.abs(values), changes).max(axis=0))
 
 

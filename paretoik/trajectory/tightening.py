@@ -51,8 +51,8 @@ class TighteningOptions:
     largest: float = 0.4
     shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     weight: float = 0.1
-    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=400)
+    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02, iterations=400)
 
 
 OPTIONS = TighteningOptions()

@@ -113,7 +113,7 @@ def around(units, objectives, samples=51, **settings):
 
 def past_an_obstacle(units, objectives, clearance=0.005, **settings):
     """The arm along the line, a disc beside it."""
-    disc = pk.obstacles.Circle(units.length * np.array([0.16, 0.16]), units.length * 0.05)
+    disc = pk.obstacles.Circle(units.length * np.array([0.3, -0.12]), units.length * 0.05)
     radius = units.length * 0.01
     return straight(units, objectives, obstacles=[disc], link_radius=radius, clearance=clearance, **settings)
 

@@ -67,7 +67,7 @@ def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
 @pytest.mark.parametrize("name", ["simulation_1", pytest.param("simulation_4", marks=pytest.mark.slow)])
 def test_both_solvers_find_the_same_best_optimum(name):
     task = getattr(tringali_2020, name)().task
-    ours, theirs = (find_optima(task, starts=6, seed=0, solver=each).best for each in ("sqp", "interior-point"))
+    ours, theirs = (find_optima(task, starts=24, seed=0, solver=each).best for each in ("sqp", "interior-point"))
     assert ours.objective == pytest.approx(theirs.objective, rel=1e-7)
 
 
