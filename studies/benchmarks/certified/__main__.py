@@ -3,15 +3,17 @@
     python -m studies.benchmarks.certified [--quick] [--problems NAME ...] [--seed N] [--json FILE]
 
 ``pk.epsilon_front`` on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, and on the Panda
-across its table, by pose and by position alone (four degrees of redundancy), its own limits in force. Of every front:
-what its certificates say; what IPOPT and random feasible steps find that is better than a point; exchange rates beside
-differences of neighbouring ε-solves; and on the Panda seconds a point beside IPOPT's and FATROP's.
+across its table, by pose and by position alone (four degrees of redundancy), its own limits in force; by splines on the
+3R and the Panda, with a peak. Of every front: what its certificates say; what Pinocchio makes of its values; what IPOPT
+and random feasible steps find that is better than a point; exchange rates beside differences of neighbouring ε-solves;
+and on the Panda seconds a point beside IPOPT's and FATROP's.
 
 IPOPT starts from every point and minimises each objective in turn below the point's own values of the others, with its
 barrier low and high. What counts is only what our exact functions say of the motion it returns, led back to the path:
-limits kept to within 1e-8, and no objective risen at all. At an end of a front a rise of 1e-8 buys 1e-4 elsewhere, so
-where IPOPT's tolerance lets a ceiling slip, it goes again below one that is lower by as much. Notes say how far away
-the better motion is: certificates are local, and another basin's may be better.
+limits kept to within 1e-8, of splines between samples as well as by the point itself, and no objective risen at all. At
+an end of a front a rise of 1e-8 buys 1e-4 elsewhere, so where IPOPT's tolerance lets a ceiling slip, it goes again
+below one that is lower by as much. Notes say how far away the better motion is: certificates are local, and another
+basin's may be better.
 
 Seconds: ours are a whole ``epsilon_front`` over its points, after a first one that compiles. The peers', IPOPT's over
 joint positions and FATROP's over stages of postures and rates, are those of the same ε-problems alone, each from the

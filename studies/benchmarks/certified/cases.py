@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -17,6 +18,8 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 from problems import panda, tringali_2020
+from studies.benchmarks.certified.recomputed import recomputed_difference
+from studies.benchmarks.certified.splines import spline_program
 from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
 from studies.benchmarks.planner.compiling import COMPILER
@@ -26,6 +29,7 @@ from studies.reporting import Row
 HOLDS = 1e-8  # of limits' ranges
 TRACKED = 1e-9  # m and rad
 CRITICAL = 1e-6
+RECOMPUTED = 1e-9  # of the ranges
 FIRST_POINTS, FIRST_STARTS = 3, 8  # of the call that compiles
 
 
@@ -108,11 +112,30 @@ def panda_by_position() -> pk.Tracking:
     return pk.Tracking(panda.panda(), path, objectives=whole.objectives, differences="backward")
 
 
+def three_joints_by_splines() -> pk.Tracking:
+    """Return kinetic energy, torque norm and peak torque of the planar 3R arm, by splines."""
+    return pk.Tracking(
+        pk.arms.tringali_3r(),
+        tringali_2020.straight(51),
+        objectives=[pk.kinetic_energy, pk.torque_norm, pk.peak_torque],
+        limits=pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY),
+    )
+
+
+def panda_by_splines() -> pk.Tracking:
+    """Return kinetic energy and peak torque of the Panda across its table, by splines."""
+    (only,) = panda.across_the_table().task.tasks
+    path = only.path.resample(51)
+    return pk.Tracking(panda.panda(), path, objectives=[pk.kinetic_energy, pk.peak_torque])
+
+
 CASES = (
     Case(name="energy_torque", make=tringali_2020.energy_torque, points=20),
     Case(name="planar 5R", make=five_joints, points=10),
     Case(name="Panda", make=panda.across_the_table, points=20, raced=True),
     Case(name="Panda by position", make=panda_by_position, points=10, raced=True),
+    Case(name="3R, a peak, splines", make=three_joints_by_splines, points=10),
+    Case(name="Panda, a peak, splines", make=panda_by_splines, points=6),
 )
 
 
@@ -124,8 +147,11 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     tell(f"{case.name}: {points} points")
     front, seconds, cpu = timed(lambda: pk.epsilon_front(problem, points=points, seed=seed))
     tell(f"{case.name}: IPOPT's program")
-    begun, named = time.perf_counter(), case.name.replace(" ", "_")
-    peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
+    begun, named = time.perf_counter(), "peer_" + re.sub(r"\W+", "_", case.name)
+    if problem.task.differences == "spline":
+        peer = spline_program(problem.task, named, folder if COMPILER else None)
+    else:
+        peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
     tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
     staged = None
     if case.raced:
@@ -169,6 +195,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
     at = int(said.violation_between.argmax())
     fine = task.resample(4 * (len(task.times) - 1) + 1)
     between = fine.motion(task.motion(subject.q[at]).at(fine.times))
+    recomputed = recomputed_difference(task, subject.q, subject.values, subject.ranges)
     weak = f"{np.count_nonzero(said.weak)} weak: an objective without weight"
     statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())
     return [
@@ -182,6 +209,7 @@ def certificate_rows(subject: Subject) -> list[Row]:
             ours=float(said.violation_between[at]),
             note=fine.describe_violation(between),
         ),
+        goal_row(table, row, "values recomputed by Pinocchio", share, recomputed, RECOMPUTED),
         goal_row(table, row, "worst tracking error", "m, rad", off, TRACKED),
         goal_row(table, row, "worst kkt_residual", share, float(said.kkt_residual.max()), CRITICAL),
         goal_row(table, row, "not a minimum", "points", points - counts["minimum"], 0, statuses),

@@ -12,6 +12,7 @@ from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.linearisation import MotionLinearisation, linearise
 from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.tightening import violation_between
 from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, goal_row
 from studies.reporting import Row
 
@@ -73,7 +74,7 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
         if end is None:
             return Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False)
         motion = led_back(subject.task, end)
-        if motion is None or violation(subject.task, motion) > HOLDS:
+        if motion is None or not keeps_limits(subject, point, motion):
             return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
         rise = (objectives(subject.task, motion) - values) / ranges
         others = np.delete(rise, main)
@@ -83,6 +84,16 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
             return Attempt(point=point, how=how, gain=gain, ended=True, counts=True, distance=distance)
         ceilings = ceilings - 2 * np.maximum(rise, 0.0) * ranges
     return Attempt(point=point, how=how, gain=-np.inf, ended=True, counts=False)
+
+
+def keeps_limits(subject: Subject, point: int, q: np.ndarray) -> bool:
+    """Return whether a motion keeps its limits, of a spline between samples as well as a point of the front does."""
+    task = subject.task
+    if violation(task, q) > HOLDS:
+        return False
+    if task.differences != "spline":
+        return True
+    return violation_between(task, q) <= subject.said.violation_between[point] + HOLDS
 
 
 def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:

@@ -86,7 +86,7 @@ def peaks(task: MotionTask) -> list[Objective]:
 def joint_program(task: MotionTask, library: str = "") -> JointProgram:
     """Return the program of a task with backward differences and limits on joints alone, compiled where it is."""
     program, sides = state_program(task)
-    options = {warm: _options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
+    options = {warm: solver_options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
     return JointProgram(
         task,
         {warm: casadi.nlpsol("peer", "ipopt", library or program, settings) for warm, settings in options.items()},
@@ -97,7 +97,7 @@ def joint_program(task: MotionTask, library: str = "") -> JointProgram:
 def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
     """Return the library that a task's program and its derivatives were compiled into."""
     program, _ = state_program(task)
-    return compiled_library(program, casadi.nlpsol("peer", "ipopt", program, _options(warm=False)), name, folder)
+    return compiled_library(program, casadi.nlpsol("peer", "ipopt", program, solver_options(warm=False)), name, folder)
 
 
 def compiled_library(program: dict[str, Any], solver: Any, name: str, folder: Path) -> str:
@@ -166,7 +166,8 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return {"x": unrolled, "p": p, "f": f, "g": vertcat(*rows)}, sides
 
 
-def _options(*, warm: bool) -> dict[str, Any]:
+def solver_options(*, warm: bool) -> dict[str, Any]:
+    """Return IPOPT's settings from a motion near by, ``warm``, or from any."""
     own = {"print_level": 0, "sb": "yes", "tol": TOLERANCE, "constr_viol_tol": 1e-9, "max_iter": CAP}
     own |= {"bound_relax_factor": 0.0, "mu_init": 1e-4 if warm else 1e-2}
     if warm:

@@ -29,6 +29,8 @@ from studies.benchmarks.certified.dominating import (
 )
 from studies.benchmarks.certified.exchange import STEPS, compare_rate, exchange_rows, pairs
 from studies.benchmarks.certified.racing import race_rows, solve_by, solved_by_us
+from studies.benchmarks.certified.recomputed import recomputed_difference
+from studies.benchmarks.certified.splines import spline_program
 from studies.benchmarks.planner.verdicts import LOSS
 from tests.pareto.motions import certify_motions
 
@@ -271,6 +273,27 @@ def test_quick_writes_strict_json_of_every_case(tmp_path, monkeypatch, subject, 
     assert "seconds a point" in {row["row"] for row in rows if row["table"] == "Panda"}
     assert "seconds a point" not in {row["row"] for row in rows if row["table"] == "energy_torque"}
     assert "largest gain" in capsys.readouterr().out
+
+
+def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too():
+    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
+    both = [pk.kinetic_energy, pk.peak_torque]
+    problem = pk.Tracking(pk.arms.tringali_3r(), tringali_2020.straight(26), objectives=both, limits=limits)
+    front = pk.epsilon_front(problem, points=3, starts=6, seed=0)
+    ranges = np.ptp(front.minimised, axis=0)
+    peer = spline_program(problem.task)
+    for q, values in zip(front.motions.q, front.minimised, strict=True):
+        end, _ = peer.solve(q, 0, np.array([np.inf, values[1]]), ranges, warm=True)
+        assert end is not None
+        rise = (objectives(problem.task, end) - values) / ranges
+        assert abs(rise[0]) <= 2e-6
+        assert rise[1] <= 1e-6
+
+
+def test_pinocchio_recomputes_values_and_sees_those_that_are_wrong(subject):
+    given = subject.task, subject.q, subject.values, subject.ranges
+    assert recomputed_difference(*given) <= 1e-9
+    assert recomputed_difference(*given[:2], subject.values * 1.001, subject.ranges) > 1e-4
 
 
 @pytest.mark.parametrize(("name", "redundancy"), [("planar 5R", 2), ("Panda by position", 4)])

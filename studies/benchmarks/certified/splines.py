@@ -1,0 +1,108 @@
+"""IPOPT's program of a motion by splines: every derivative at every instant is a linear function of the samples."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+from casadi import SX, vertcat
+
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.spline import evaluate_with_midpoints, fit_spline
+from studies.benchmarks.fronts.programs import (
+    JointProgram,
+    at_sample,
+    compiled_library,
+    limited_sides,
+    peaks,
+    pose_function,
+    solver_options,
+)
+
+
+def spline_program(task: MotionTask, name: str = "", folder: Path | None = None) -> JointProgram:
+    """Return the program of a task, compiled into a folder where one is given."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
+        program, sides = _written(task)
+    library = ""
+    if folder is not None:
+        solver = casadi.nlpsol("peer", "ipopt", program, solver_options(warm=False))
+        library = compiled_library(program, solver, name, folder)
+    options = {warm: solver_options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
+    solvers = {warm: casadi.nlpsol("peer", "ipopt", library or program, each) for warm, each in options.items()}
+    return JointProgram(task, solvers, sides)
+
+
+def derivative_matrices(task: MotionTask) -> tuple[np.ndarray, ...]:
+    """Return position, velocity and acceleration at the instants (instants, samples) of unit samples."""
+    units = np.eye(len(task.times))
+    spline = fit_spline(units, task.times, cyclic=False, ends_at_rest=False)
+    _, q, derivatives = evaluate_with_midpoints(spline, units)
+    return q, derivatives.dq, derivatives.ddq
+
+
+def check(task: MotionTask) -> None:
+    """Refuse a task that the program cannot state."""
+    assert task.differences == "spline", "splines wanted"
+    assert task.start is None, "a free start wanted"
+    assert not task.cyclic, "no cycle wanted"
+    others = [*task.obstacles, *task.constraints, *(["a stop"] if task.ends_at_rest else [])]
+    assert not others, f"nothing but limits on joints wanted, got {others}"
+    assert all(objective.name != "mechanical_energy" for objective in task.objectives), "no absolute values wanted"
+
+
+def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    check(task)
+    samples, dof, count, instants = len(task.times), task.arm.dof, len(task.objectives), len(task.instants)
+    tops = len(peaks(task))
+    unknowns: Any = casadi.MX.sym("x", dof * samples + tops)
+    p: Any = casadi.MX.sym("p", 2 * count)
+    x, top = casadi.reshape(unknowns[: dof * samples], dof, samples), unknowns[dof * samples :]
+    q, rate, acceleration = (
+        x @ casadi.MX(casadi.sparsify(casadi.DM(matrix.T))) for matrix in derivative_matrices(task)
+    )
+    worth, limited = _at_instant(task).map(instants)(q, rate, acceleration, casadi.repmat(top, 1, instants))
+    epigraph = iter(casadi.vertsplit(top) if tops else ())
+    integrals = casadi.vertsplit(worth @ casadi.MX(task.weights))
+    totals: Any = vertcat(
+        *(next(epigraph) if each.form == "peak" else integrals[k] for k, each in enumerate(task.objectives))
+    )
+    # de Boor's control point of the velocity between two samples, v + h a / 2
+    inner = rate[:, :-1:2] + acceleration[:, :-1:2] @ casadi.MX(np.diag(np.diff(task.times) / 2))
+    at_path = pose_function(task).map(samples)(x, task.targets.T)
+    low, high = limited_sides(task)
+    parts = [
+        (limited, np.tile(low, instants), np.tile(high, instants)),
+        (inner, *_sides(task, "velocity", samples - 1)),
+        (q[:, 1::2], *_sides(task, "position", samples - 1)),
+        (at_path, np.zeros(at_path.numel()), np.zeros(at_path.numel())),
+        (totals / p[count:], np.full(count, -np.inf), np.full(count, np.inf)),
+    ]
+    positions = _sides(task, "position", samples)
+    sides = {
+        "lbx": np.append(positions[0], np.zeros(tops)),
+        "ubx": np.append(positions[1], np.full(tops, np.inf)),
+        "lbg": np.concatenate([each[1] for each in parts]),
+        "ubg": np.concatenate([each[2] for each in parts]),
+    }
+    f = casadi.dot(p[:count], totals / p[count:])
+    return {"x": unknowns, "p": p, "f": f, "g": vertcat(*(casadi.vec(each[0]) for each in parts))}, sides
+
+
+def _at_instant(task: MotionTask) -> Any:
+    q, rate, acceleration, top = (
+        SX.sym(name, size)
+        for name, size in (("q", task.arm.dof), ("v", task.arm.dof), ("a", task.arm.dof), ("top", len(peaks(task))))
+    )
+    shares, limited = at_sample(task, q, rate, acceleration, SX(0, 1), top)
+    return casadi.Function("instant", [q, rate, acceleration, top], [shares, limited])
+
+
+def _sides(task: MotionTask, kind: str, times: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bounds of all joints at so many times; none where the task has none."""
+    bounds = task.bounds[kind][0] if kind in task.bounds else np.tile([-np.inf, np.inf], (task.arm.dof, 1))
+    return np.tile(bounds[:, 0], times), np.tile(bounds[:, 1], times)
