@@ -3,10 +3,10 @@
     python -m studies.benchmarks.certified [--quick] [--problems NAME ...] [--seed N] [--json FILE]
 
 ``pk.epsilon_front`` on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, and on the Panda
-across its table, by pose and by position alone (four degrees of redundancy), its own limits in force; by splines on the
-3R and the Panda, with a peak. Of every front: what its certificates say; what Pinocchio makes of its values; what IPOPT
-and random feasible steps find that is better than a point; exchange rates beside differences of neighbouring ε-solves;
-and on the Panda seconds a point beside IPOPT's and FATROP's.
+across its table, by pose and by position alone (four degrees of redundancy), its own limits in force; with a peak by
+splines on the 3R arm. Of every front: what its certificates say; what Pinocchio makes of its values; what IPOPT and
+random feasible steps find that is better than a point; exchange rates beside differences of neighbouring ε-solves; and
+on the Panda seconds a point beside IPOPT's and FATROP's.
 
 IPOPT starts from every point and minimises each objective in turn below the point's own values of the others, with its
 barrier low and high. What counts is only what our exact functions say of the motion it returns, led back to the path:

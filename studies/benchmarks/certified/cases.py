@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -122,20 +121,12 @@ def three_joints_by_splines() -> pk.Tracking:
     )
 
 
-def panda_by_splines() -> pk.Tracking:
-    """Return kinetic energy and peak torque of the Panda across its table, by splines."""
-    (only,) = panda.across_the_table().task.tasks
-    path = only.path.resample(51)
-    return pk.Tracking(panda.panda(), path, objectives=[pk.kinetic_energy, pk.peak_torque])
-
-
 CASES = (
     Case(name="energy_torque", make=tringali_2020.energy_torque, points=20),
     Case(name="planar 5R", make=five_joints, points=10),
     Case(name="Panda", make=panda.across_the_table, points=20, raced=True),
     Case(name="Panda by position", make=panda_by_position, points=10, raced=True),
     Case(name="3R, a peak, splines", make=three_joints_by_splines, points=10),
-    Case(name="Panda, a peak, splines", make=panda_by_splines, points=6),
 )
 
 
@@ -147,9 +138,9 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     tell(f"{case.name}: {points} points")
     front, seconds, cpu = timed(lambda: pk.epsilon_front(problem, points=points, seed=seed))
     tell(f"{case.name}: IPOPT's program")
-    begun, named = time.perf_counter(), "peer_" + re.sub(r"\W+", "_", case.name)
+    begun, named = time.perf_counter(), case.name.replace(" ", "_")
     if problem.task.differences == "spline":
-        peer = spline_program(problem.task, named, folder if COMPILER else None)
+        peer = spline_program(problem.task)
     else:
         peer = joint_program(problem.task, compiled_program(problem.task, named, folder) if COMPILER else "")
     tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")

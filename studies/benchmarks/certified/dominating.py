@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.linearisation import MotionLinearisation, linearise
 from paretoik.trajectory.program import joint_distance
 from paretoik.trajectory.tightening import violation_between
-from studies.benchmarks.certified.cases import HOLDS, TRACKED, Subject, goal_row
+from studies.benchmarks.certified.cases import HOLDS, Subject, goal_row
 from studies.reporting import Row
 
 DOMINATED = 1e-7  # of the ranges
@@ -162,12 +162,9 @@ def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndar
 
 
 def led_back(task: MotionTask, q: np.ndarray) -> np.ndarray | None:
-    """Return the motion (time, dof) on the path to within our own tolerance; None where it is lost."""
-    try:
-        motion = task.motion(q).at(task.times)
-    except Infeasible:
-        return None
-    return motion if task.motion(motion).tracking_error.max() <= TRACKED else None
+    """Return the motion (time, dof), its samples on the path to within our own tolerance; None where it is lost."""
+    retraction = retract_nearest(task.arm, task.tasks, q, task.targets)
+    return np.asarray(retraction.q) if retraction.on_path.all() else None
 
 
 def objectives(task: MotionTask, q: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from pathlib import Path
 from typing import Any
 
 import casadi
@@ -15,7 +14,6 @@ from paretoik.task.spline import evaluate_with_midpoints, fit_spline
 from studies.benchmarks.fronts.programs import (
     JointProgram,
     at_sample,
-    compiled_library,
     limited_sides,
     peaks,
     pose_function,
@@ -23,17 +21,13 @@ from studies.benchmarks.fronts.programs import (
 )
 
 
-def spline_program(task: MotionTask, name: str = "", folder: Path | None = None) -> JointProgram:
-    """Return the program of a task, compiled into a folder where one is given."""
+def spline_program(task: MotionTask) -> JointProgram:
+    """Return the program of a task."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
         program, sides = _written(task)
-    library = ""
-    if folder is not None:
-        solver = casadi.nlpsol("peer", "ipopt", program, solver_options(warm=False))
-        library = compiled_library(program, solver, name, folder)
-    options = {warm: solver_options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
-    solvers = {warm: casadi.nlpsol("peer", "ipopt", library or program, each) for warm, each in options.items()}
+    options = {warm: solver_options(warm=warm) | {"expand": True} for warm in (False, True)}
+    solvers = {warm: casadi.nlpsol("peer", "ipopt", program, each) for warm, each in options.items()}
     return JointProgram(task, solvers, sides)
 
 

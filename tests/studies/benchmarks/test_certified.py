@@ -282,7 +282,7 @@ def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too():
     front = pk.epsilon_front(problem, points=3, starts=6, seed=0)
     ranges = np.ptp(front.minimised, axis=0)
     peer = spline_program(problem.task)
-    for q, values in zip(front.motions.q, front.minimised, strict=True):
+    for q, values in zip(front.motions.q[:2], front.minimised[:2], strict=True):  # the last is an end: flat
         end, _ = peer.solve(q, 0, np.array([np.inf, values[1]]), ranges, warm=True)
         assert end is not None
         rise = (objectives(problem.task, end) - values) / ranges
