@@ -137,7 +137,7 @@ def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) 
     knots = np.linspace(0.0, samples - 1.0, int(rng.choice(KNOTS)))
     smooth = CubicSpline(knots, rng.normal(size=(len(knots), dof)))(np.arange(samples))
     coordinates, place = np.einsum("tja,tj->ta", at.normal, smooth), at.program.stencil.first_unknown
-    step, free = np.zeros(at.gradients.shape[1]), place >= 0
+    step, free = np.zeros(at.unknowns), place >= 0
     step[place[free, None] + np.arange(coordinates.shape[1])] = coordinates[free]
     moved = at.displacement(step)
     return step * (size / np.sqrt(np.mean(np.sum(moved**2, axis=1))))
@@ -145,8 +145,8 @@ def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) 
 
 def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndarray | None:
     """Return the motion that a step leads to, bent back within the limits; None where that fails."""
-    task, short = at.program.task, np.zeros(len(at.inequalities), dtype=bool)
-    flat = at.gradients if level else at.gradients[:0]
+    task, short = at.program.task, np.zeros(at.elastic, dtype=bool)
+    flat = at.gradients[: len(at.gradients) * level, : at.unknowns]  # of a peak there is nothing to first order
     step = step - np.linalg.pinv(flat) @ (flat @ step) if level else step
     for _ in range(ROUNDS):
         motion = led_back(task, at.x + at.displacement(step))
@@ -156,7 +156,7 @@ def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndar
             return motion
         gaps = at.program.evaluate(motion)[2]
         short |= gaps < 0
-        rows = np.concatenate([at.jacobian[np.flatnonzero(short)].toarray(), flat])
+        rows = np.concatenate([at.jacobian[np.flatnonzero(short)].toarray()[:, : at.unknowns], flat])
         step = step + np.linalg.lstsq(rows, np.concatenate([-gaps[short], np.zeros(len(flat))]))[0]
     return None
 
