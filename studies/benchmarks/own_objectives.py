@@ -1,0 +1,144 @@
+"""A user's own objectives on arms of a public package: seconds to a certified front.
+
+    python -m studies.benchmarks.own_objectives [--quick] [--json FILE]
+
+The xArm 7, the Panda and the UR10 as the package ``example-robot-data`` has them, each with three objectives that
+nobody here has prepared: how fast the wrist moves, squared and integrated; what the first two joints travel, with
+absolute values; and the largest acceleration of any joint, a peak. Limits are the arms' own, kept between samples.
+``pk.epsilon_front`` at default settings is asked for ten points, after a first one of three that compiles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import files
+from pathlib import Path
+
+import numpy as np
+
+import paretoik as pk
+from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, timed
+from studies.reporting import Row, report, study_parser
+
+PACKAGE = "example-robot-data"
+GOAL = 60.0  # s
+POINTS, QUICK_POINTS, SAMPLES = 10, 4, 51
+DOWN = (np.pi, 0.0, 0.0)
+
+
+@pk.objective(unit="rad²/s", form="integral")
+def wrist_motion(motion):  # type: ignore[no-untyped-def]
+    """Return the squared velocities of the last two joints."""
+    return np.sum(motion.dq[..., -2:] ** 2, axis=-1)
+
+
+@pk.objective(unit="rad", form="integral")
+def shoulder_travel(motion):  # type: ignore[no-untyped-def]
+    """Return how fast the first two joints travel."""
+    return np.abs(motion.dq[..., 0]) + np.abs(motion.dq[..., 1])
+
+
+@pk.objective(unit="rad/s²", form="peak")
+def hardest_start(motion):  # type: ignore[no-untyped-def]
+    """Return the largest acceleration of any joint."""
+    return np.max(np.abs(motion.ddq), axis=-1)
+
+
+OBJECTIVES = (wrist_motion, shoulder_travel, hardest_start)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walk:
+    """An arm of the package by its file, and the line that its hand follows, pointing down."""
+
+    name: str
+    file: str
+    base: str
+    tip: str
+    ends: tuple[tuple[float, float, float], tuple[float, float, float]]
+    axes: str
+    duration: float
+
+    def problem(self) -> pk.Tracking:
+        """Return the problem. Raises PackageNotFoundError without the package."""
+        arm = pk.Arm.from_urdf(robot_file(self.file), base=self.base, tip=self.tip)
+        first, last = (pk.Pose.from_rpy(end, DOWN) for end in self.ends)
+        path = pk.line(first, last, duration=self.duration, samples=SAMPLES)
+        task = pk.Task(path, axes=self.axes)  # type: ignore[arg-type]
+        return pk.Tracking(arm, task, objectives=list(OBJECTIVES))
+
+
+WALKS = (
+    Walk(
+        name="xArm 7, pose",
+        file="xarm_description/urdf/xarm7.urdf",
+        base="link_base",
+        tip="link_eef",
+        ends=((0.35, -0.2, 0.25), (0.4, 0.2, 0.3)),
+        axes="pose",
+        duration=2.0,
+    ),
+    Walk(
+        name="Panda, position and axis",
+        file="panda_description/urdf/panda.urdf",
+        base="panda_link0",
+        tip="panda_hand_tcp",
+        ends=((0.45, -0.2, 0.3), (0.45, 0.2, 0.4)),
+        axes="xyz+z-axis",
+        duration=2.0,
+    ),
+    Walk(
+        name="UR10, position",
+        file="ur_description/urdf/ur10_robot.urdf",
+        base="base_link",
+        tip="tool0",
+        ends=((0.6, -0.3, 0.4), (0.6, 0.3, 0.5)),
+        axes="xyz",
+        duration=2.0,
+    ),
+)
+
+
+def robot_file(name: str) -> Path:
+    """Return a file of the package's robots. Raises PackageNotFoundError where it is not installed."""
+    (found,) = (each for each in files(PACKAGE) or () if str(each).endswith(name))
+    return Path(str(found.locate()))
+
+
+def walk_rows(walk: Walk, points: int) -> list[Row]:
+    """Return the rows of an arm."""
+    tell(f"{walk.name}: first front")
+    pk.epsilon_front(walk.problem(), points=3, starts=4, seed=0, observe=False)
+    tell(f"{walk.name}: {points} points")
+    front, seconds, cpu = timed(lambda: pk.epsilon_front(walk.problem(), points=points, observe=False))
+    assert front.certificates is not None
+    missed = int(np.sum(front.certificates.status != "minimum"))
+    between = float(front.certificates.violation_between.max())
+    table = walk.name
+
+    def row(column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
+        lost = "" if ours <= goal else LOSS
+        note = lost + note
+        return Row(
+            table=table, row="front", column=column, unit=unit, ours=ours, reference=goal, source="goal", note=note
+        )
+
+    return [
+        row("time", "s", seconds, GOAL, f"{len(front)} points; processor {cpu:.1f} s"),
+        row("not a minimum", "points", missed, 0, ", ".join(sorted(set(front.certificates.reason.tolist())))),
+        row("worst violation between samples", "share of range", between, 1e-4),
+    ]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the rows."""
+    parser = study_parser(__doc__ or "", quick="the first arm, few points")
+    options = parser.parse_args(arguments)
+    walks, points = (WALKS[:1], QUICK_POINTS) if options.quick else (WALKS, POINTS)
+    rows = [row for walk in walks for row in walk_rows(walk, points)]
+    report(losses_first(rows), json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
