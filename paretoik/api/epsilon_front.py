@@ -66,7 +66,7 @@ def epsilon_front(
     Infeasible
         Where no motion within the limits was found, with the least-violating one and the limit that binds.
     SolverFailed
-        Where an end of the front could not be made optimal.
+        Where no start leads to an optimum of one of the objectives alone.
     """
     check_size("points", points, 2)
     check_size("starts", starts, 1)

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
-from paretoik.errors import SolverFailed
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
@@ -48,8 +47,8 @@ def epsilon_points(
     neighbours, started from those near it. ``initial`` points within all limits lead to ends and points as well, unless
     ``refined`` already: none of them dominates what is returned.
 
-    After a signal the points so far are returned, ``initial`` ones among them. Raises what ``cold`` does, SolverFailed
-    where an end does not converge, and Interrupted where a signal comes before there is any point.
+    After a signal the points so far are returned, ``initial`` ones among them. Raises what ``cold`` does, and
+    Interrupted where a signal comes before there is any point.
     """
     natural = program_of(np.ones(n_obj))
     initial = feasible_points(natural, initial)
@@ -112,7 +111,10 @@ def _weights(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "poin
 
 
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
-    """Return the ends of the front: each objective at its best, the others as good as they can be there."""
+    """Return the ends of the front: each objective at its best, the others as good as they can be there.
+
+    Where no weight of the others leads to an optimum it is the objective's own, whatever the others are there.
+    """
     count = len(best)
 
     def solve(x: Points, weight: float | np.ndarray, barrier: InteriorPointOptions) -> tuple[Solutions, np.ndarray]:
@@ -132,9 +134,7 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
         again, _ = solve(best, weight, OPTIONS.cold)
         missing = ~ends.converged & again.converged
         ends = ends.replace_rows(missing, again[missing])
-    if not ends.converged.all():
-        failed = program.objective_names[int(np.argmin(ends.converged))]
-        raise SolverFailed(f"the end of the front where {failed} is best wanted to converge, but did not")
+    ends = ends.replace_rows(~ends.converged, evaluate_points(program, best)[~ends.converged])
     weights = np.full(count, OPTIONS.end_weight)
     for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
         finished = solve(ends.x, weights, OPTIONS.warm)[0]

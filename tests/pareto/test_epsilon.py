@@ -136,6 +136,21 @@ def test_where_no_start_leads_within_limits_that_is_said():
         swept(program, np.zeros((2, 3)), points=3)
 
 
+def test_an_end_that_does_not_converge_is_the_objectives_own_optimum(monkeypatch):
+    def fails_at_the_first_end(program, x, weights, upper, *rest, **settings):
+        solutions = minimise_weighted(program, x, weights, upper, *rest, **settings)
+        if upper is None:
+            solutions = replace(solutions, status=np.where(np.arange(len(x)) == 0, 1, solutions.status))
+        return solutions
+
+    monkeypatch.setattr(epsilon, "minimise_weighted", fails_at_the_first_end)
+    program = two_places(-1.0)
+    z, _ = swept(program, starts(program, 3), points=5)
+    values = z @ program.costs.T
+    assert len(z) == 5
+    assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+
+
 DRIVES = {"motors": (pk.capability.kim_joint_motors, 9, 4), "sliders": (pk.capability.kim_sliders, 7, 3)}
 
 
