@@ -107,7 +107,7 @@ def test_no_more_points_than_wanted_and_the_ends_among_them():
     for points in (2, 3, 5):
         values = swept(program, starts(program, 2), points=points)[0] @ program.costs.T
         assert len(values) == points
-        assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+        assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)  # the own optimum, in a flat valley
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1.0, 1e9])
@@ -148,7 +148,7 @@ def test_an_end_that_does_not_converge_is_the_objectives_own_optimum(monkeypatch
     z, _ = swept(program, starts(program, 3), points=5)
     values = z @ program.costs.T
     assert len(z) == 5
-    assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+    assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)  # the own optimum, in a flat valley
 
 
 DRIVES = {"motors": (pk.capability.kim_joint_motors, 9, 4), "sliders": (pk.capability.kim_sliders, 7, 3)}
