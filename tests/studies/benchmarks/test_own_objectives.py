@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from problems import panda
 from studies.benchmarks import own_objectives as study
 from studies.benchmarks.planner.verdicts import LOSS
 
 
+@pytest.mark.slow
 def test_rows_of_an_arm_say_seconds_certificates_and_limits(monkeypatch):
     walk = replace(next(each for each in study.WALKS if each.name.startswith("Panda")), axes="pose")
     monkeypatch.setattr(study, "robot_file", lambda name: panda.URDF)
