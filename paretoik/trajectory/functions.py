@@ -27,7 +27,7 @@ from paretoik.task.traced_motion import (
     trace_sample,
     trace_sample_function,
 )
-from paretoik.trajectory.path_rates import project_rates
+from paretoik.trajectory.projected_rates import project_rates
 from paretoik.trajectory.whole_functions import WholeFunction, whole_function
 
 LOADS = ("torque", "power")
@@ -77,7 +77,8 @@ class Functions:
 def trace_functions(task: MotionTask, shares: np.ndarray, near: JointPaths | None = None) -> Functions:
     """Return the functions of a task, each objective multiplied by its share.
 
-    Where a motion ``near`` by is given, accelerations, torques and powers are limited on the path too (``path_rates``).
+    Where a motion ``near`` by is given, accelerations, torques and powers are limited on the path too; see
+    ``projected_rates``.
 
     Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
     """

@@ -2,8 +2,8 @@
 
 A program bounds a motion at its instants. The projection onto the path, and torques, powers and distances between
 instants, may exceed a limit a little; what they exceed it by is taken from the limit there. Accelerations, torques and
-powers are limited with the rates that the path allows as well (``path_rates``): else those of the spline would give way
-where the projection does not follow.
+powers are limited with the rates that the path allows as well (``projected_rates``): else those of the spline would
+give way where the projection does not follow.
 """
 
 from __future__ import annotations

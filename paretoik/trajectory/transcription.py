@@ -43,7 +43,7 @@ def motion_program(
     """Return the nonlinear program of a task, its objectives divided by ``scales``.
 
     Of a spline, limits on acceleration, torque and power hold on the path too where a motion ``near`` by is given; see
-    ``path_rates``.
+    ``projected_rates``.
 
     Raises InvalidInput, naming the objective or limit, where there is none.
     """

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from paretoik.robot.pose import Pose, quaternion_to_matrix
-from paretoik.task.curves import TIME_LAWS, Circle, Line, TimedCurve, interpolate, progress
+from paretoik.task.curves import Circle, Line, TimedCurve, interpolate
+from paretoik.task.time_laws import TIME_LAWS, progress
 
 FRACTIONS = np.linspace(0.0, 1.0, 9)
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
