@@ -160,10 +160,10 @@ def _search_from(
     level, rng = coarsest_level(task, first), np.random.default_rng(seed)
     count = RESTARTS.starts if starts is None else starts
     q = sample_starts(level, count * max(task.redundancy, 1), rng)
-    given = q[:0] if initial is None else initial[:, np.searchsorted(task.times, level.times)]
-    programs = level_programs(task, objective_scales(task, np.concatenate([given, q])), first)
+    warm = q[:0] if initial is None else initial[:, np.searchsorted(task.times, level.times)]
+    programs = level_programs(task, objective_scales(task, np.concatenate([warm, q])), first)
     portions = [q] if starts is not None or programs[-1].unsupported else first_portions(q)
-    q = np.concatenate([given, portions[0]])
+    q = np.concatenate([warm, portions[0]])
     policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-count // 2), rng, portions[1:])
 
     def disturb(program: MotionProgram, solutions: Solutions) -> Solutions:

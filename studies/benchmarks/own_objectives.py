@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 
 import paretoik as pk
+from problems import panda
 from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, timed
 from studies.reporting import Row, report, study_parser
 
 PACKAGE = "example-robot-data"
 GOAL = 60.0  # s
 POINTS, QUICK_POINTS, SAMPLES = 10, 4, 51
-DOWN = (np.pi, 0.0, 0.0)
 
 
 @pk.objective(unit="rad²/s", form="integral")
@@ -63,7 +63,7 @@ class Walk:
     def problem(self) -> pk.Tracking:
         """Return the problem. Raises PackageNotFoundError without the package."""
         arm = pk.Arm.from_urdf(robot_file(self.file), base=self.base, tip=self.tip)
-        first, last = (pk.Pose.from_rpy(end, DOWN) for end in self.ends)
+        first, last = (pk.Pose.from_rpy(end, panda.DOWN) for end in self.ends)
         path = pk.line(first, last, duration=self.duration, samples=SAMPLES)
         task = pk.Task(path, axes=self.axes)  # type: ignore[arg-type]
         return pk.Tracking(arm, task, objectives=list(OBJECTIVES))
@@ -102,8 +102,8 @@ WALKS = (
 
 def robot_file(name: str) -> Path:
     """Return a file of the package's robots. Raises PackageNotFoundError where it is not installed."""
-    (found,) = (each for each in files(PACKAGE) or () if str(each).endswith(name))
-    return Path(str(found.locate()))
+    (file,) = (each for each in files(PACKAGE) or () if str(each).endswith(name))
+    return Path(str(file.locate()))
 
 
 def walk_rows(walk: Walk, points: int) -> list[Row]:

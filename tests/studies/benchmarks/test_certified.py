@@ -291,9 +291,9 @@ def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too():
 
 
 def test_pinocchio_recomputes_values_and_sees_those_that_are_wrong(subject):
-    given = subject.task, subject.q, subject.values, subject.ranges
-    assert recomputed_difference(*given) <= 1e-9
-    assert recomputed_difference(*given[:2], subject.values * 1.001, subject.ranges) > 1e-4
+    task, q, values, ranges = subject.task, subject.q, subject.values, subject.ranges
+    assert recomputed_difference(task, q, values, ranges) <= 1e-9
+    assert recomputed_difference(task, q, values * 1.001, ranges) > 1e-4
 
 
 @pytest.mark.parametrize(("name", "redundancy"), [("planar 5R", 2), ("Panda by position", 4)])
