@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from paretoik.api.time_left import time_left
 from paretoik.compilation_notices import observe_compilation
 from paretoik.inputs import check_function
 from paretoik.review.recorder import Generation
@@ -40,23 +41,11 @@ class RunProgress:
 Observer: TypeAlias = Callable[[RunProgress], object]
 
 
-@dataclass(frozen=True, kw_only=True)
-class EstimateOptions:
-    """When a stage has come far enough for an estimate of what is left of it."""
-
-    share: float = 0.1  # of all that is to do, done by then
-    seconds: float = 0.5  # passed by then
-    tightening: float = 0.5  # of the time of refinement: 0.1 to 0.8, as many limits as are active between samples
-
-
-ESTIMATES = EstimateOptions()
-
-
 def count_observer(
     observe: Observer | None,
     stage: str,
     *,
-    later: float | None = None,
+    later: float = 0.0,
     again: float = 0.0,
     uniform: bool = False,
     then: str = "",
@@ -73,17 +62,13 @@ def count_observer(
 
     def show(done: int, total: int, summary: str = "") -> object:
         seconds = time.monotonic() - started
-        far = done >= ESTIMATES.share * total and seconds >= ESTIMATES.seconds
-        remaining = None
-        if uniform and far and done:
-            remaining = seconds / done * ((1 + again) * total - done) + (later or 0.0) * total
         return observe(
             RunProgress(
                 stage=stage,
                 done=done,
                 total=total,
                 seconds=seconds,
-                remaining=remaining,
+                remaining=time_left(done, total, seconds, later, again) if uniform else None,
                 summary=summary,
                 then=then,
             )

@@ -10,8 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.api.progress import ESTIMATES, Observer, count_observer
+from paretoik.api.progress import Observer, count_observer
 from paretoik.api.run_session import verb_session
+from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import Differentiable, Individuals
@@ -90,8 +91,8 @@ def refine_front(
     with verb_session(observe) as session:
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
-        later = None if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
-        again = ESTIMATES.tightening if _keeps_between(problem) else 0.0
+        later = 0.0 if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
+        again = TIME_LEFT.tightening if _keeps_between(problem) else 0.0
         then = "" if complete is None else "optimum"
         shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
@@ -151,7 +152,7 @@ def certified_front(
     before: Front | None = None,
     solver: Solver = "auto",
     observe: Observer | None = None,
-    seconds_per_certificate: float | None = None,
+    seconds_per_certificate: float = 0.0,
 ) -> Front:
     """Return the front of these points with their certificates, except those that others dominate.
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Objectives
 from paretoik.closed_loop.control_step import HISTORY, ControlStep, describe_nearest_obstacle, excess_clearance
-from paretoik.closed_loop.step_search import Population, StepSearch
+from paretoik.closed_loop.step_evolution import Population, StepEvolution
 from paretoik.errors import Infeasible
 from paretoik.task.motion_task import MotionTask
 
@@ -30,7 +30,7 @@ class StepRecord:
 
 
 def take_steps(
-    search: StepSearch,
+    search: StepEvolution,
     make_step: Callable[[int, Float[np.ndarray, "history dof"]], ControlStep],
     *,
     start: Float[np.ndarray, " dof"],

@@ -15,7 +15,7 @@ from paretoik.closed_loop.loop import StepRecord, step_bounds, take_steps
 from paretoik.closed_loop.objectives import StepObjective, as_step_objective, joint_displacement, position_error
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
-from paretoik.closed_loop.step_search import StepSearch
+from paretoik.closed_loop.step_evolution import StepEvolution
 from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.closed_loop_arguments import check_limits, check_start, normalise_weights
@@ -208,9 +208,9 @@ class ClosedLoop:
             standoff=standoff,
         )
 
-    def step_search(self) -> StepSearch:
+    def step_evolution(self) -> StepEvolution:
         """Return the compiled search of its steps; one a thread."""
-        return StepSearch(
+        return StepEvolution(
             programs=self.programs,
             redundancy=self.task.redundancy,
             dof=self.task.arm.dof,
@@ -223,14 +223,14 @@ class ClosedLoop:
 
     def prepare(self) -> None:
         """Search for the start and compile the search, so that the first step takes no longer than the others."""
-        search = self.step_search()
+        search = self.step_evolution()
         search.generations = 1
         search(self.control_step(1))
 
     def steps(self) -> Iterator[StepRecord]:
         """Take one step after the other; raises as ``take_steps`` does."""
         return take_steps(
-            self.step_search(),
+            self.step_evolution(),
             self.control_step,
             start=self.start,
             weights=self.weights,

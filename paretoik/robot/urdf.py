@@ -21,7 +21,7 @@ from paretoik.robot.fixed_joints import joint_motion
 from paretoik.robot.pose import Pose
 from paretoik.robot.urdf_chain import Chain, find_zero_limits, select_chain
 from paretoik.robot.urdf_description import JointDescription, RobotDescription
-from paretoik.robot.urdf_validation import read_robot
+from paretoik.robot.urdf_reading import read_robot
 
 
 @dataclass(frozen=True, kw_only=True)

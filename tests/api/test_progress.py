@@ -84,6 +84,7 @@ def test_a_verb_shows_what_it_compiles_and_all_its_stages(verb, monkeypatch, cap
         return work(*args, **kwargs)
 
     monkeypatch.setattr(f"paretoik.{module}.{name}", compile_first)
+    capsys.readouterr()  # what building the problem compiled
     seen: list[RunProgress] = []
     getattr(pk, verb)(subject, **settings, observe=lambda progress: bool(seen.append(progress)))
     assert {one.stage for one in seen} == {"compilation", *stages}

@@ -9,7 +9,7 @@ from tests.closed_loop.postures import near_obstacle
 def test_engine_and_problem_agree_on_which_steps_are_admissible():
     count = 400
     loop = near_obstacle(population=count)
-    step, search = loop.control_step(1), loop.step_search()
+    step, search = loop.control_step(1), loop.step_evolution()
     problem, (start, constraints), w = (
         StepProblem(step, loop.objectives),
         search.start_and_constraints(step),
@@ -27,7 +27,7 @@ def test_engine_and_problem_agree_on_which_steps_are_admissible():
 
 def test_short_steps_keep_the_standoff_too():
     loop = near_obstacle(population=200)
-    step, search = loop.control_step(1), loop.step_search()
+    step, search = loop.control_step(1), loop.step_evolution()
     (start, constraints), w = search.start_and_constraints(step), search.workspace
     clearance = clearance_at_start(start, constraints, w)
     assert clearance > constraints.standoff > 0

@@ -104,7 +104,7 @@ def loop(request):
 
 
 def test_objectives_of_a_search_are_those_of_its_genes(loop):
-    population = loop.step_search()(loop.control_step(1))
+    population = loop.step_evolution()(loop.control_step(1))
     step = StepProblem(loop.control_step(1), loop.objectives)
     np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-9)
     np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-7, atol=1e-12)
@@ -112,7 +112,7 @@ def test_objectives_of_a_search_are_those_of_its_genes(loop):
 
 
 def test_the_same_seed_and_step_give_the_same_bits(loop):
-    search, other = loop.step_search(), loop.step_search()
+    search, other = loop.step_evolution(), loop.step_evolution()
     first = search(loop.control_step(1))
     search(loop.control_step(2))
     for again in (search(loop.control_step(1)), other(loop.control_step(1))):
@@ -122,7 +122,7 @@ def test_the_same_seed_and_step_give_the_same_bits(loop):
 
 
 def test_longer_searches_find_better_fronts(loop):
-    search, volumes = loop.step_search(), []
+    search, volumes = loop.step_evolution(), []
     for generations in (2, 60):
         search.generations = generations
         volumes.append(search(loop.control_step(1)).F)
@@ -138,7 +138,7 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=3, timing="uniform")
     objectives = [joint_displacement, position_error, pk.joint_limit_distance]
     closed_loop = ClosedLoop(arm, path, objectives=objectives, start=q, population=30, generations=10)
-    population = closed_loop.step_search()(closed_loop.control_step(1))
+    population = closed_loop.step_evolution()(closed_loop.control_step(1))
     step = StepProblem(closed_loop.control_step(1), closed_loop.objectives)
     np.testing.assert_allclose(step.decode(population.genes), population.q, atol=1e-8)
     np.testing.assert_allclose(step.score(population.q), population.F, rtol=1e-6, atol=1e-10)
@@ -153,6 +153,6 @@ def test_steps_that_are_too_long_are_shortened_alike_by_engine_and_problem():
     assert step.is_admissible(short).all()
     near = step.is_admissible(drawn)
     np.testing.assert_array_equal(short[near], drawn[near])
-    searched = loop.step_search()(loop.control_step(1))
+    searched = loop.step_evolution()(loop.control_step(1))
     assert np.abs(searched.q - loop.start).max() <= 0.1 * (1 + 1e-9)
     np.testing.assert_allclose(step.decode(searched.genes), searched.q, atol=1e-9)

@@ -1,7 +1,7 @@
 import numpy as np
 
 from paretoik.closed_loop.loop import choose, nondominated
-from paretoik.closed_loop.step_search import Population
+from paretoik.closed_loop.step_evolution import Population
 
 
 def test_the_least_weighted_sum_is_chosen_of_objectives_scaled_to_the_front():

@@ -14,4 +14,4 @@ def test_an_objective_that_looks_at_other_samples_is_named():
 
     loop = pk.ClosedLoop(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 4), objectives=[mean], start=posture(3))
     with pytest.raises(InvalidInput, match="objective mean"):
-        loop.step_search()
+        loop.step_evolution()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.robot.urdf_description import LinkDescription
-from paretoik.robot.urdf_validation import read_robot
+from paretoik.robot.urdf_reading import read_robot
 from tests.robot.conftest import PANDA
 from tests.robot.urdf_text import joint, link
 

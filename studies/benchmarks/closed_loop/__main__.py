@@ -39,7 +39,7 @@ FIRST = """
 import time
 from studies.benchmarks.closed_loop.contestants import loop_of
 loop = loop_of(3)
-search = loop.step_search()
+search = loop.step_evolution()
 begun = time.perf_counter()
 search(loop.control_step(1))
 print(time.perf_counter() - begun)

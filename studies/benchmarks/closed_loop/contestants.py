@@ -46,7 +46,7 @@ class CompiledStepProblem(StepProblem):
 
     def __init__(self, loop: ClosedLoop, step: ControlStep) -> None:
         super().__init__(step, loop.objectives)
-        self.search = loop.step_search()
+        self.search = loop.step_evolution()
         self.search(step)  # the inputs that are the same for all candidates are now in its workspace
         self.start, _ = self.search.start_and_constraints(step)
 
@@ -75,7 +75,7 @@ class CompiledStepProblem(StepProblem):
 
 def engine(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRONT]:
     """Return ours: from (seed, generations) to the last population's objectives."""
-    search = loop.step_search()
+    search = loop.step_evolution()
 
     def run(seed: int, generations: int) -> FRONT:
         search.seed, search.generations = seed, generations

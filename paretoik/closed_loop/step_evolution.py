@@ -1,4 +1,4 @@
-"""The search of one control step by the compiled engine, and the population that it ends with."""
+"""The evolution of one control step by the compiled engine, and the population that it ends with."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Population:
 
 
 @dataclass(kw_only=True, eq=False)
-class StepSearch:
+class StepEvolution:
     """The compiled search of control steps of one arm, task and set of objectives.
 
     With ``warm_start`` it begins with the population of the step before. It holds the workspace of the engine, and
