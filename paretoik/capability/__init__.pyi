@@ -3,12 +3,12 @@ from .actuation import JointActuation as JointActuation
 from .actuation import kim_joint_motors as kim_joint_motors
 from .actuation import kim_sliders as kim_sliders
 from .directional import PerformancePolygon as PerformancePolygon
-from .ellipsoid_fits import fit_axes as fit_axes
-from .ellipsoid_fits import fit_ellipsoids as fit_ellipsoids
 from .geodesic import FastestPath as FastestPath
 from .geodesic import fastest_path as fastest_path
 from .geodesic import path_time as path_time
 from .motor_curves import MotorCurve as MotorCurve
+from .speed_ellipsoids import fit_axes as fit_axes
+from .speed_ellipsoids import fit_ellipsoids as fit_ellipsoids
 from .speed_models import AxesEllipses as AxesEllipses
 from .speed_models import PolynomialEllipsoids as PolynomialEllipsoids
 from .speed_models import SpeedModel as SpeedModel

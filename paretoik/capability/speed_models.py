@@ -2,7 +2,7 @@
 
 Directional maxima come as polygons (unions over postures, not convex), one at each position. A model is an ellipsoid
 at every position. Source: Kim, Choi & Jang 2021, Model-predictive-control-based time-optimal trajectory planning of the
-distributed actuation mechanism, section 3.1 and Eq. 5. ``ellipsoid_fits`` fits them.
+distributed actuation mechanism, section 3.1 and Eq. 5. ``speed_ellipsoids`` fits them.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from paretoik.nlp.program import Solver
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.variation import Differential, SmoothMutation
+from paretoik.search.smooth_operators import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import STOP
 from paretoik.task.differences import Differences

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.directional import unit_directions
-from paretoik.capability.ellipsoid_fits import ellipsoids_at, fit_axes, fit_ellipsoids
+from paretoik.capability.speed_ellipsoids import ellipsoids_at, fit_axes, fit_ellipsoids
 from paretoik.capability.speed_models import AxesEllipses, PolynomialEllipsoids
 from paretoik.capability.speed_samples import FitErrors, fit_errors
 from paretoik.errors import ParetoikError

@@ -33,7 +33,7 @@ from paretoik.search.endings import Progress
 from paretoik.search.evolution import evolve
 from paretoik.search.mating import BranchwiseMating
 from paretoik.search.nsga2 import MaxiMinNSGA2
-from paretoik.search.variation import Differential, SmoothMutation
+from paretoik.search.smooth_operators import Differential, SmoothMutation
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verify
 

@@ -1,4 +1,4 @@
-"""Operators for genes that are coordinates of one smooth thing, such as the coefficients of a spline."""
+"""Crossover and mutation for genes that are coordinates of one smooth thing, such as the coefficients of a spline."""
 
 from __future__ import annotations
 
