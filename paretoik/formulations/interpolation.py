@@ -9,8 +9,6 @@ from paretoik.formulations.base_motions import evaluate_motions
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest
 
-POSSIBLE = 1.0  # of a limit's range: what exceeds it by more is no motion, as through an obstacle
-
 
 def values_between(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"], shares: Float[np.ndarray, " shares"]
@@ -33,6 +31,6 @@ def values_between(
 def possible_values(
     F: Float[np.ndarray, "points n_obj"], violation: Float[np.ndarray, "points limits"]
 ) -> Float[np.ndarray, "points n_obj"]:
-    """Return objectives, inf where they have no value or a limit is exceeded by more than its range."""
-    possible = np.isfinite(F).all(axis=1) & ~(violation > POSSIBLE).any(axis=1)
+    """Return objectives, inf where they have no value or a limit is exceeded by more than its whole range."""
+    possible = np.isfinite(F).all(axis=1) & ~(violation > 1.0).any(axis=1)
     return np.where(possible[:, None], F, np.inf)

@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import sparse
 
+CLARABEL_TOLERANCE = 1e-10  # of gaps and infeasibilities: steps and moves are known to about its square root
+
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
     """Return a dense matrix as a sparse one that has every entry: its pattern follows from its shape alone."""

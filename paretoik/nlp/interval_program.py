@@ -20,8 +20,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
-
-TOLERANCE = 1e-10  # of Clarabel, of the time that a piece takes: moves are known to about its square root
+from paretoik.nlp.conic import CLARABEL_TOLERANCE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +53,7 @@ class IntervalSolver:
         self._settings = clarabel.DefaultSettings()
         self._settings.verbose = False
         self._settings.presolve_enable = False  # it could drop rows, and data of another size cannot be updated
-        self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = TOLERANCE
+        self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = CLARABEL_TOLERANCE
         self._place_entries()
         self._solver: clarabel.DefaultSolver | None = None
 

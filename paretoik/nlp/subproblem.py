@@ -25,9 +25,7 @@ from scipy import sparse
 
 from paretoik.errors import SolverFailed
 from paretoik.nlp.canonical import CanonicalForm, Parameters, Pattern, Statement, parameter_values, state_cones
-from paretoik.nlp.conic import Constraints
-
-TOLERANCE = 1e-10  # of Clarabel's gaps and infeasibilities
+from paretoik.nlp.conic import CLARABEL_TOLERANCE, Constraints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +103,7 @@ class ConvexSubproblem:
         numbers = _numbers(gradient, constraints, radius, penalty, scales)
         near = constraints.within_reach(radius, order=1)
         used = self._form.rows_in_use(self._rows, near)
-        x, dual = self._form.solve("step", numbers, used, TOLERANCE, self._quadratic(hessian))
+        x, dual = self._form.solve("step", numbers, used, CLARABEL_TOLERANCE, self._quadratic(hessian))
         multipliers = np.zeros(self._rows)
         multipliers[near] = dual[: len(near)] / scales[near]
         cone_rows = sum(len(cone.values) + 1 for cone in constraints.cones)

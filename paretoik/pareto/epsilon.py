@@ -70,11 +70,7 @@ def epsilon_points(
     ends = evaluate_points(program, best)
     if len(alone) == n_obj:
         with suppress(Interrupted):
-            ends = _ends(program, best, solver)
-            narrower = ranges_of(ends.objectives[:, :n_obj] * ranges, sizes)
-            if (narrower < OPTIONS.narrower * ranges).any():  # what is left open at an end may be far from the front
-                rescaled = program_of(narrower)
-                ends, program, ranges = _ends(rescaled, best, solver), rescaled, narrower
+            ends, program, ranges = _rescaled_ends(program_of, best, ranges, sizes, solver)
     if initial is not None and not refined:
         initial = refine(program, initial, n_obj, solver=solver)[0]
     sweep = Sweep(
@@ -108,6 +104,25 @@ def _weights(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "poin
     with suppress(Interrupted):
         return weights_at(program, x, n_obj) if n_obj == 2 else None
     return None
+
+
+def _rescaled_ends(
+    program_of: Callable[[Float[np.ndarray, " n_obj"]], Program],
+    best: Points,
+    ranges: Float[np.ndarray, " n_obj"],
+    sizes: Float[np.ndarray, " n_obj"],
+    solver: Solver,
+) -> tuple[Solutions, Program, Float[np.ndarray, " n_obj"]]:
+    """Return the ends, and the program and ranges that they were found with: their own where these are narrower."""
+    program = program_of(ranges)
+    ends = _ends(program, best, solver)
+    narrower = ranges_of(ends.objectives[:, : len(best)] * ranges, sizes)
+    if not (narrower < OPTIONS.narrower * ranges).any():
+        return ends, program, ranges
+    rescaled = program_of(narrower)  # what is left open at an end may be far from the front
+    with suppress(Interrupted):
+        return _ends(rescaled, best, solver), rescaled, narrower
+    return ends, program, ranges
 
 
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
