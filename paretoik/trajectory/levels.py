@@ -26,6 +26,7 @@ from paretoik.trajectory.transcription import motion_program
 
 Observe = Callable[[int, int, int], object]
 Further = Callable[[Solutions], tuple[np.ndarray, Sequence[InteriorPointOptions]]]
+FurtherAt = Callable[[MotionProgram, np.ndarray, Solutions | None], Further | None]
 Disturb = Callable[[MotionProgram, Solutions], Solutions]
 
 
@@ -98,14 +99,15 @@ def refine_levels(
     *,
     solver: Solver = "auto",
     restore: bool = False,
-    further: Further | None = None,
+    further: FurtherAt | None = None,
     disturb: Disturb | None = None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
 
-    ``programs`` are those of ``level_programs``, ``q`` starts of the first; ``further`` returns more of them, and
-    barriers for them, given their solutions, until it returns none. ``disturb`` returns optima and those that they lead
-    to, on one of the finer levels. Where limits are violated at the end, ``restore`` first minimises the violation
+    ``programs`` are those of ``level_programs``, ``q`` starts of the first. At each level ``further`` is given its
+    program, its starts and the optima of the level before, None at the first; it returns what returns more starts, and
+    barriers for them, given the solutions so far, until it returns none. ``disturb`` returns optima and those that they
+    lead to, on one of the finer levels. Where limits are violated at the end, ``restore`` first minimises the violation
     alone; where none of the first level can be restored, its least-violating motions are returned. ``observe`` is
     called after each level with its number of samples, of starts and of optima.
 
@@ -123,7 +125,8 @@ def refine_levels(
         barriers = [each if exact else coarse(each) for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
         search = partial(_minimise_in_turn, program, weights, upper, solver, barriers)
         try:
-            solutions, q = _solve_level(search, q, further if first else None)
+            more = None if further is None else further(program, q, None if coarser is None else coarser[1])
+            solutions, q = _solve_level(search, q, more)
             if restore and (first or not finer) and not solutions.converged.any():
                 solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
         except Interrupted as stop:

@@ -35,9 +35,8 @@ from paretoik.trajectory.levels import (
     refine_levels,
 )
 from paretoik.trajectory.plan_starts import sample_starts
-from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.restarts import OPTIONS as RESTARTS
-from paretoik.trajectory.restarts import RestartPolicy, disturb_best, first_portions
+from paretoik.trajectory.restarts import LevelRestarts, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
 
@@ -85,11 +84,12 @@ def find_optima(
 
     ``starts`` motions per degree of redundancy, by default up to 48 until a better one is hardly unseen, are sampled
     and minimised at the coarsest level of samples that leads to an optimum. ``RestartPolicy`` adds independent starts
-    there while one of the optima unseen so far is likely a better one; where optima are many it also perturbs the best
-    at random while that finds better ones. The distinct optima are refined on finer levels up to the task's own
-    samples; on one of them the best of many are perturbed again. ``initial`` motions on the path are minimised at the
-    task's own samples, and are starts too: the best of the plan is no worse than the best feasible of them. ``observe``
-    is called after each level with its number of samples, of starts and of optima.
+    there while one of the optima unseen so far is likely a better one, and on the next level too where values change
+    much; where optima are many it also perturbs the best at random while that finds better ones. The distinct optima
+    are refined on finer levels up to the task's own samples; on one of them the best of many are perturbed again.
+    ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the best of the plan is
+    no worse than the best feasible of them. ``observe`` is called after each level with its number of samples, of
+    starts and of optima.
 
     Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
@@ -162,28 +162,20 @@ def _search_from(
     q = sample_starts(level, count * max(task.redundancy, 1), rng)
     warm = q[:0] if initial is None else initial[:, np.searchsorted(task.times, level.times)]
     programs = level_programs(task, objective_scales(task, np.concatenate([warm, q])), first)
-    portions = [q] if starts is not None or programs[-1].unsupported else first_portions(q)
-    q = np.concatenate([warm, portions[0]])
-    policy = None if programs[-1].unsupported else RestartPolicy(level, q, -(-count // 2), rng, portions[1:])
-
-    def disturb(program: MotionProgram, solutions: Solutions) -> Solutions:
-        if policy is None or not policy.several or not solutions.converged.any():
-            return solutions
-        patience = RESTARTS.patience if policy.improved else 1
-        return disturb_best(program, solutions, rng, solver, patience=patience)
-
-    solutions, levels = refine_levels(
+    supported = not programs[-1].unsupported
+    portions = first_portions(q) if starts is None and supported else [q]
+    restarts = LevelRestarts(portions[1:], count, rng, solver)
+    return refine_levels(
         programs,
-        q,
+        np.concatenate([warm, portions[0]]),
         np.ones(1),
         np.full(1, np.inf),
         observe,
         restore=True,
-        further=policy,
-        disturb=disturb,
+        further=restarts.further if supported else None,
+        disturb=restarts.disturb if supported else None,
         solver=solver,
     )
-    return solutions, levels
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:

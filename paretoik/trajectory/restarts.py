@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.nlp.interior_point_options import InteriorPointOptions
-from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solver
-from paretoik.nlp.solutions import Solutions, concatenate
+from paretoik.nlp.solutions import Solutions
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.motion_starts import perturbed_starts, recombined_starts
 from paretoik.task.motion_task import MotionTask
+from paretoik.trajectory.basin_hopping import OPTIONS as HOPPING
+from paretoik.trajectory.basin_hopping import disturb, disturb_best
 from paretoik.trajectory.levels import OPTIONS as LEVELS
-from paretoik.trajectory.levels import coarse, distinct_rows
+from paretoik.trajectory.levels import Further
 from paretoik.trajectory.plan_starts import grid_starts, sample_starts, sample_travelling
 from paretoik.trajectory.program import MotionProgram, joint_distance
 
@@ -29,37 +29,22 @@ class RestartOptions:
 
     Where nobody says how many, ``starts`` for every degree of redundancy are sampled, and minimised in so many
     ``portions`` while better optima are likely unseen. ``expected`` is the number of better optima that the next batch
-    may be expected to find, below which no independent starts are added; in at most so many ``rounds``. Of the best
-    optima so many ``centers`` are perturbed, each so often as ``copies`` says, by ``perturbation`` [rad or lengths of
-    the arm, RMS: least, largest]. Twice as many are recombined with others as often as ``crossings`` says each: the
-    best of so many ``tries`` for one. Both go on until so many batches in turn as ``patience`` says brought nothing
-    better; with one degree of redundancy only where optima are ``many``, with more only where another start finds an
-    unseen optimum with a probability above ``unseen``. They are minimised from ``barrier``: a high one leaves basins.
-    Optima within ``distance`` (rad or lengths of the arm, RMS) whose values differ by a share of at most ``value``
-    count as one. A branch that so many starts led nowhere as ``doomed`` says is left out. ``gain`` is the share of a
-    value by which another is better. The best are disturbed once more on a finer level, in at most ``final_rounds``:
-    what is best there is not what is best on the coarsest. Where nothing better came of it on the coarsest, one batch
-    that brings nothing is enough there.
+    may be expected to find, below which no independent starts are added; in at most so many ``rounds``. The best are
+    disturbed until so many batches in turn as basin hopping's ``patience`` says brought nothing better; with one degree
+    of redundancy only where optima are ``many``, with more only where another start finds an unseen optimum with a
+    probability above ``unseen``. A branch that so many starts led nowhere as ``doomed`` says is left out. Where the
+    best value changes from the first level to the next by more than a share ``misled``, the first does not tell which
+    optima are good: starts are sampled on the next as well.
     """
 
     starts: int = 48
     portions: int = 4
     expected: float = 0.05
     rounds: int = 6
-    centers: int = 4
-    copies: int = 4
-    crossings: int = 2
-    tries: int = 8
-    perturbation: tuple[float, float] = (0.2, 2.0)
-    patience: int = 2
     many: int = 6
     unseen: float = 0.02
-    barrier: InteriorPointOptions = InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300)
-    distance: float = 0.1
-    value: float = 1e-3
     doomed: int = 4
-    gain: float = 1e-6
-    final_rounds: int = 20
+    misled: float = 0.3
 
 
 OPTIONS = RestartOptions()
@@ -84,12 +69,14 @@ class RestartPolicy:
         count: int,
         rng: np.random.Generator,
         waiting: Sequence[Float[np.ndarray, "starts samples dof"]] = (),
+        *,
+        independent: bool = True,
     ) -> None:
         self.level, self.count, self.rng, self.waiting = level, count, rng, list(waiting)
         self.rounds, self.failures, self.best = 0, 0, np.inf
         self.several = self.improved = False  # whether optima are likely unseen, and whether restarts found better ones
-        self.grid_tried = level.redundancy > 1
-        self.independent = np.ones(len(q), dtype=bool)  # of all starts so far: neither perturbed nor of a grid
+        self.grid_tried = level.redundancy > 1 or not independent
+        self.independent = np.full(len(q), independent)  # of all starts so far: not perturbed, of a grid or coarser
         self.starts, self.labels = [q], list[str]()
 
     def __call__(self, solutions: Solutions) -> Batch:
@@ -100,7 +87,7 @@ class RestartPolicy:
         if not solutions.converged.any():
             return self._batch([] if self.grid_tried else [self._grid()], [])
         best = float(solutions.objectives[solutions.converged, 0].min())
-        better = self.best == np.inf or best < self.best - OPTIONS.gain * abs(self.best)
+        better = self.best == np.inf or best < self.best - HOPPING.gain * abs(self.best)
         self.improved = self.improved or (better and self.best < np.inf)
         self.failures, self.best = 0 if better else self.failures + 1, min(best, self.best)
         optima, hits = self._optima(solutions)
@@ -114,7 +101,7 @@ class RestartPolicy:
                 independent.append(self._without_doomed(self._sample(), solutions))
             many = len(optima) >= OPTIONS.many
             self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
-            if self.several and self.failures <= OPTIONS.patience:
+            if self.several and self.failures <= HOPPING.patience:
                 perturbed.append(disturb(self.level, solutions.x[optima], self.rng))
         self.rounds += 1
         return self._batch(perturbed, independent)
@@ -125,14 +112,14 @@ class RestartPolicy:
         self.independent = np.concatenate([self.independent, *flags])
         q = np.concatenate([np.empty((0, len(self.level.times), self.level.arm.dof)), *parts])
         self.starts.append(q)
-        return q, (OPTIONS.barrier,) if len(dependent) and self.rounds else ()
+        return q, (HOPPING.barrier,) if len(dependent) and self.rounds else LEVELS.cold
 
     def _waiting_portion(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the next starts that wait; none once neither they nor a further batch likely find a better optimum.
 
         The next start finds another optimum with the probability ``_unseen``; one in w + 1 of these is better than all.
         """
-        if self.waiting and solutions.converged.any():
+        if self.waiting and solutions.converged.any() and self.independent.any():
             hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
             expected = max(
                 count * _unseen(hits) / (np.count_nonzero(hits) + 1),
@@ -149,8 +136,8 @@ class RestartPolicy:
         for i in np.argsort(values, kind="stable")[: solutions.converged.sum()]:
             if not remaining[i]:
                 continue
-            near = np.flatnonzero(remaining & (values <= values[i] + OPTIONS.value * abs(values[i])))
-            same = near[joint_distance(self.level, solutions.x[i], solutions.x[near]) <= OPTIONS.distance]
+            near = np.flatnonzero(remaining & (values <= values[i] + HOPPING.value * abs(values[i])))
+            same = near[joint_distance(self.level, solutions.x[i], solutions.x[near]) <= HOPPING.distance]
             remaining[same] = False
             rows.append(int(i))
             hits.append(int(self.independent[same].sum()))
@@ -183,12 +170,67 @@ class RestartPolicy:
         return grid_starts(self.level, self.level.arm.dof)
 
 
+class LevelRestarts:
+    """The restarts of a plan, level by level, as ``refine_levels`` asks for them.
+
+    On the first level starts are added to ``portions`` of them, which wait; on the next as well where the first
+    misled, and so many ``starts`` for every degree of redundancy are sampled there. On the last level where it counts
+    the best are disturbed: with ``patience`` where that found better ones before.
+    """
+
+    def __init__(
+        self,
+        portions: Sequence[Float[np.ndarray, "starts samples dof"]],
+        starts: int,
+        rng: np.random.Generator,
+        solver: Solver,
+    ) -> None:
+        self.portions, self.starts, self.rng, self.solver = portions, starts, rng, solver
+        self.policies = list[RestartPolicy]()
+
+    def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
+        """Return what adds starts on a level; None for none."""
+        count = -(-self.starts // 2)
+        if coarser is None:
+            self.policies.append(RestartPolicy(program.task, q, count, self.rng, self.portions))
+            return self.policies[0]
+        if len(self.policies) > 1:
+            return None
+
+        def add(solutions: Solutions) -> Batch:
+            if len(self.policies) == 1:
+                level, waiting = program.task, list[np.ndarray]()
+                if is_misled(coarser, solutions):
+                    sampled = sample_starts(level, self.starts * max(level.redundancy, 1), self.rng)
+                    waiting = first_portions(sampled)
+                self.policies.append(RestartPolicy(level, q, count, self.rng, waiting, independent=False))
+            policy = self.policies[1]
+            return policy(solutions) if policy.waiting or policy.independent.any() else (q[:0], ())
+
+        return add
+
+    def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
+        """Return optima, and those that the best lead to where many are likely unseen."""
+        if not solutions.converged.any() or not any(policy.several for policy in self.policies):
+            return solutions
+        patience = HOPPING.patience if any(policy.improved for policy in self.policies) else 1
+        return disturb_best(program, solutions, self.rng, self.solver, patience=patience)
+
+
 def first_portions(
     q: Float[np.ndarray, "starts samples dof"],
 ) -> list[Float[np.ndarray, "portion samples dof"]]:
     """Return starts dealt out in turn, so that every portion has some of every kind and each keeps its barrier."""
     turn = np.arange(len(q)) // len(LEVELS.cold) % OPTIONS.portions
     return [q[turn == i] for i in range(OPTIONS.portions)]
+
+
+def is_misled(coarse: Solutions, fine: Solutions) -> bool:
+    """Return whether the best value on a level is another on the next one by more than a share."""
+    if not (coarse.converged.any() and fine.converged.any()):
+        return False
+    before, now = (float(each.objectives[each.converged, 0].min()) for each in (coarse, fine))
+    return abs(now - before) > OPTIONS.misled * abs(now)
 
 
 def _expected_better(hits: Int[np.ndarray, " optima"], count: int, starts: int) -> float:
@@ -205,96 +247,3 @@ def _unseen(hits: Int[np.ndarray, " optima"]) -> float:
     """
     optima, starts = int(np.count_nonzero(hits)), int(hits.sum())
     return min(1.0, optima * (optima + 1) / max(starts * (starts - 1), 1))
-
-
-def disturb(
-    task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
-) -> Float[np.ndarray, "starts time dof"]:
-    """Return the first of some optima perturbed several times each, little and much, and recombined in pairs."""
-    copies = np.repeat(q[: OPTIONS.centers], OPTIONS.copies, axis=0)
-    least, largest = np.log(OPTIONS.perturbation)
-    perturbed = perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
-    return np.concatenate([perturbed, _recombine(task, q, rng)]) if len(q) > 1 else perturbed
-
-
-def _recombine(
-    task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
-) -> Float[np.ndarray, "starts time dof"]:
-    """Return the best of many motions that are like one of the first optima, for a while like another.
-
-    Where optima come near one another they may change over for little, and what is better before may be joined to
-    what is better after.
-    """
-    count = OPTIONS.crossings * min(len(q), 2 * OPTIONS.centers)
-    first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * count)
-    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other
-    x = recombined_starts(task, q[first], q[second], rng)
-    if not len(x):
-        return x
-    motions = task.motion(x)
-    violation = np.maximum(task.violations(motions), 0).sum(axis=1) if task.limit_names else np.zeros(len(x))
-    order = np.lexsort((task.objectives[0].sign * task.objectives[0](motions), np.round(violation, 1)))
-    chosen = x[:0]
-    for i in order:
-        others = np.concatenate([q, chosen])
-        if len(chosen) < count and joint_distance(task, x[i], others).min() > OPTIONS.distance:
-            chosen = np.concatenate([chosen, x[i : i + 1]])
-    return chosen
-
-
-def disturb_best(
-    program: MotionProgram,
-    solutions: Solutions,
-    rng: np.random.Generator,
-    solver: Solver = "auto",
-    *,
-    patience: int = OPTIONS.patience,
-) -> Solutions:
-    """Return optima and those that the best lead to, disturbed or from high barriers, while the best gets better.
-
-    Where valleys are many, neighbouring ones are as often better as not. Starts are minimised as on a coarse level;
-    only where they lead to other optima are these refined. It ends after so many batches in turn as ``patience`` says
-    that brought nothing better.
-    """
-    task, failures, centers = program.task, 0, solutions.x[:0]
-    for _ in range(OPTIONS.final_rounds):
-        before, best = float(solutions.objectives[0, 0]), solutions.x[: OPTIONS.centers]
-        others = best[_far(task, best, centers)]
-        centers = np.concatenate([centers, others])
-        batches = [(others, barrier) for barrier in LEVELS.cold]
-        batches.append((disturb(task, solutions.x, rng), OPTIONS.barrier))
-        x, options = np.concatenate([x for x, _ in batches]), [coarse(each) for x, each in batches for _ in x]
-        if not len(x):
-            break
-        rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
-        rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
-        rough = rough[rough.converged & _new(task, rough, solutions)]
-        if len(rough):
-            ends = minimise(program, rough.x, np.eye(1, len(program.upper)), options=LEVELS.warm, solver=solver)
-            both = concatenate((solutions, ends))
-            solutions = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
-        better = solutions.objectives[0, 0] < before - OPTIONS.gain * abs(before)
-        failures = 0 if better else failures + 1
-        if failures >= patience:
-            break
-    return solutions
-
-
-def _far(task: MotionTask, q: np.ndarray, others: np.ndarray) -> Bool[np.ndarray, " motions"]:
-    """Return which motions are none of the others."""
-    return np.array([not len(others) or joint_distance(task, x, others).min() > LEVELS.distinct for x in q])
-
-
-def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.ndarray, " motions"]:
-    """Return which rough ends are near none of the solutions of about their value."""
-    values = solutions.objectives[:, 0]
-    return np.array(
-        [
-            not np.any(
-                (np.abs(values - value) <= OPTIONS.value * np.abs(values))
-                & (joint_distance(task, x, solutions.x) <= OPTIONS.distance)
-            )
-            for x, value in zip(rough.x, rough.objectives[:, 0], strict=True)
-        ],
-        dtype=bool,
-    )

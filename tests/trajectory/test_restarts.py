@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.minimise import minimise
 from paretoik.nlp.solutions import CONVERGED, VIOLATED, Solutions
 from paretoik.self_motion.branches import branch_labels
-from paretoik.self_motion.motion_starts import perturbed_starts, recombined_starts
-from paretoik.trajectory import restarts
+from paretoik.self_motion.motion_starts import perturbed_starts
+from paretoik.trajectory import basin_hopping, restarts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
-from paretoik.trajectory.levels import coarsest_level, objective_scales
+from paretoik.trajectory.levels import coarsest_level
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import sample_starts
-from paretoik.trajectory.program import joint_distance
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 
@@ -52,7 +50,8 @@ def test_restarts_find_better_valleys_where_redundancy_is_more_than_one(monkeypa
     path = pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=26)
     problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
     with_restarts = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
-    monkeypatch.setattr(restarts, "OPTIONS", replace(restarts.OPTIONS, rounds=0, final_rounds=0))
+    monkeypatch.setattr(restarts, "OPTIONS", replace(restarts.OPTIONS, rounds=0))
+    monkeypatch.setattr(basin_hopping, "OPTIONS", replace(basin_hopping.OPTIONS, final_rounds=0))
     without = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
     assert all(one <= other * (1 + 1e-6) for one, other in zip(with_restarts, without, strict=True))
     assert any(one < 0.99 * other for one, other in zip(with_restarts, without, strict=True))
@@ -77,7 +76,7 @@ def test_starts_wait_while_a_better_optimum_is_likely_unseen_and_no_longer():
     few = ends(portions[0], np.arange(12.0) % 4)  # far apart: optima each
     more, barriers = policy(few)
     assert np.array_equal(more, portions[1])
-    assert not barriers
+    assert barriers == LEVELS.cold
     one = np.repeat(portions[0][:1], 24, axis=0)
     more, _ = policy(ends(one, np.ones(24)))
     assert len(more) == 0
@@ -129,55 +128,18 @@ def test_motions_with_long_steps_can_be_perturbed_too():
     assert len(perturbed_starts(task, np.repeat(q, 4, axis=0), np.random.default_rng(1), size=0.2)) > 0
 
 
-def test_recombined_optima_are_near_none_that_there_is():
-    problem = pk.Tracking(
-        pk.Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4),
-        pk.line([0.9, 0.2], [-0.2, 0.5], duration=1.0, samples=26),
-        objectives=[pk.torque_norm],
-    )
-    q = sample_starts(problem.task, 24, np.random.default_rng(0))
-    mixed = restarts._recombine(problem.task, q, np.random.default_rng(1))
-    assert len(mixed) > 4
-    for one in mixed:
-        assert joint_distance(problem.task, one, q).min() > restarts.OPTIONS.distance
-    any_pairs = recombined_starts(problem.task, q, np.roll(q, 1, axis=0), np.random.default_rng(2))
-    usual, chosen = (float(np.median(pk.torque_norm(problem.task.motion(x)))) for x in (any_pairs, mixed))
-    assert chosen < usual
-
-
-def test_where_no_pair_can_be_recombined_there_is_none(monkeypatch):
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(), pk.line([0.4, 0.1], [0.1, 0.2], duration=1.0, samples=26), objectives=[pk.manipulability]
-    )
-    q = sample_starts(problem.task, 4, np.random.default_rng(0))
-    monkeypatch.setattr(restarts, "recombined_starts", lambda task, q, others, rng: q[:0])
-    assert restarts._recombine(problem.task, q, np.random.default_rng(1)).shape == (0, *q.shape[1:])
-
-
-def test_an_optimum_that_cannot_be_disturbed_is_led_from_high_barriers_and_kept(monkeypatch):
-    level = coarsest_level(tringali_2020.simulation_1().task)
-    q = starts_on(level, 1)
-    program = motion_program(level, objective_scales(level, q))
-    ends = minimise(program, q, np.ones((1, 1)), options=LEVELS.cold[2])
-    monkeypatch.setattr(restarts, "perturbed_starts", lambda task, q, rng, size: q[:0])
-    more = restarts.disturb_best(program, ends, np.random.default_rng(0))
-    assert joint_distance(level, ends.x[0], more.x).min() < 0.01
-
-
-def test_disturbing_the_best_loses_no_optimum_and_leads_to_better_ones():
-    problem = pk.Tracking(
-        pk.Arm.planar(lengths=[0.4, 0.3, 0.3, 0.2], masses=[1.0] * 4, centers=[0.2, 0.15, 0.15, 0.1]),
-        pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=26),
-        objectives=[pk.torque_norm],
-    )
-    q = sample_starts(problem.task, 12, np.random.default_rng(0))
-    program = motion_program(problem.task, objective_scales(problem.task, q))
-    ends = minimise(program, q, np.ones((1, 1)), options=LEVELS.cold[2])
-    order = np.argsort(np.where(ends.converged, ends.objectives[:, 0], -np.inf))
-    few = ends[order[:-3:-1][::-1]]  # the worst two
-    more = restarts.disturb_best(program, few, np.random.default_rng(1))
-    assert more.converged.all()
-    assert (np.diff(more.objectives[:, 0]) >= 0).all()
-    assert more.objectives[0, 0] < few.objectives[0, 0] * (1 - 1e-3)
-    for one in few.x:
-        assert joint_distance(problem.task, one, more.x).min() < 0.02
+def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there_alone():
+    task = tringali_2020.simulation_1().task
+    level = coarsest_level(task)
+    q, finer = starts_on(level, 12), motion_program(task, np.ones(1))
+    coarse, fine = ends(q, np.arange(1.0, 13)), starts_on(task, 3)
+    for best, misled in ((1.4, False), (1.5, True)):
+        level_restarts = restarts.LevelRestarts([], 24, np.random.default_rng(0), "auto")
+        assert level_restarts.further(motion_program(level, np.ones(1)), q, None) is not None
+        further = level_restarts.further(finer, fine, coarse)
+        more, barriers = further(ends(fine, [best, 2.0, 3.0]))
+        assert bool(len(more)) == misled
+        if misled:
+            assert more.shape[1:] == fine.shape[1:]
+            assert barriers == LEVELS.cold
+        assert level_restarts.further(finer, fine, coarse) is None  # a third level
