@@ -23,6 +23,7 @@ def solve(
     generations: Annotated[
         int | None, typer.Option(help="Most generations (500; of a closed loop its own).", show_default=False)
     ] = None,
+    points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 200,
     seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
     time_limit: Annotated[float | None, typer.Option(help="Stop after so many seconds and keep the result.")] = None,
     refine: Annotated[
@@ -49,6 +50,7 @@ def solve(
             load_problem(problem),
             population=population,
             generations=generations,
+            points=points,
             seed=seed,
             out=out,
             time_limit=time_limit,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -47,6 +48,11 @@ class Gap:
     contradicts: bool
     is_concave: bool
 
+    @cached_property
+    def subsets(self) -> BestSubsets:
+        """The best places for any number of points."""
+        return BestSubsets(self.places)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
@@ -57,9 +63,37 @@ class Target:
     gain: float
 
 
-def volume(values: Float[np.ndarray, "points 2"]) -> float:
-    """Return the hypervolume of points, in the order of the first objective, up to the worst value of each."""
-    return float(((values[-1, 0] - values[1:, 0]) * (values[:-1, 1] - values[1:, 1])).sum())
+class BestSubsets:
+    """The subsets of points that have the most hypervolume less ``cost``, of every size, both ends among them.
+
+    ``values`` are mutually non-dominated, in the order of the first objective; hypervolume is up to the worst value of
+    each objective. By dynamic programming, as far as sizes are asked for.
+    """
+
+    def __init__(self, values: Float[np.ndarray, "points 2"], cost: Float[np.ndarray, " points"] | float = 0.0) -> None:
+        first, second = values.T
+        self._gain = (first[-1] - first) * (second[:, None] - second) - cost  # of a point (column) after another (row)
+        self._gain[np.tril_indices(len(values))] = -np.inf
+        self._best, self._before = [self._gain[0]], list[np.ndarray]()
+
+    def _extend(self, count: int) -> None:
+        while len(self._before) < count - 2:
+            sums = self._best[-1][:, None] + self._gain
+            self._before.append(sums.argmax(axis=0))
+            self._best.append(sums.max(axis=0))
+
+    def rows(self, count: int) -> Int[np.ndarray, " rows"]:
+        """Return the rows of so many points: two or more, no more than there are."""
+        self._extend(count)
+        rows = [len(self._gain) - 1]
+        for before in reversed(self._before[: count - 2]):
+            rows.append(int(before[rows[-1]]))
+        return np.array([0, *reversed(rows)])
+
+    def volume(self, count: int) -> float:
+        """Return the hypervolume, less the cost, of so many points: two or more, no more than there are."""
+        self._extend(count)
+        return float(self._best[count - 2][-1])
 
 
 def best_rows(
@@ -69,21 +103,8 @@ def best_rows(
 
     ``values`` are mutually non-dominated, in the order of the first objective.
     """
-    size, count = len(values), max(count, 2)
-    if size <= count:
-        return np.arange(size)
-    first, second = values.T
-    gain = (first[-1] - first) * (second[:, None] - second) - cost  # of a point (column) after another (row)
-    gain[np.tril_indices(size)] = -np.inf
-    best, before = gain[0], list[np.ndarray]()
-    for _ in range(count - 2):
-        sums = best[:, None] + gain
-        before.append(sums.argmax(axis=0))
-        best = sums.max(axis=0)
-    rows = [size - 1]
-    for row in reversed(before):
-        rows.append(int(row[rows[-1]]))
-    return np.array([0, *reversed(rows)])
+    count = max(count, 2)
+    return np.arange(len(values)) if len(values) <= count else BestSubsets(values, cost).rows(count)
 
 
 def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 2"]) -> Gap:
@@ -127,16 +148,18 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
 
 def _missing_target(gaps: Sequence[Gap], missing: int) -> Target:
     """Return the best of the places of so many points, shared out one by one to where each adds the most."""
-    chosen = [best_rows(gap.places, 3)[1:-1] for gap in gaps]
-    totals = np.zeros(len(gaps))
-    gains = np.array([volume(gap.places[best_rows(gap.places, 3)]) - volume(gap.places[[0, -1]]) for gap in gaps])
+    totals, full = np.zeros(len(gaps), dtype=int), OPTIONS.places + 2
+    gains = np.array([gap.subsets.volume(3) for gap in gaps])
     for _ in range(missing):
         k = int(np.argmax(gains))
-        chosen[k] = best_rows(gaps[k].places, 2 + int(totals[k]) + 1)[1:-1]
         totals[k] += 1
-        more = [volume(gaps[k].places[best_rows(gaps[k].places, 2 + int(totals[k]) + extra)]) for extra in (0, 1)]
-        gains[k] = more[1] - more[0]
-    targets = [_best_target(gap, i, chosen[i]) for i, gap in enumerate(gaps) if totals[i]]
+        points, more = (min(2 + int(totals[k]) + extra, full) for extra in (0, 1))
+        gains[k] = gaps[k].subsets.volume(more) - gaps[k].subsets.volume(points)
+    targets = [
+        _best_target(gap, i, gap.subsets.rows(min(2 + int(totals[i]), full))[1:-1])
+        for i, gap in enumerate(gaps)
+        if totals[i]
+    ]
     return max(targets, key=lambda target: target.gain)
 
 

@@ -23,7 +23,8 @@ from paretoik.pareto.scalarisation import Observe, main_weights, minimise_weight
 class Sweep:
     """The points so far, with their objectives and the weights of these in the Lagrangian, NaN where unknown.
 
-    ``tried`` has the objectives that were minimised between two neighbours (rows) without a new point.
+    ``tried`` has the objectives that were minimised between two neighbours (rows) without a new point, ``gaps`` what
+    is taken to lie between them.
     """
 
     program: Program
@@ -35,6 +36,7 @@ class Sweep:
     solver: Solver
     observe: Observe | None
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
+    gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
     def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
         """Add points, whether they are part of the front or not; ``weights`` are their objectives', if known."""
@@ -118,11 +120,14 @@ class Sweep:
         hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
         pairs = [*pairwise(rows.tolist()), *hull]
         pairs = [pair for pair in pairs if len(self.tried.get(pair, ())) < self.n_obj]
-        gaps = [gap_between(self._values[list(pair)], self.weights[list(pair)]) for pair in pairs]
-        valid = [pair not in hull or not gap.contradicts for pair, gap in zip(pairs, gaps, strict=True)]
-        return [pair for pair, one in zip(pairs, valid, strict=True) if one], [
-            gap for gap, one in zip(gaps, valid, strict=True) if one
-        ]
+        pairs = [pair for pair in pairs if pair not in hull or not self._gap(pair).contradicts]
+        return pairs, [self._gap(pair) for pair in pairs]
+
+    def _gap(self, pair: tuple[int, int]) -> Gap:
+        """Return the gap between two rows, which never change."""
+        if pair not in self.gaps:
+            self.gaps[pair] = gap_between(self._values[list(pair)], self.weights[list(pair)])
+        return self.gaps[pair]
 
     def _place(self, pair: tuple[int, int], gap: Gap, target: Target, cold: ColdSearch | None) -> None:
         """Minimise across the longer side of a gap, to the target on that, or else across the other side."""

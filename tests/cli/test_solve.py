@@ -33,8 +33,11 @@ def test_a_solver_is_named_for_refining(paretoik, mine, tmp_path):
     refused = paretoik("solve", f"{mine}:good", "--out", out, "--solver", "sqp")
     assert (refused.code, out.exists()) == (2, False)
     assert "solver: wants refine=True, got 'sqp' without it" in refused.err
-    ended = paretoik("solve", f"{mine}:good", "--out", out, *SMALL, "--refine", "--solver", "sqp", "--quiet")
+    ended = paretoik(
+        "solve", f"{mine}:good", "--out", out, *SMALL, "--refine", "--solver", "sqp", "--points", "6", "--quiet"
+    )
     assert ended.code == 0
+    assert len(load_front(out)) == 6
     assert load_front(out).provenance["settings"]["solver"] == "sqp"
 
 

@@ -11,9 +11,14 @@ from hypothesis import strategies as st
 
 from paretoik.front.indicators import hypervolume
 from paretoik.front.tangents import tangents_meet
-from paretoik.pareto.placement import OPTIONS, best_rows, gap_between, next_targets, volume
+from paretoik.pareto.placement import OPTIONS, BestSubsets, best_rows, gap_between, next_targets
 
 seeds = st.integers(0, 10**6)
+
+
+def volume(values):
+    """Hypervolume up to the worst values."""
+    return hypervolume(values, values.max(axis=0))
 
 
 def staircase(rng, size):
@@ -32,10 +37,12 @@ def test_the_subset_of_most_hypervolume_is_that_of_brute_force(seed, size, count
     assert volume(values[rows]) == pytest.approx(best)
 
 
-@given(seed=seeds)
-def test_volume_is_the_hypervolume_up_to_the_worst_values(seed):
-    values = staircase(np.random.default_rng(seed), 6)
-    assert volume(values) == pytest.approx(hypervolume(values, values.max(axis=0) * (1 + 1e-15)))
+@given(seed=seeds, size=st.integers(3, 9))
+def test_the_volume_of_every_subset_is_its_hypervolume_up_to_the_worst_values(seed, size):
+    values = staircase(np.random.default_rng(seed), size)
+    subsets = BestSubsets(values)
+    for count in (size, 2, size - 1):  # in any order
+        assert subsets.volume(count) == pytest.approx(volume(values[subsets.rows(count)]))
 
 
 def bowls(share):
