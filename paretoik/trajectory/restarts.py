@@ -44,7 +44,7 @@ class RestartOptions:
     many: int = 6
     unseen: float = 0.02
     doomed: int = 4
-    misled: float = 0.3
+    misled: float = 0.25
 
 
 OPTIONS = RestartOptions()

@@ -133,7 +133,7 @@ def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there
     level = coarsest_level(task)
     q, finer = starts_on(level, 12), motion_program(task, np.ones(1))
     coarse, fine = ends(q, np.arange(1.0, 13)), starts_on(task, 3)
-    for best, misled in ((1.4, False), (1.5, True)):
+    for best, misled in ((1.3, False), (1.35, True)):
         level_restarts = restarts.LevelRestarts([], 24, np.random.default_rng(0), "auto")
         assert level_restarts.further(motion_program(level, np.ones(1)), q, None) is not None
         further = level_restarts.further(finer, fine, coarse)
