@@ -38,9 +38,8 @@ def complete_front(
 ) -> Front:
     """Return a front as ``refine`` does, with at most so many ``points``, or its own where these are more.
 
-    Among them are the ends that ``plan`` finds by its own solver, and new ones where gaps gain the most; their ids
-    begin at ``first_id``. Each is refined by ``solver``. Where the planner finds nothing, the front is refined and no
-    more.
+    Among them are the ends that ``plan`` finds, and new ones where gaps gain the most; their ids begin at ``first_id``.
+    Where the planner finds nothing, the front is refined and no more.
     """
 
     def complete(
@@ -50,7 +49,9 @@ def complete_front(
             return x, ids, ranges
         with suppress(Infeasible, SolverFailed, Interrupted):
             check_interruption()
-            cold = formulation.cold_search(starts=OPTIONS.starts, seed=seed, observe=count_observer(shown, "optimum"))
+            cold = formulation.cold_search(
+                starts=OPTIONS.starts, seed=seed, solver=solver, observe=count_observer(shown, "optimum")
+            )
             complete_x, complete_ranges = epsilon_points(
                 formulation.program,
                 cold,
