@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from paretoik.errors import Infeasible
 from paretoik.nlp.interior_point_options import InteriorPointOptions
 from paretoik.nlp.program import Solver
 from paretoik.nlp.solutions import Solutions
@@ -174,8 +176,8 @@ class LevelRestarts:
     """The restarts of a plan, level by level, as ``refine_levels`` asks for them.
 
     On the first level starts are added to ``portions`` of them, which wait; on the next as well where the first
-    misled, and so many ``starts`` for every degree of redundancy are sampled there. On the last level where it counts
-    the best are disturbed: with ``patience`` where that found better ones before.
+    misled: so many ``starts`` for every degree of redundancy are sampled there. On the last level where it counts the
+    best are disturbed, for longer where restarts found better ones.
     """
 
     def __init__(
@@ -201,8 +203,8 @@ class LevelRestarts:
             if len(self.policies) == 1:
                 level, waiting = program.task, list[np.ndarray]()
                 if is_misled(coarser, solutions):
-                    sampled = sample_starts(level, self.starts * max(level.redundancy, 1), self.rng)
-                    waiting = first_portions(sampled)
+                    with suppress(Infeasible):  # the optima of the first level will do
+                        waiting = first_portions(sample_starts(level, self.starts * max(level.redundancy, 1), self.rng))
                 self.policies.append(RestartPolicy(level, q, count, self.rng, waiting, independent=False))
             policy = self.policies[1]
             return policy(solutions) if policy.waiting or policy.independent.any() else (q[:0], ())

@@ -143,3 +143,18 @@ def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there
             assert more.shape[1:] == fine.shape[1:]
             assert barriers == LEVELS.cold
         assert level_restarts.further(finer, fine, coarse) is None  # a third level
+
+
+def test_where_the_next_level_has_no_starts_the_optima_of_the_first_go_on(monkeypatch):
+    task = tringali_2020.simulation_1().task
+    q, fine = starts_on(coarsest_level(task), 12), starts_on(task, 3)
+    level_restarts = restarts.LevelRestarts([], 24, np.random.default_rng(0), "auto")
+    level_restarts.further(motion_program(coarsest_level(task), np.ones(1)), q, None)
+
+    def fail(*_):
+        raise pk.Infeasible("no roll-out")
+
+    monkeypatch.setattr(restarts, "sample_starts", fail)
+    further = level_restarts.further(motion_program(task, np.ones(1)), fine, ends(q, np.arange(1.0, 13)))
+    more, _ = further(ends(fine, [3.0, 4.0, 5.0]))
+    assert len(more) == 0
