@@ -30,6 +30,7 @@ class InteriorPointOptions(NamedTuple):
     multiplier_range: float = 1e8  # by which a multiplier may differ from μ over its slack; Wächter & Biegler, Eq. 16
     flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
     flat_barrier: float = 1e-6  # times μ: a predicted decrease below which a subproblem has nothing to gain
+    kink_flat_barrier: float = 1e-2  # the same where functions have kinks: steps along flat valleys end at each
     merit_rounding: float = 1e-14  # of the merit function, relative
     stalled_decrease: float = 1e-12  # of the merit function, relative: less is as good as none
     stalled_steps: int = 5  # that decrease it by less, after which a subproblem counts as solved

@@ -90,7 +90,11 @@ def _interior_point(
     count = len(x)
     if program.kinked:
         options = [
-            each._replace(iterations=each.kink_iterations * each.iterations, regularisation=each.kink_regularisation)
+            each._replace(
+                iterations=each.kink_iterations * each.iterations,
+                regularisation=each.kink_regularisation,
+                flat_barrier=each.kink_flat_barrier,
+            )
             for each in options
         ]
     unknown = np.full(len(program.upper), np.nan)

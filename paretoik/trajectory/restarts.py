@@ -35,8 +35,9 @@ class RestartOptions:
     disturbed until so many batches in turn as basin hopping's ``patience`` says brought nothing better; with one degree
     of redundancy only where optima are ``many``, with more only where another start finds an unseen optimum with a
     probability above ``unseen``. A branch that so many starts led nowhere as ``doomed`` says is left out. Where the
-    best value changes from the first level to the next by more than a share ``misled``, the first does not tell which
-    optima are good: starts are sampled on the next as well.
+    best value changes from the first level to the next by more than a share ``misled``, of it or, where it is next to
+    0, of ``negligible`` times what is usual at starts, the first does not tell which optima are good: starts are
+    sampled on the next as well.
     """
 
     starts: int = 48
@@ -47,6 +48,7 @@ class RestartOptions:
     unseen: float = 0.02
     doomed: int = 4
     misled: float = 0.25
+    negligible: float = 1e-3
 
 
 OPTIONS = RestartOptions()
@@ -228,11 +230,11 @@ def first_portions(
 
 
 def is_misled(coarse: Solutions, fine: Solutions) -> bool:
-    """Return whether the best value on a level is another on the next one by more than a share."""
+    """Return whether the best value on a level is another on the next one; both are divided by what is usual."""
     if not (coarse.converged.any() and fine.converged.any()):
         return False
     before, now = (float(each.objectives[each.converged, 0].min()) for each in (coarse, fine))
-    return abs(now - before) > OPTIONS.misled * abs(now)
+    return abs(now - before) > OPTIONS.misled * max(abs(now), OPTIONS.negligible)
 
 
 def _expected_better(hits: Int[np.ndarray, " optima"], count: int, starts: int) -> float:

@@ -145,6 +145,14 @@ def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there
         assert level_restarts.further(finer, fine, coarse) is None  # a third level
 
 
+@pytest.mark.parametrize(
+    ("coarse", "fine", "misled"), [(1e-9, 1e-6, False), (0.010, 0.012, False), (0.006, 0.02, True)]
+)
+def test_values_next_to_0_do_not_mislead(coarse, fine, misled):
+    q = np.zeros((2, 5, 3))
+    assert restarts.is_misled(ends(q, [coarse, 1.0]), ends(q, [fine, 1.0])) == misled
+
+
 def test_where_the_next_level_has_no_starts_the_optima_of_the_first_go_on(monkeypatch):
     task = tringali_2020.simulation_1().task
     q, fine = starts_on(coarsest_level(task), 12), starts_on(task, 3)
