@@ -101,15 +101,17 @@ def refine_levels(
     restore: bool = False,
     further: FurtherAt | None = None,
     disturb: Disturb | None = None,
+    max_optima: int = OPTIONS.max_optima,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
 
-    ``programs`` are those of ``level_programs``, ``q`` starts of the first. At each level ``further`` is given its
-    program, its starts and the optima of the level before, None at the first; it returns what returns more starts, and
-    barriers for them, given the solutions so far, until it returns none. ``disturb`` returns optima and those that they
-    lead to, on one of the finer levels. Where limits are violated at the end, ``restore`` first minimises the violation
-    alone; where none of the first level can be restored, its least-violating motions are returned. ``observe`` is
-    called after each level with its number of samples, of starts and of optima.
+    ``programs`` are those of ``level_programs``, ``q`` starts of the first; at most ``max_optima`` of a level are
+    refined on the next. At each level ``further`` is given its program, its starts and the optima of the level before,
+    None at the first; it returns what returns more starts, and barriers for them, given the solutions so far, until it
+    returns none. ``disturb`` returns optima and those that they lead to, on one of the finer levels. Where limits are
+    violated at the end, ``restore`` first minimises the violation alone; where none of the first level can be restored,
+    its least-violating motions are returned. ``observe`` is called after each level with its number of samples, of
+    starts and of optima.
 
     After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
     optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
@@ -131,7 +133,7 @@ def refine_levels(
                 solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
         except Interrupted as stop:
             return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
-        limit = OPTIONS.max_optima if finer else len(solutions)
+        limit = max_optima if finer else len(solutions)
         solutions = solutions[distinct_rows(task, solutions, solutions.objectives @ weights, limit=limit)]
         if disturb is not None and program is disturbed[0]:
             with suppress(Interrupted):

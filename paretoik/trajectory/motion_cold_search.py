@@ -12,6 +12,7 @@ from jaxtyping import Float
 from paretoik.errors import Infeasible
 from paretoik.nlp.program import Program, Solver
 from paretoik.nlp.solutions import Solutions
+from paretoik.pareto.epsilon_options import OPTIONS as EPSILON
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import first_levels, level_programs, refine_levels
 from paretoik.trajectory.plan import find_optima
@@ -50,7 +51,8 @@ class MotionColdSearch:
         first, starts = self._coarse_starts
         programs = level_programs(self.task, program.scales, first)
         try:
-            return refine_levels(programs, starts, weights, upper, self._show, solver=self.solver)[0]
+            optima = 2 * EPSILON.cold_optima  # that many are asked for, half may end elsewhere
+            return refine_levels(programs, starts, weights, upper, self._show, solver=self.solver, max_optima=optima)[0]
         except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
             return None
 
