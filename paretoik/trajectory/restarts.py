@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -190,28 +191,15 @@ class LevelRestarts:
         solver: Solver,
     ) -> None:
         self.portions, self.starts, self.rng, self.solver = portions, starts, rng, solver
-        self.policies = list[RestartPolicy]()
+        self.policies = list[RestartPolicy]()  # of the first level, and of the next where that misled
+        self.compared = False  # the first level with the next
 
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
         """Return what adds starts on a level; None for none."""
-        count = -(-self.starts // 2)
         if coarser is None:
-            self.policies.append(RestartPolicy(program.task, q, count, self.rng, self.portions))
+            self.policies.append(self._policy(program.task, q, self.portions))
             return self.policies[0]
-        if len(self.policies) > 1:
-            return None
-
-        def add(solutions: Solutions) -> Batch:
-            if len(self.policies) == 1:
-                level, waiting = program.task, list[np.ndarray]()
-                if is_misled(coarser, solutions):
-                    with suppress(Infeasible):  # the optima of the first level will do
-                        waiting = first_portions(sample_starts(level, self.starts * max(level.redundancy, 1), self.rng))
-                self.policies.append(RestartPolicy(level, q, count, self.rng, waiting, independent=False))
-            policy = self.policies[1]
-            return policy(solutions) if policy.waiting or policy.independent.any() else (q[:0], ())
-
-        return add
+        return None if self.compared else partial(self._further_on_next, program.task, q, coarser)
 
     def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
         """Return optima, and those that the best lead to where many are likely unseen."""
@@ -219,6 +207,21 @@ class LevelRestarts:
             return solutions
         patience = HOPPING.patience if any(policy.improved for policy in self.policies) else 1
         return disturb_best(program, solutions, self.rng, self.solver, patience=patience)
+
+    def _further_on_next(self, level: MotionTask, q: np.ndarray, coarser: Solutions, solutions: Solutions) -> Batch:
+        """Return further starts on the level after the first: none but where that misled."""
+        if not self.compared:
+            self.compared = True
+            if is_misled(coarser, solutions):
+                with suppress(Infeasible):  # the optima of the first level will do
+                    starts = sample_starts(level, self.starts * max(level.redundancy, 1), self.rng)
+                    self.policies.append(self._policy(level, q, first_portions(starts), independent=False))
+        return self.policies[1](solutions) if len(self.policies) > 1 else (q[:0], ())
+
+    def _policy(
+        self, level: MotionTask, q: np.ndarray, waiting: Sequence[np.ndarray], *, independent: bool = True
+    ) -> RestartPolicy:
+        return RestartPolicy(level, q, -(-self.starts // 2), self.rng, waiting, independent=independent)
 
 
 def first_portions(
@@ -230,7 +233,7 @@ def first_portions(
 
 
 def is_misled(coarse: Solutions, fine: Solutions) -> bool:
-    """Return whether the best value on a level is another on the next one; both are divided by what is usual."""
+    """Return whether the best value on a level differs much from that on the next; both are shares of the usual."""
     if not (coarse.converged.any() and fine.converged.any()):
         return False
     before, now = (float(each.objectives[each.converged, 0].min()) for each in (coarse, fine))

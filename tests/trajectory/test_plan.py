@@ -4,10 +4,16 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
 from paretoik.trajectory.grid_oracle import grid_oracle
+from paretoik.trajectory.levels import objective_scales
+from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.posture_grid import step_windows
 from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020, tringali_2021
+from studies.benchmarks.basins.cases import ur10
 
 
 def test_the_printed_arm_has_five_unconstrained_energy_optima():
@@ -225,3 +231,18 @@ def least_energy(task, q0):
     low, high = np.concatenate([np.zeros(2 * samples), -speed]), np.concatenate([np.zeros(2 * samples), speed])
     bound = np.tile(tringali_2020.POSITION, samples)
     return float(solver(x0=q0.ravel(), lbx=-bound, ubx=bound, lbg=low, ubg=high)["f"])
+
+
+def test_a_travel_that_many_motions_share_has_an_end():
+    @pk.objective(unit="rad", form="integral")
+    def shoulder_travel(motion):
+        return np.abs(motion.dq[..., 0]) + np.abs(motion.dq[..., 1])
+
+    path = pk.line([0.6, -0.3, 0.4], [0.6, 0.3, 0.5], duration=2.0, samples=26)
+    problem = pk.Tracking(ur10(np.random.default_rng(0)), path, objectives=[shoulder_travel])
+    q = sample_starts(problem.task, 6, np.random.default_rng(0))
+    program = motion_program(problem.task, objective_scales(problem.task, q))
+    ends = minimise(program, q, np.ones((1, 1)), options=InteriorPointOptions(barrier=1e-2, radius=0.1))
+    assert ends.converged.all()
+    assert np.ptp(ends.objectives) < 1e-5 * ends.objectives.min()
+    assert joint_distance(problem.task, ends.x[0], ends.x[1:]).min() > 0.1
