@@ -50,7 +50,7 @@ def exact_steps(
     four joints, and for tasks that are not positions in the plane; Infeasible where no step is clear of the obstacles.
     """
     from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
-    from paretoik.closed_loop.planar_step import PlanarSteps
+    from paretoik.closed_loop.null_space_steps import PlanarSteps
 
     lengths = link_lengths(task.arm)
     if task.rows != 2 or task.targets.shape[1] != 2:

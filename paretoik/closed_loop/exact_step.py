@@ -1,14 +1,14 @@
 """The best step of an extended Jacobian, exactly: compiled, for planar arms of one or two redundant degrees.
 
 Both objectives of Marcos et al. 2012 (Eqs. 17 and 18) are evaluated on a grid over all steps; its best cells are
-minimised further. ``planar_step`` has the coordinates.
+minimised further. ``null_space_steps`` has the coordinates.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from paretoik.closed_loop.planar_step import ERROR, RADIUS, SUM, evaluate_grid, linearise, merit, step_error
+from paretoik.closed_loop.null_space_steps import ERROR, RADIUS, SUM, evaluate_grid, linearise, merit, step_error
 from paretoik.closed_loop.step_minimisers import minimise_along, nelder_mead, newton
 from paretoik.compilation import compiled
 

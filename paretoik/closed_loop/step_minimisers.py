@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.closed_loop.planar_step import merit, step_error
+from paretoik.closed_loop.null_space_steps import merit, step_error
 from paretoik.compilation import compiled, inlined
 from paretoik.nlp.compiled.scalar_search import golden_section
 

@@ -9,8 +9,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from paretoik.review.canvas import Canvas, equal_window
-from paretoik.review.chart import Chart
+from paretoik.review.curve_charts import Chart
+from paretoik.review.drawn_axes import Canvas, equal_window
 from paretoik.review.palette import SCREEN
 
 

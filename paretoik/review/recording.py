@@ -12,8 +12,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.front.front import Choice, Front
-from paretoik.review.canvas import Canvas
-from paretoik.review.chart import Chart
+from paretoik.review.curve_charts import Chart
+from paretoik.review.drawn_axes import Canvas
 from paretoik.review.motion_scene import MotionScene
 from paretoik.review.recorder import Generation
 from paretoik.review.search_scene import SearchScene, replay_window

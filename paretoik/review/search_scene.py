@@ -13,8 +13,8 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Ids, Objectives, Times, Values
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.canvas import Canvas, window
-from paretoik.review.chart import Chart
+from paretoik.review.curve_charts import Chart
+from paretoik.review.drawn_axes import Canvas, window
 from paretoik.review.palette import SCREEN, Colour, objective_label
 from paretoik.review.recorder import Generation, Population
 

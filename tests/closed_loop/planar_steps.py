@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from paretoik.closed_loop.null_space_steps import PlanarSteps, linearise
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
-from paretoik.closed_loop.planar_step import PlanarSteps, linearise
 from tests.closed_loop.planar_geometry import joints_of
 
 HOME = {3: np.array([0.3, 0.65, 1.0]), 4: np.array([0.3, 0.5, 0.8, 1.0])}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from paretoik.closed_loop.exact_loop import OPTIONS
-from paretoik.closed_loop.planar_step import ERROR
+from paretoik.closed_loop.null_space_steps import ERROR
 from paretoik.closed_loop.step_minimisers import minimise_along, newton
 from tests.closed_loop.planar_steps import planar_steps, step, tool
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.closed_loop.planar_step import ERROR, RADIUS, SUM, evaluate_grid, merit
+from paretoik.closed_loop.null_space_steps import ERROR, RADIUS, SUM, evaluate_grid, merit
 from paretoik.task.obstacles import Circle
 from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.planar_steps import HOME, planar_steps, step, tool

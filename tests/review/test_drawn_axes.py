@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.canvas import Canvas, equal_window, nice_ticks, window
-from paretoik.review.chart import _spread_labels
+from paretoik.review.curve_charts import _spread_labels
+from paretoik.review.drawn_axes import Canvas, equal_window, nice_ticks, window
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 8))

@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Series, Times
-from paretoik.review.canvas import Canvas, window
+from paretoik.review.drawn_axes import Canvas, window
 from paretoik.review.palette import SCREEN, Colour
 
 
