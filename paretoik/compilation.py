@@ -11,6 +11,7 @@ from __future__ import annotations
 import gc
 import hashlib
 import os
+import pickle
 import stat
 import tempfile
 import time
@@ -182,7 +183,11 @@ class _EntryCache(FunctionCache):
     notice: CompilationNotice | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        overload = super().load_overload(sig, target_context)
+        try:
+            overload = super().load_overload(sig, target_context)
+        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or of classes that are gone
+            self.flush()
+            overload = None
         if overload is None:
             _ANNOUNCER.miss(self.notice)
         return overload

@@ -132,6 +132,35 @@ def test_what_is_compiled_is_announced_once_on_a_machine(tmp_path):
     assert second == ("4.5\n", "")
 
 
+PAIRED = """
+from {module} import Pair
+from paretoik.compilation import compiled
+
+@compiled(what="the sum of a pair", seconds=7.0)
+def total(pair):
+    return pair.first + pair.second
+
+def run():
+    return total(Pair(1.0, 2.0))
+"""
+
+
+def test_a_cache_with_classes_of_a_module_that_is_gone_is_compiled_anew(tmp_path):
+    pair = "from typing import NamedTuple\nclass Pair(NamedTuple):\n    first: float\n    second: float\n"
+    code, variables = "import paired; print(paired.run())", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    expected = ("3.0\n", "compiling the sum of a pair, once on this machine: about 7 s\n")
+    for module in ("before", "after"):
+        for old in tmp_path.glob("*.py"):
+            old.unlink()
+        (tmp_path / f"{module}.py").write_text(pair)
+        (tmp_path / "paired.py").write_text(PAIRED.format(module=module))
+        assert in_a_new_process(tmp_path, code, **variables) == expected
+        assert in_a_new_process(tmp_path, code, **variables) == ("3.0\n", "")
+    for index in (tmp_path / "cache").rglob("*.nbi"):
+        index.write_bytes(index.read_bytes()[:-20])
+    assert in_a_new_process(tmp_path, code, **variables) == expected
+
+
 def test_an_observer_takes_the_place_of_stderr(tmp_path):
     code = (
         "import kernels; from paretoik.compilation_notices import observe_compilation\n"
