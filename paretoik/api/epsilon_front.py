@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points
 from paretoik.api.progress import Observer, count_observer
-from paretoik.api.refine import certified_front
 from paretoik.api.run_session import verb_session
 from paretoik.arrays import Genes
 from paretoik.errors import InvalidInput, check_size

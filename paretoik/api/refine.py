@@ -10,21 +10,20 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.run_session import verb_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Differentiable, Individuals
+from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import certify
-from paretoik.pareto.gap_filling import front_rows
 from paretoik.pareto.improver import OPTIONS, suggest_points
-from paretoik.pareto.refine import OPTIONS as REFINEMENT
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.search.ask_tell import Search
@@ -97,7 +96,7 @@ def refine_front(
         shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
         x, converged = refine_points(program, x, len(ranges), solver=solver, observe=shown)
         if complete is not None:
-            individuals = _no_worse(formulation, formulation.individuals(x), front, ranges)
+            individuals = no_worse(formulation, formulation.individuals(x), front, ranges)
             x, ids, ranges = complete(formulation, individuals.x, ids, ranges, session.observe)
         refined = certified_front(
             problem,
@@ -139,81 +138,6 @@ def _check_front(front: Front, formulation: Differentiable, problem: Any) -> Non
     stored = front.provenance.get("fingerprint")
     if stored is not None and stored != fingerprint(problem):
         raise InvalidInput("refine: the problem that the front solves wanted, but its fingerprint is another")
-
-
-def certified_front(
-    problem: Any,
-    formulation: Differentiable,
-    x: Points,
-    ids: Ids,
-    ranges: Float[np.ndarray, " n_obj"],
-    provenance: dict[str, Any],
-    *,
-    before: Front | None = None,
-    solver: Solver = "auto",
-    observe: Observer | None = None,
-    seconds_per_certificate: float = 0.0,
-) -> Front:
-    """Return the front of these points with their certificates, except those that others dominate.
-
-    Points that are worse than on the front ``before`` are replaced by what they were there. Limits that they exceed
-    between samples are tightened where the problem can, and each is certified for the limits that it is optimal for.
-    """
-    individuals = formulation.individuals(x)
-    if before is not None:
-        individuals = _no_worse(formulation, individuals, before, ranges)
-    signs = np.where(formulation.maximised, -1.0, 1.0)
-    rows = front_rows(individuals.objectives / ranges)
-    shown = count_observer(observe, "tightening", later=seconds_per_certificate, uniform=True)
-    held, programs = formulation.hold_between(individuals.x[rows], ranges, solver=solver, observe=shown)
-    if not np.array_equal(held, individuals.x[rows]):
-        individuals, ids = formulation.individuals(held), ids[rows]
-        rows = front_rows(individuals.objectives / ranges)
-        programs = [programs[i] for i in rows]
-    certificates = certify(
-        programs,
-        individuals.x[rows],
-        ranges=ranges,
-        signs=signs,
-        violation_between=individuals.violation_between[rows],
-        observe=count_observer(observe, "certification", uniform=True),
-    )
-    return Front(
-        ids=ids[rows],
-        objectives=individuals.objectives[rows] * signs,
-        names=formulation.names,
-        units=formulation.units,
-        maximised=formulation.maximised,
-        genes=None if individuals.genes is None else individuals.genes[rows],
-        motions=None if individuals.motions is None else individuals.motions[rows],
-        violation=certificates.violation,
-        certificates=certificates,
-        provenance={"fingerprint": fingerprint(problem), **provenance},
-        problem=problem,
-    )
-
-
-def _no_worse(
-    formulation: Differentiable,
-    individuals: Individuals,
-    before: Front,
-    ranges: Float[np.ndarray, " n_obj"],
-    *,
-    tolerance: float = 1e-9,
-) -> Individuals:
-    """Return individuals, those that are worse by more than a share of a range as they were before, if feasible."""
-    worse = (individuals.objectives > before.minimised + tolerance * ranges).any(axis=1)
-    if before.violation is not None:
-        worse &= before.violation <= REFINEMENT.violation
-    if not worse.any():
-        return individuals
-    x = individuals.x.copy()
-    x[worse] = formulation.front_points(before)[worse]
-    if individuals.genes is None or before.genes is None:
-        return formulation.individuals(x)
-    genes = individuals.genes.copy()
-    genes[worse] = before.genes[worse]
-    return formulation.individuals(x, genes)
 
 
 class SearchImprover:

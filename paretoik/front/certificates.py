@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
@@ -25,7 +25,8 @@ class Certificates:
     ranges, their sum 1; ``exchange_rates`` [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units, NaN where
     f_i or f_j has no weight, the point is not critical or multipliers are not unique; ``exchange_intervals`` [p, i, j]
     are its smallest and largest value, NaN where unknown; ``status`` is "minimum", "saddle" or "undetermined", and
-    ``reason`` says why a point is undetermined, else "". What could not be computed of a point is NaN.
+    ``reason`` says why a point is undetermined or its intervals are unknown, else "". What could not be computed of a
+    point is NaN.
     """
 
     violation: Values
@@ -61,3 +62,10 @@ class Certificates:
 
     def __getitem__(self, rows: Any) -> Certificates:
         return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
+
+    def replace_rows(self, rows: Int[np.ndarray, " rows"], others: Certificates) -> Certificates:
+        """Return the certificates with those of ``rows`` replaced."""
+        order = np.arange(len(self))
+        order[rows] = len(self) + np.arange(len(others))
+        both = {part.name: [getattr(each, part.name) for each in (self, others)] for part in fields(self)}
+        return Certificates(**{name: np.concatenate(parts)[order] for name, parts in both.items()})

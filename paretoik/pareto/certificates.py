@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -21,7 +21,7 @@ from paretoik.nlp.conic import Constraints
 from paretoik.nlp.criticality import active_set_criticality, criticality
 from paretoik.nlp.program import Goal, Linearisation, Program, bounded
 from paretoik.nlp.violation import violation_at, violation_of
-from paretoik.pareto.curvature import curvature_status
+from paretoik.pareto.curvature import Curvature, curvature_at, undetermined
 from paretoik.pareto.exchange_rates import exchange_intervals, exchange_rates, weight_ratios
 from paretoik.pareto.scalarisation import Observe
 from paretoik.stop_flag import Interrupted, check_interruption
@@ -39,14 +39,13 @@ OPTIONS = CertificateOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Certificate:
-    """The certificate of one point: criticality χ, weights λ, the ends of λ_i/λ_j, status and reason."""
+    """The certificate of one point: violation, criticality χ, weights λ, the ends of λ_i/λ_j, and its curvature."""
 
     violation: float
     weights: Float[np.ndarray, " n_obj"]
     ratios: Float[np.ndarray, "n_obj n_obj 2"]
-    residual: float = np.nan
-    status: str = "undetermined"
-    reason: str = ""
+    residual: float
+    curvature: Curvature
 
 
 def certify(
@@ -57,8 +56,10 @@ def certify(
     signs: Float[np.ndarray, " n_obj"],
     violation_between: Float[np.ndarray, " points"],
     observe: Observe | None = None,
-) -> Certificates:
+) -> tuple[Certificates, list[Point | None]]:
     """Return the certificates of points of a program, or of one each, whose first objectives are those of the front.
+
+    Beside them stands for every saddle a feasible point that is better in all objectives, None for other points.
 
     ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
     not look, between samples. ``observe`` is called with what is done and with all. After a signal the points that are
@@ -79,16 +80,17 @@ def certify(
     violation = np.array([each.violation for each in certificates]).reshape(count)
     weights = np.array([each.weights for each in certificates]).reshape(count, n_obj)
     ratios = np.array([each.ratios for each in certificates]).reshape(count, n_obj, n_obj, 2)
-    return Certificates(
+    certified = Certificates(
         violation=violation,
         violation_between=np.maximum(violation, violation_between),
         kkt_residual=np.array([each.residual for each in certificates]).reshape(count),
         weights=weights,
         exchange_rates=exchange_rates(weights, ratios, ranges, signs),
         exchange_intervals=exchange_intervals(ratios, ranges, signs),
-        status=np.array([each.status for each in certificates], dtype=np.str_),
-        reason=np.array([each.reason for each in certificates], dtype=np.str_),
+        status=np.array([each.curvature.status for each in certificates], dtype=np.str_),
+        reason=np.array([each.curvature.reason for each in certificates], dtype=np.str_),
     )
+    return certified, [each.curvature.better for each in certificates]
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
@@ -130,19 +132,21 @@ def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj
     except (SolverFailed, EvaluationFailed, np.linalg.LinAlgError) as fault:
         return _unknown(program, x, n_obj, str(fault))
     violation, ratios = violation_at(program, at), np.full((n_obj, n_obj, 2), np.nan)
-    status, reason = "undetermined", ""
     if result.value <= OPTIONS.critical:
         try:
-            status, reason = curvature_status(program, at, result, constraints, ranges)
-            ratios = weight_ratios(gradients, constraints, result.weights)
+            curvature = curvature_at(program, at, result, constraints, ranges)
         except (SolverFailed, EvaluationFailed, np.linalg.LinAlgError) as fault:
-            reason = str(fault)
+            curvature = undetermined(str(fault))
+        try:
+            ratios = weight_ratios(gradients, constraints, result.weights)
+        except (SolverFailed, np.linalg.LinAlgError) as fault:
+            curvature = replace(curvature, reason=curvature.reason or str(fault))
     else:
         kinks = ", ".join(program.kinks_at(x))
         side = f", by its derivatives on one side of a kink of {kinks}" if kinks else ""
-        reason = f"criticality {result.value:.1e}: all objectives can still gain{side}"
+        curvature = undetermined(f"criticality {result.value:.1e}: all objectives can still gain{side}")
     return _Certificate(
-        violation=violation, weights=result.weights, ratios=ratios, residual=result.value, status=status, reason=reason
+        violation=violation, weights=result.weights, ratios=ratios, residual=result.value, curvature=curvature
     )
 
 
@@ -153,7 +157,13 @@ def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> _Certificat
     except EvaluationFailed:
         violation = np.nan
     nothing = np.full((n_obj, n_obj, 2), np.nan)
-    return _Certificate(violation=violation, weights=nothing[0, :, 0], ratios=nothing, reason=" ".join(reason.split()))
+    return _Certificate(
+        violation=violation,
+        weights=nothing[0, :, 0],
+        ratios=nothing,
+        residual=np.nan,
+        curvature=undetermined(reason),
+    )
 
 
 def _constraints(program: Program, at: Linearisation) -> Constraints:

@@ -13,12 +13,13 @@ from jaxtyping import Bool, Float
 from scipy import sparse
 from scipy.linalg import qr
 
-from paretoik.errors import EvaluationFailed, SolverFailed
+from paretoik.arrays import Point
 from paretoik.nlp.conic import Cone, Constraints
 from paretoik.nlp.criticality import Criticality
 from paretoik.nlp.elimination import eliminate
-from paretoik.nlp.program import Goal, Linearisation, Program
-from paretoik.nlp.sqp import SqpOptions, minimise
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Linearisation, Program
 from paretoik.nlp.violation import violation_of
 
 
@@ -33,7 +34,10 @@ class CurvatureOptions:
     active: float = 1e-7  # slack up to which a limit is active
     violation: float = 1e-8  # that counts as none
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
-    restorations: int = 30  # iterations of SQP at most, that lead back within all limits from the first of these
+    descents: tuple[InteriorPointOptions, ...] = (  # from the first of these, in turn until one leads to a better point
+        InteriorPointOptions(barrier=1e-6, radius=0.02),
+        InteriorPointOptions(barrier=1e-4, radius=0.02),
+    )
     slope: float = 1e-9  # along a direction that a weakly active limit or an objective without weight allows
     dependent: float = 1e-9  # of rows of length one: what counts as none
     names: int = 3  # limits and kinks that a reason names, at most
@@ -42,12 +46,29 @@ class CurvatureOptions:
 OPTIONS = CurvatureOptions()
 
 
-def curvature_status(
-    program: Program, at: Linearisation, result: Criticality, constraints: Constraints, ranges: np.ndarray
-) -> tuple[str, str]:
-    """Return "minimum", "saddle" or "undetermined", and of the last the reason.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curvature:
+    """Whether a critical point is a "minimum", a "saddle", with a point that is better in every objective, or why not.
 
-    A saddle is called one where a step along negative curvature leads to a point that is better in every objective.
+    ``status`` is one of the two or "undetermined", which has a ``reason``.
+    """
+
+    status: str
+    reason: str = ""
+    better: Point | None = None
+
+
+def undetermined(reason: str) -> Curvature:
+    """Return that it is not known, for a reason, in one line."""
+    return Curvature(status="undetermined", reason=" ".join(reason.split()))
+
+
+def curvature_at(
+    program: Program, at: Linearisation, result: Criticality, constraints: Constraints, ranges: np.ndarray
+) -> Curvature:
+    """Return what the second derivatives say of a critical point.
+
+    A saddle is called one where negative curvature leads to a point that is better in every objective.
     """
     gradients = at.gradients[: len(ranges)] / ranges[:, None]
     counts = result.weights >= OPTIONS.multiplier
@@ -58,20 +79,19 @@ def curvature_status(
     edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction lowers these
     direction, curvature = _least_curved(fixed, hessian, at)
     if curvature >= -OPTIONS.curvature:
-        return "minimum", ""
+        return Curvature(status="minimum")
     directions = [direction]
     if len(edges):
         inner, inner_curvature = _least_curved(np.concatenate([fixed, edges]), hessian, at)
         directions += [inner] if inner_curvature < -OPTIONS.curvature else []
-    for candidate in directions:
-        for sign in (1.0, -1.0):
-            allowed = np.all(edges @ (sign * candidate) >= -OPTIONS.slope)
-            if allowed and _is_dominated(program, at, sign * at.unit * candidate, len(ranges)):
-                return "saddle", ""
+    signed = [sign * each for each in directions for sign in (1.0, -1.0)]
+    allowed = [at.unit * each for each in signed if np.all(edges @ each >= -OPTIONS.slope)]
+    better = _better_point(program, at, allowed, ranges)
+    if better is not None:
+        return Curvature(status="saddle", better=better)
     names = edge_names(program, at, weak, ~counts)
-    if len(directions) > 1 or not names:
-        return "undetermined", f"curvature {curvature:.1e} along a direction in which no better point was found"
-    return "undetermined", f"curvature {curvature:.1e} along a direction that ends at {names}"
+    end = f"that ends at {names}" if names and len(directions) == 1 else "in which no better point was found"
+    return undetermined(f"curvature {curvature:.1e} along a direction {end}")
 
 
 def least_multipliers(
@@ -177,25 +197,31 @@ def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
     return top - slope, (rows.T @ rows - slope.T @ slope) / size
 
 
-def _is_dominated(program: Program, at: Linearisation, direction: np.ndarray, n_obj: int) -> bool:
-    """Return whether a step along a direction leads to a feasible point that is better in every objective."""
-    values, steps = at.objectives[:n_obj], [at.retract(length * direction) for length in OPTIONS.descent_steps]
-    if any(x is not None and _is_better(program, x, values) for x in steps):
-        return True
-    if steps[0] is None:
-        return False
-    weights, upper = np.zeros(len(program.upper)), np.full(len(program.upper), np.inf)
-    weights[:n_obj], upper[:n_obj] = 1.0, values
-    goal = Goal(weights=weights, rows=np.eye(len(upper)), upper=upper)
-    settings = SqpOptions(iterations=OPTIONS.restorations, radius=OPTIONS.descent_steps[0], corrections=3)
-    try:
-        x = minimise(program, steps[0], goal, settings).x
-    except (SolverFailed, EvaluationFailed):
-        return False
-    return _is_better(program, x, values)
+def _better_point(
+    program: Program, at: Linearisation, directions: list[np.ndarray], ranges: np.ndarray
+) -> Point | None:
+    """Return a feasible point that is better in every objective, where a step along a direction leads to one.
+
+    Where no step itself is better, all objectives together are minimised from the first, none above its value here.
+    """
+    values, starts = at.objectives[: len(ranges)], list[Point]()
+    for direction in directions:
+        steps = [at.retract(length * direction) for length in OPTIONS.descent_steps]
+        for x in steps:
+            if x is not None and _is_better(program, x, values):
+                return x
+        starts += [x for x in steps[:1] if x is not None]
+    rows = np.eye(len(ranges), len(program.upper)) / ranges[:, None]
+    weights, upper = rows.sum(axis=0, keepdims=True), np.tile(rows @ at.objectives, (len(starts), 1))
+    for options in OPTIONS.descents if starts else ():
+        solutions = minimise(program, np.stack(starts), weights, upper, options, rows=rows)
+        for i in np.argsort(solutions.objectives @ weights[0], kind="stable"):
+            if _is_better(program, solutions.x[i], values):
+                return np.asarray(solutions.x[i])
+    return None
 
 
-def _is_better(program: Program, x: np.ndarray, values: np.ndarray) -> bool:
+def _is_better(program: Program, x: Point, values: np.ndarray) -> bool:
     objectives, equalities, inequalities = program.evaluate(x)
     violation = violation_of(program, objectives, equalities, inequalities)
     return bool(np.all(objectives[: len(values)] < values) and violation <= OPTIONS.violation)

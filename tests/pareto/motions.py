@@ -16,4 +16,4 @@ def certify_motions(task, q, ranges):
         ranges=np.asarray(ranges, dtype=float),
         signs=np.array([o.sign for o in task.objectives]),
         violation_between=task.violation_between(task.motion(np.asarray(q))),
-    )
+    )[0]

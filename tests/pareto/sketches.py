@@ -51,7 +51,7 @@ def placed(values, x):
 def certificates(program, z, ranges=ONES, signs=ONES):
     """Certificates of points that keep their limits between samples."""
     ranges, signs = np.asarray(ranges, dtype=float), np.asarray(signs, dtype=float)
-    return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))
+    return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))[0]
 
 
 def ellipses(x):

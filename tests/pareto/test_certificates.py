@@ -132,7 +132,7 @@ def test_after_a_signal_no_point_is_certified_and_all_are_kept():
         STOP[0] = done == 2
 
     try:
-        certificate = certify(
+        certificate, _ = certify(
             program, x, ranges=np.array([2.0, 25.0]), signs=ONES, violation_between=np.zeros(4), observe=interrupt
         )
     finally:

@@ -1,0 +1,169 @@
+"""The certified front of optimal points: limits kept between samples, every point certified, saddles left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from paretoik.api.progress import Observer, count_observer
+from paretoik.arrays import Genes, Ids, Point, Points
+from paretoik.formulations.protocol import Differentiable, Individuals
+from paretoik.front.certificates import Certificates
+from paretoik.front.front import Front
+from paretoik.loading import fingerprint
+from paretoik.nlp.program import Solver
+from paretoik.pareto.certificates import certify
+from paretoik.pareto.gap_filling import front_rows
+from paretoik.pareto.refine import OPTIONS as REFINEMENT
+from paretoik.pareto.refine import refine
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifiedFrontOptions:
+    """From saddles better points are refined, at most so many ``rounds``.
+
+    A point may be worse than it was by a ``tolerance``, a share of an objective's range.
+    """
+
+    rounds: int = 3
+    tolerance: float = 1e-9
+
+
+OPTIONS = CertifiedFrontOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _CertifiedPoints:
+    """Points with their certificates; beside a saddle stands a point that is ``better`` in every objective."""
+
+    individuals: Individuals
+    certificates: Certificates
+    better: list[Point | None]
+
+
+def certified_front(
+    problem: Any,
+    formulation: Differentiable,
+    x: Points,
+    ids: Ids,
+    ranges: Float[np.ndarray, " n_obj"],
+    provenance: dict[str, Any],
+    *,
+    before: Front | None = None,
+    solver: Solver = "auto",
+    observe: Observer | None = None,
+    seconds_per_certificate: float = 0.0,
+) -> Front:
+    """Return the front of these points with their certificates, except those that others dominate.
+
+    Points that are worse than on the front ``before`` are replaced by what they were there. Limits that they exceed
+    between samples are tightened where the problem can, and each is certified for the limits that it is optimal for. A
+    saddle gives way to what the better point beside it is refined to.
+    """
+    individuals = formulation.individuals(x)
+    if before is not None:
+        individuals = no_worse(formulation, individuals, before, ranges)
+    signs = np.where(formulation.maximised, -1.0, 1.0)
+
+    def certified(x: Points, genes: Genes | None = None) -> _CertifiedPoints:
+        shown = count_observer(observe, "tightening", later=seconds_per_certificate, uniform=True)
+        held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
+        individuals = formulation.individuals(held, genes)
+        certificates, better = certify(
+            programs,
+            individuals.x,
+            ranges=ranges,
+            signs=signs,
+            violation_between=individuals.violation_between,
+            observe=count_observer(observe, "certification", uniform=True),
+        )
+        return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)
+
+    rows = front_rows(individuals.objectives / ranges)
+    points = certified(individuals.x[rows], None if individuals.genes is None else individuals.genes[rows])
+    points = _leave_saddles(formulation, points, certified, ranges, solver)
+    individuals, ids = points.individuals, ids[rows]
+    rows = front_rows(individuals.objectives / ranges)
+    certificates = points.certificates[rows]
+    return Front(
+        ids=ids[rows],
+        objectives=individuals.objectives[rows] * signs,
+        names=formulation.names,
+        units=formulation.units,
+        maximised=formulation.maximised,
+        genes=None if individuals.genes is None else individuals.genes[rows],
+        motions=None if individuals.motions is None else individuals.motions[rows],
+        violation=certificates.violation,
+        certificates=certificates,
+        provenance={"fingerprint": fingerprint(problem), **provenance},
+        problem=problem,
+    )
+
+
+def _leave_saddles(
+    formulation: Differentiable,
+    points: _CertifiedPoints,
+    certified: Callable[[Points], _CertifiedPoints],
+    ranges: Float[np.ndarray, " n_obj"],
+    solver: Solver,
+) -> _CertifiedPoints:
+    """Return points, saddles replaced by what the better points beside them are refined to, if no worse after all."""
+    for _ in range(OPTIONS.rounds):
+        saddles = np.array([i for i, better in enumerate(points.better) if better is not None], dtype=int)
+        if not len(saddles):
+            break
+        x = np.stack([better for better in points.better if better is not None])
+        found = certified(refine(formulation.program(ranges), x, len(ranges), solver=solver)[0])
+        rise = found.individuals.objectives - points.individuals.objectives[saddles]
+        accepted = np.flatnonzero((rise <= OPTIONS.tolerance * ranges).all(axis=1))
+        points = _replace_points(formulation, points, saddles[accepted], found, accepted)
+    return points
+
+
+def _replace_points(
+    formulation: Differentiable,
+    points: _CertifiedPoints,
+    rows: Int[np.ndarray, " rows"],
+    found: _CertifiedPoints,
+    found_rows: Int[np.ndarray, " rows"],
+) -> _CertifiedPoints:
+    """Return points with some rows replaced by those of others; better points beside the rest are forgotten."""
+    order = np.arange(len(points.better))
+    order[rows] = len(order) + found_rows
+    before, after = points.individuals, found.individuals
+    genes = None
+    if before.genes is not None and after.genes is not None:
+        genes = np.concatenate([before.genes, after.genes])[order]
+    better: list[Point | None] = [None] * len(order)
+    for row, found_row in zip(rows, found_rows, strict=True):
+        better[row] = found.better[found_row]
+    return _CertifiedPoints(
+        individuals=formulation.individuals(np.concatenate([before.x, after.x])[order], genes),
+        certificates=points.certificates.replace_rows(rows, found.certificates[found_rows]),
+        better=better,
+    )
+
+
+def no_worse(
+    formulation: Differentiable,
+    individuals: Individuals,
+    before: Front,
+    ranges: Float[np.ndarray, " n_obj"],
+) -> Individuals:
+    """Return individuals, those that are worse by more than a share of a range as they were before, if feasible."""
+    worse = (individuals.objectives > before.minimised + OPTIONS.tolerance * ranges).any(axis=1)
+    if before.violation is not None:
+        worse &= before.violation <= REFINEMENT.violation
+    if not worse.any():
+        return individuals
+    x = individuals.x.copy()
+    x[worse] = formulation.front_points(before)[worse]
+    if individuals.genes is None or before.genes is None:
+        return formulation.individuals(x)
+    genes = individuals.genes.copy()
+    genes[worse] = before.genes[worse]
+    return formulation.individuals(x, genes)

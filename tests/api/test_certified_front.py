@@ -1,0 +1,81 @@
+"""The certified front of optimal points: saddles give way to the minima beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.api import certified_front as module
+from paretoik.api.certified_front import certified_front
+from paretoik.formulations.requirements import require_program
+
+ANGLE, NEAR, FAR = 0.9, 0.2, 0.4  # rad
+
+
+def well(motion, width):
+    """Least where the first joint rests at one of two angles; between them is a maximum, where it rests as well."""
+    return ((motion.q[..., 0] - ANGLE) ** 2 - width**2) ** 2 + 0.1 * motion.dq[..., 0] ** 2
+
+
+@pk.objective(unit="rad⁴s", form="integral")
+def near_wells(motion):
+    """Return how far the first joint is from two angles, one on either side of ANGLE."""
+    return well(motion, NEAR)
+
+
+@pk.objective(unit="rad⁴s", form="integral")
+def far_wells(motion):
+    """Return the same for two angles that are farther away."""
+    return well(motion, FAR)
+
+
+@pk.objective(unit="rad²s", form="integral")
+def offset(motion):
+    """Return how far the first joint is from ANGLE, squared."""
+    return (motion.q[..., 0] - ANGLE) ** 2
+
+
+def tracked(objectives, differences="backward"):
+    path = pk.line((0.2, 0.1), (0.2, 0.2), duration=1.0, samples=21)
+    return pk.Tracking(pk.arms.tringali_3r(), path, objectives=objectives, differences=differences)
+
+
+@pytest.fixture(scope="module", params=["backward", "spline"])
+def problem(request):
+    return tracked([near_wells, far_wells], request.param)
+
+
+@pytest.fixture(scope="module")
+def saddle():
+    """The motion whose first joint stays at ANGLE: critical for both objectives, and a maximum of both."""
+    return pk.plan(tracked([offset], "spline"), starts=4, observe=False).best.motion.q[None]
+
+
+def certified(problem, x):
+    formulation = require_program("refine", problem)
+    return certified_front(problem, formulation, x, np.arange(len(x)) + 7, np.full(2, 1e-3), {})
+
+
+def test_a_saddle_gives_way_to_a_minimum_that_is_better_in_every_objective(problem, saddle):
+    front = certified(problem, saddle)
+    assert front.ids.tolist() == [7]
+    assert front.certificates.status.tolist() == ["minimum"]
+    assert (front.objectives[0] < [NEAR**4, FAR**4]).all()
+    assert np.sqrt(front.objectives[0]).sum() == pytest.approx(FAR**2 - NEAR**2, rel=1e-6)  # in closed form
+
+
+def test_without_rounds_it_stays_and_is_called_a_saddle(problem, saddle, monkeypatch):
+    monkeypatch.setattr(module, "OPTIONS", module.CertifiedFrontOptions(rounds=0))
+    front = certified(problem, saddle)
+    assert front.certificates.status.tolist() == ["saddle"]
+    np.testing.assert_allclose(front.objectives[0], [NEAR**4, FAR**4], rtol=1e-6)
+
+
+def test_a_minimum_stays_beside_it_unless_it_is_dominated_now(problem, saddle):
+    minimum = certified(problem, saddle).motions.q
+    front = certified(problem, np.concatenate([saddle, minimum]))
+    assert set(front.ids.tolist()) <= {7, 8}
+    assert (front.certificates.status == "minimum").all()
+    formulation = require_program("refine", problem)
+    assert (front.objectives <= formulation.individuals(minimum).objectives + 1e-12).all(axis=1).any()
