@@ -25,7 +25,7 @@ def epsilon_front(
     problem: Any,
     *,
     points: int = 20,
-    starts: int = 48,
+    starts: int | None = None,
     seed: int = 0,
     initial: Genes | Motion | Front | None = None,
     solver: Solver = "auto",
@@ -41,7 +41,7 @@ def epsilon_front(
         At most so many points, spread over the front; the best of every objective are always among them.
     starts, seed
         As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
-        from so many starts.
+        from so many starts, 48 by default.
     initial
         Solutions to start from as well: motions on the path, genes, or a front. No feasible one of them dominates a
         point of the front.
@@ -69,7 +69,8 @@ def epsilon_front(
         Where no start leads to an optimum of one of the objectives alone.
     """
     check_size("points", points, 2)
-    check_size("starts", starts, 1)
+    if starts is not None:
+        check_size("starts", starts, 1)
     check_size("seed", seed, 0)
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:

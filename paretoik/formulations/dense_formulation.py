@@ -15,6 +15,7 @@ from paretoik.formulations.interpolation import possible_values
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
+from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.task.motion import Motion
 
@@ -86,13 +87,18 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return np.minimum((genes[:, 0] * self.base_count).astype(int), self.base_count - 1)
 
     def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+        self,
+        *,
+        starts: int | None,
+        seed: int,
+        solver: Solver = "auto",
+        observe: Callable[[int, int], object] | None = None,
     ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts that motors can hold, each by itself.
+        """Return how optima are found from nothing: from so many starts that motors can hold, each by itself, else 48.
 
         Starts are drawn up to ten times, since in some postures no motor can hold the arm.
         """
-        rng = np.random.default_rng(seed)
+        starts, rng = COLD.starts if starts is None else starts, np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
         for _ in range(10):
             if np.isfinite(x).all(axis=1).sum() >= starts:

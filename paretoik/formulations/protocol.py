@@ -104,9 +104,17 @@ class Differentiable(Protocol):
         """Return a label for each point: those of one branch can be led into each other."""
 
     def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+        self,
+        *,
+        starts: int | None,
+        seed: int,
+        solver: Solver = "auto",
+        observe: Callable[[int, int], object] | None = None,
     ) -> ColdSearch:
-        """Return how local optima are found from nothing, from so many starts; ``observe`` gets what is done of all."""
+        """Return how local optima are found from nothing, from so many starts; ``observe`` gets what is done of all.
+
+        Where nobody says how many, there are as many as the formulation takes.
+        """
 
 
 def timeline(problem: Any) -> Timeline:

@@ -240,7 +240,12 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return branch_labels(self.task.motion(x))
 
     def cold_search(
-        self, *, starts: int, seed: int, solver: Solver = "auto", observe: Callable[[int, int], object] | None = None
+        self,
+        *,
+        starts: int | None,
+        seed: int,
+        solver: Solver = "auto",
+        observe: Callable[[int, int], object] | None = None,
     ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
         require_values(self.task, self._rollouts)

@@ -21,12 +21,15 @@ from paretoik.pareto.warm_start import minimise_from
 
 @dataclass(frozen=True, kw_only=True)
 class ColdSearchOptions:
-    """``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
+    """So many ``starts`` there are where nobody says how many.
+
+    ``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
 
     So many starts are led at a time as ``batch`` says: in between somebody may look. Points nearer than ``distinct``
     (rad or m, RMS) are one. Of initial points so many lead to optima of an objective, the best in it.
     """
 
+    starts: int = 48
     weight: float = 1e-3
     initial: int = 4
     batch: int = 4

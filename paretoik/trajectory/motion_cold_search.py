@@ -18,6 +18,7 @@ from paretoik.trajectory.levels import first_levels, level_programs, refine_leve
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.restarts import OPTIONS as RESTARTS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,7 +26,7 @@ class MotionColdSearch:
     """Plans each objective alone; leads coarse starts below bounds, level by level; a ``ColdSearch``."""
 
     task: MotionTask
-    starts: int
+    starts: int | None
     seed: int
     solver: Solver = "auto"
     observe: Callable[[int, int], object] | None = None
@@ -66,7 +67,7 @@ class MotionColdSearch:
         stages = first_levels(len(self.task.times))
         for first in stages:
             try:
-                return first, initial_motions(self.task, starts=-(-self.starts // 2), seed=self.seed, first=first)
+                return first, initial_motions(self.task, starts=-(-(self.starts or RESTARTS.starts) // 2), seed=self.seed, first=first)
             except Infeasible:  # too coarse, perhaps
                 if first == stages[-1]:
                     raise
