@@ -67,7 +67,9 @@ class MotionColdSearch:
         stages = first_levels(len(self.task.times))
         for first in stages:
             try:
-                return first, initial_motions(self.task, starts=-(-(self.starts or RESTARTS.starts) // 2), seed=self.seed, first=first)
+                return first, initial_motions(
+                    self.task, starts=-(-(self.starts or RESTARTS.starts) // 2), seed=self.seed, first=first
+                )
             except Infeasible:  # too coarse, perhaps
                 if first == stages[-1]:
                     raise
