@@ -38,6 +38,7 @@ class CurvatureOptions:
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-4, radius=0.02),
     )
+    met: float = 1e-4  # length of a step, RMS, that meets a limit or kink which counts as the end of a direction
     slope: float = 1e-9  # along a direction that a weakly active limit or an objective without weight allows
     dependent: float = 1e-9  # of rows of length one: what counts as none
     names: int = 3  # limits and kinks that a reason names, at most
@@ -89,8 +90,10 @@ def curvature_at(
     better = _better_point(program, at, allowed, ranges)
     if better is not None:
         return Curvature(status="saddle", better=better)
-    names = edge_names(program, at, weak, ~counts)
-    end = f"that ends at {names}" if names and len(directions) == 1 else "in which no better point was found"
+    met = [~strong & (constraints.values < OPTIONS.met * np.abs(constraints.jacobian @ each)) for each in allowed]
+    ends = len(directions) == 1 or (len(met) > 0 and all(rows.any() for rows in met))
+    names = edge_names(program, at, np.any([weak, *met], axis=0), ~counts) if ends else ""
+    end = f"that ends at {names}" if names else "in which no better point was found"
     return undetermined(f"curvature {curvature:.1e} along a direction {end}")
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
 from paretoik.pareto import certificates as certifying
+from paretoik.pareto import curvature
 from paretoik.pareto.certificates import certify
 from paretoik.stop_flag import STOP
 from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses_best, placed, sketched
@@ -141,3 +144,13 @@ def test_after_a_signal_no_point_is_certified_and_all_are_kept():
     assert certificate.status.tolist() == ["minimum"] * 2 + ["undetermined"] * 2
     assert certificate.reason.tolist() == ["", ""] + ["interrupted before it was certified"] * 2
     assert np.isfinite(certificate.violation).all()
+
+
+@pytest.mark.parametrize(("width", "end"), [(1e-6, "that ends at left, right"), (1e-2, "in which no better point was")])
+def test_a_direction_that_soon_meets_a_limit_is_said_to_end_there(width, end, monkeypatch):
+    monkeypatch.setattr(curvature, "_better_point", lambda *arguments: None)  # as where no solver finds one
+    program = sketched(2, saddle, lambda x: ([], [1.0 - x[1] / width, 1.0 + x[1] / width]))
+    program = replace(program, inequality_names=("first", "second", "left", "right"))
+    certificate = certificates(program, placed(saddle, [[0.5, 0.0]]))
+    assert certificate.status.tolist() == ["undetermined"]
+    assert certificate.reason[0].startswith(f"curvature -2.0e+00 along a direction {end}")
