@@ -26,11 +26,13 @@ from paretoik.pareto.refine import refine
 class CertifiedFrontOptions:
     """From saddles better points are refined, at most so many ``rounds``.
 
-    A point may be worse than it was by a ``tolerance``, a share of an objective's range.
+    A point may be worse than it was by a ``tolerance``, a share of an objective's range, and exceed limits between
+    samples by a share ``between`` of their ranges, or by as much as before.
     """
 
     rounds: int = 3
     tolerance: float = 1e-9
+    between: float = 1e-4
 
 
 OPTIONS = CertifiedFrontOptions()
@@ -119,7 +121,9 @@ def _leave_saddles(
         x = np.stack([better for better in points.better if better is not None])
         found = certified(refine(formulation.program(ranges), x, len(ranges), solver=solver)[0])
         rise = found.individuals.objectives - points.individuals.objectives[saddles]
-        accepted = np.flatnonzero((rise <= OPTIONS.tolerance * ranges).all(axis=1))
+        allowed = np.maximum(points.certificates.violation_between[saddles], OPTIONS.between)
+        holds = found.certificates.violation_between <= allowed  # not known after a signal
+        accepted = np.flatnonzero(holds & (rise <= OPTIONS.tolerance * ranges).all(axis=1))
         points = _replace_points(formulation, points, saddles[accepted], found, accepted)
     return points
 
