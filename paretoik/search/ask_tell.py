@@ -78,7 +78,7 @@ class Search:
         offspring: int | None = None,
         anchors: int = 0,
     ) -> None:
-        check_problem(problem)
+        check_problem(problem, initial=initial)
         check_size("seed", seed, 0)
         check_size("population", population, SMALLEST_POPULATION)
         if offspring is not None:

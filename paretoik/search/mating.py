@@ -20,6 +20,7 @@ from paretoik.arrays import Genes, Ids, Mask, Objectives, Values
 from paretoik.errors import InvalidInput
 from paretoik.search.constraints import Integers
 from paretoik.search.maximin import column, dominates
+from paretoik.search.variables import widths_of, within_reach
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,7 @@ class BranchwiseMating:
         self.crossover = crossover
         self.mutation = mutation
         self.infeasible_parents = infeasible_parents
+        self.widths: Values = np.zeros(1)  # of the widest population so far, along every gene
 
     def do(self, problem: Any, pop: Any, n_offsprings: int, *, random_state: np.random.Generator, **kwargs: Any) -> Any:
         """Return a pymoo population of ``n_offsprings`` that repeat neither each other nor their parents.
@@ -67,6 +69,7 @@ class BranchwiseMating:
         Where there are not so many different genes the last are copies. pymoo also passes ``algorithm``.
         """
         X = column(pop, "X")
+        self.widths = np.maximum(self.widths, widths_of(X))
         parents = Parents(
             X=X,
             F=column(pop, "F"),
@@ -91,13 +94,14 @@ class BranchwiseMating:
         matings = -(-count // self.crossover.n_offsprings)
         chosen = self._select_parents(parents, matings, rng)
         couples = parents.X[chosen]
-        children = np.array(self.crossover._do(problem, couples, random_state=rng))
+        reach = within_reach(problem, parents.X, self.widths)
+        children = np.array(self.crossover._do(reach, couples, random_state=rng))
         uncrossed = rng.random(matings) >= get(self.crossover.prob)
         children[:, uncrossed] = couples[: len(children), uncrossed]
         gene = getattr(problem, "species_gene", None)
         if gene is not None:
             children[..., gene] = couples[: len(children), :, gene]
-        return self._mutate(problem, children.reshape(-1, problem.n_var), gene, rng)
+        return self._mutate(problem, reach, children.reshape(-1, problem.n_var), gene, rng)
 
     def _select_parents(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
         pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
@@ -119,8 +123,8 @@ class BranchwiseMating:
             rival[even] = _draw_from_species(species, individuals, rng)
         return rivals
 
-    def _mutate(self, problem: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
-        mutated = np.array(self.mutation._do(problem, X, random_state=rng))
+    def _mutate(self, problem: Any, reach: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
+        mutated = np.array(self.mutation._do(reach, X, random_state=rng))
         unchanged = rng.random(len(X)) > get(self.mutation.prob)
         mutated[unchanged] = X[unchanged]
         if gene is None:

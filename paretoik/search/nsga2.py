@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from pymoo.algorithms.base.genetic import GeneticAlgorithm
+from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.core.sampling import Sampling
 from pymoo.operators.crossover.sbx import SBX
@@ -17,16 +18,20 @@ from paretoik.errors import InvalidInput, check_size
 from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
 from paretoik.search.mating import BranchwiseMating
 from paretoik.search.maximin import MaxiMin, column
-from paretoik.search.seeding import SMALLEST_POPULATION, check_problem, seeded_population
+from paretoik.search.seeding import SMALLEST_POPULATION, check_bounds, check_sizes, seeded_population
+from paretoik.search.variables import Operators, has_real_genes, operators_for
 
 
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
     """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.
 
     ``pop_size`` at least 4; ``n_offsprings`` a generation, as many if None. ``sampling`` is what the first population
-    starts with, an array of genes or a pymoo Sampling, and is topped up to ``pop_size`` by ``seeded_population``.
-    ``crossover`` (two parents) and ``mutation`` are pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20).
-    The rest is explained at ``MaxiMin``.
+    starts with, an array of genes, a pymoo Sampling or a Population, whose evaluated individuals are not evaluated
+    again, and is topped up to ``pop_size`` by ``seeded_population``. ``crossover`` (two parents) and ``mutation`` are
+    pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20). The rest is explained at ``MaxiMin``.
+
+    Genes may be of any kind: real numbers without bounds want ``sampling``; integers, binary and named variables are
+    sampled and varied by pymoo's own operators.
 
     Raises InvalidInput for a size or bound that cannot be used, and for a misspelt option of pymoo's ``minimize``.
     """
@@ -56,20 +61,29 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
                 tolerance=tolerance,
                 equality_tolerance=equality_tolerance,
             ),
-            mating=BranchwiseMating(
-                SBX(eta=15, prob=0.9) if crossover is None else crossover,
-                PM(eta=20) if mutation is None else mutation,
-                infeasible_parents=infeasible_share > 0.0,
-            ),
             eliminate_duplicates=False,  # seeding and mating see to it, on arrays
             output=MultiObjectiveOutput(),
             advance_after_initial_infill=True,
         )
-        self.sampling = sampling
+        self.sampling, self.crossover, self.mutation = sampling, crossover, mutation
+        self.tournament_type = "comp_by_rank_and_crowding"  # of pymoo's own mating
+        if crossover is not None and crossover.n_parents not in (2, 3):
+            raise InvalidInput(f"crossover: an operator of 2 or 3 parents wanted, got {crossover.n_parents}")
 
     def setup(self, problem: Any, **options: Any) -> Any:
         """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""
-        check_problem(problem)
+        check_sizes(problem)
+        self._operators = None
+        if has_real_genes(problem):
+            check_bounds(problem, initial=self.sampling)
+            self.mating = BranchwiseMating(
+                SBX(eta=15, prob=0.9) if self.crossover is None else self.crossover,
+                PM(eta=20) if self.mutation is None else self.mutation,
+                infeasible_parents=self.survival.infeasible_share > 0.0,
+            )
+        else:
+            self._operators = operators_for(problem, self.crossover, self.mutation)
+            self.mating = self._operators.mating
         for name in options:
             if name not in self.__dict__ and name not in ("verbose", "progress"):
                 raise InvalidInput(f"minimize: one of pymoo's options wanted, got {name!r}")
@@ -79,9 +93,29 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         initial = self.sampling
         if isinstance(initial, Sampling):
             initial = initial.do(self.problem, self.pop_size, random_state=self.random_state)
-        if isinstance(initial, Population):
-            initial = initial.get("X")
-        return Population.new("X", seeded_population(self.problem, self.pop_size, initial, rng=self.random_state))
+        if self._operators is not None:
+            return self._sampled(initial, self._operators)
+        given = initial if isinstance(initial, Population) else Population()
+        X = given.get("X") if isinstance(initial, Population) else initial
+        X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
+        known = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in given}
+        return Population([known.get(row.tobytes()) or Individual(X=row) for row in X])
+
+    def _sampled(self, initial: Any, operators: Operators) -> Any:
+        """Return the first population of genes that are no real numbers: what is given, and others by pymoo."""
+        given = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
+        if len(given) > self.pop_size:
+            raise InvalidInput(f"sampling: at most {self.pop_size} individuals wanted, got {len(given)}")
+        if len(given) < self.pop_size and operators.sampling is None:
+            raise InvalidInput(f"sampling: {self.pop_size} individuals wanted for such genes, got {len(given)}")
+        for _ in range(10):
+            if len(given) < self.pop_size:
+                more = operators.sampling.do(self.problem, self.pop_size - len(given), random_state=self.random_state)
+                given = Population.merge(given, operators.duplicates.do(more, given))
+        if len(given) < self.pop_size:  # there are not so many
+            spare = self.pop_size - len(given)
+            given = Population.merge(given, operators.sampling.do(self.problem, spare, random_state=self.random_state))
+        return given
 
     def _set_optimum(self, **kwargs: Any) -> None:
         violation = column(self.pop, "CV")[:, 0]

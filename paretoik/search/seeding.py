@@ -10,29 +10,52 @@ from numpy.typing import ArrayLike
 from paretoik.errors import InvalidInput, check_size
 from paretoik.inputs import real_array
 from paretoik.search.constraints import Floats
+from paretoik.search.variables import bounds_of, has_real_genes, widths_of, within_reach
 
 SMALLEST_POPULATION = 4
 
 
-def check_problem(problem: Any) -> None:
-    """Raise InvalidInput unless the problem has real genes within finite, ordered bounds, and an objective."""
+def check_problem(problem: Any, *, initial: Any = None) -> None:
+    """Raise InvalidInput unless the problem has real genes within ordered bounds, and an objective.
+
+    Bounds may only be missing or infinite where there are ``initial`` genes to start from.
+    """
+    check_sizes(problem)
+    if not has_real_genes(problem):
+        raise InvalidInput(
+            f"problem genes: real numbers wanted, got {problem.vtype or 'named variables'}; "
+            "pymoo.optimize.minimize with MaxiMinNSGA2 takes others"
+        )
+    check_bounds(problem, initial=initial)
+
+
+def check_sizes(problem: Any) -> None:
+    """Raise InvalidInput unless this is a pymoo problem with genes and objectives."""
     if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
         raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {problem!r}")
     check_size("problem.n_var", problem.n_var, 1)
     check_size("problem.n_obj", problem.n_obj, 1)
-    if getattr(problem, "vars", None) is not None or problem.vtype not in (None, float):
-        raise InvalidInput(f"problem genes: real numbers wanted, got {problem.vtype or 'named variables'}")
+
+
+def check_bounds(problem: Any, *, initial: Any = None) -> None:
+    """Raise InvalidInput unless the bounds of real genes are ordered, and finite or there are ``initial`` genes."""
     for name in ("xl", "xu"):
         bound = getattr(problem, name)
+        if bound is None:
+            if initial is None:
+                raise InvalidInput(
+                    f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got none, nor genes to start from"
+                )
+            continue
         if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):
-            fact = "none" if bound is None else f"shape {np.shape(bound)}"
-            raise InvalidInput(f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got {fact}")
-        for gene in np.flatnonzero(~np.isfinite(bound)):
+            raise InvalidInput(
+                f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got shape {np.shape(bound)}"
+            )
+        for gene in np.flatnonzero(np.isnan(bound) | (np.isinf(bound) & (initial is None))):
             raise InvalidInput(f"problem.{name}[{gene}]: a finite bound wanted, got {bound[gene]}")
-    for gene in np.flatnonzero(problem.xl > problem.xu):
-        raise InvalidInput(
-            f"problem bounds of gene {gene}: xl <= xu wanted, got {problem.xl[gene]} > {problem.xu[gene]}"
-        )
+    lower, upper = bounds_of(problem)
+    for gene in np.flatnonzero(lower > upper):
+        raise InvalidInput(f"problem bounds of gene {gene}: xl <= xu wanted, got {lower[gene]} > {upper[gene]}")
 
 
 def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tolerance: float = 1e-12) -> Floats:
@@ -43,13 +66,15 @@ def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tole
     X = np.atleast_2d(real_array(name, genes))
     if X.ndim != 2 or X.shape[1] != problem.n_var:
         raise InvalidInput(f"{name}: rows of {problem.n_var} genes wanted, got shape {X.shape}")
-    slack = np.maximum(tolerance * (problem.xu - problem.xl), 4 * np.spacing(np.maximum(-problem.xl, problem.xu)))
-    inside = (problem.xl - slack <= X) & (problem.xu + slack >= X)  # False for NaN
+    lower, upper = bounds_of(problem)
+    width, largest = upper - lower, np.maximum(-lower, upper)
+    slack = np.where(np.isfinite(width), np.maximum(tolerance * width, 4 * np.spacing(largest)), 0.0)
+    inside = (lower - slack <= X) & (upper + slack >= X) & np.isfinite(X)
     for row, gene in np.argwhere(~inside):
         raise InvalidInput(
-            f"{name}[{row}]: gene {gene} between {problem.xl[gene]} and {problem.xu[gene]} wanted, got {X[row, gene]}"
+            f"{name}[{row}]: gene {gene} between {lower[gene]} and {upper[gene]} wanted, got {X[row, gene]}"
         )
-    return np.clip(X, problem.xl, problem.xu)
+    return np.clip(X, lower, upper)
 
 
 def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Floats:
@@ -68,9 +93,11 @@ def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None,
         if hasattr(problem, source) and len(rows) < size:
             genes = getattr(problem, source)(min(third, size - len(rows)), rng)
             _add(rows, checked_genes(problem, genes, f"problem.{source}"), min(size, len(rows) + third))
+    known = np.array(list(rows.values())).reshape(-1, problem.n_var)
+    reach = within_reach(problem, known, widths_of(known)) if len(known) else problem
     for _ in range(10):
-        _add(rows, _uniform(problem, size - len(rows), rng), size)
-    spare = _uniform(problem, size - len(rows), rng)
+        _add(rows, _uniform(reach, size - len(rows), rng), size)
+    spare = _uniform(reach, size - len(rows), rng)
     return np.concatenate((np.array(list(rows.values())).reshape(-1, problem.n_var), spare))
 
 
