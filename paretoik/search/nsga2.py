@@ -61,29 +61,29 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
                 tolerance=tolerance,
                 equality_tolerance=equality_tolerance,
             ),
+            mating=BranchwiseMating(
+                SBX(eta=15, prob=0.9) if crossover is None else crossover,
+                PM(eta=20) if mutation is None else mutation,
+                infeasible_parents=infeasible_share > 0.0,
+            ),
             eliminate_duplicates=False,  # seeding and mating see to it, on arrays
             output=MultiObjectiveOutput(),
             advance_after_initial_infill=True,
         )
         self.sampling, self.crossover, self.mutation = sampling, crossover, mutation
         self.tournament_type = "comp_by_rank_and_crowding"  # of pymoo's own mating
-        if crossover is not None and crossover.n_parents not in (2, 3):
-            raise InvalidInput(f"crossover: an operator of 2 or 3 parents wanted, got {crossover.n_parents}")
+        self._branchwise = self.mating
+        self._operators: Operators | None = None  # of genes that are no real numbers
 
     def setup(self, problem: Any, **options: Any) -> Any:
         """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""
         check_sizes(problem)
-        self._operators = None
         if has_real_genes(problem):
             check_bounds(problem, initial=self.sampling)
-            self.mating = BranchwiseMating(
-                SBX(eta=15, prob=0.9) if self.crossover is None else self.crossover,
-                PM(eta=20) if self.mutation is None else self.mutation,
-                infeasible_parents=self.survival.infeasible_share > 0.0,
-            )
+            self.mating, self._operators = self._branchwise, None
         else:
-            self._operators = operators_for(problem, self.crossover, self.mutation)
-            self.mating = self._operators.mating
+            operators = operators_for(problem, self.crossover, self.mutation)
+            self.mating, self._operators = operators.mating, operators
         for name in options:
             if name not in self.__dict__ and name not in ("verbose", "progress"):
                 raise InvalidInput(f"minimize: one of pymoo's options wanted, got {name!r}")
