@@ -52,6 +52,11 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         check_size("pop_size", pop_size, SMALLEST_POPULATION)
         if n_offsprings is not None:
             check_size("n_offsprings", n_offsprings, 1)
+        branchwise = BranchwiseMating(
+            SBX(eta=15, prob=0.9) if crossover is None else crossover,
+            PM(eta=20) if mutation is None else mutation,
+            infeasible_parents=infeasible_share > 0.0,
+        )
         super().__init__(
             pop_size=int(pop_size),
             n_offsprings=n_offsprings,
@@ -61,18 +66,14 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
                 tolerance=tolerance,
                 equality_tolerance=equality_tolerance,
             ),
-            mating=BranchwiseMating(
-                SBX(eta=15, prob=0.9) if crossover is None else crossover,
-                PM(eta=20) if mutation is None else mutation,
-                infeasible_parents=infeasible_share > 0.0,
-            ),
+            mating=branchwise,
             eliminate_duplicates=False,  # seeding and mating see to it, on arrays
             output=MultiObjectiveOutput(),
             advance_after_initial_infill=True,
         )
         self.sampling, self.crossover, self.mutation = sampling, crossover, mutation
         self.tournament_type = "comp_by_rank_and_crowding"  # of pymoo's own mating
-        self._branchwise = self.mating
+        self._branchwise = branchwise
         self._operators: Operators | None = None  # of genes that are no real numbers
 
     def setup(self, problem: Any, **options: Any) -> Any:
