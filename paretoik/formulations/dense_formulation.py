@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,7 @@ from paretoik.front.front import Front
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.pareto.cold_search import StartSearch
+from paretoik.pareto.scalarisation import Observe
 from paretoik.task.motion import Motion
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
@@ -48,7 +49,7 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         ranges: Float[np.ndarray, " n_obj"],
         *,
         solver: Solver = "auto",
-        observe: Callable[[int, int], object] | None = None,
+        observe: Observe | None = None,
     ) -> tuple[Points, Sequence[Program]]:
         """Return the points as they are, and their program."""
         return x, [self.program()] * len(x)
@@ -87,12 +88,7 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return np.minimum((genes[:, 0] * self.base_count).astype(int), self.base_count - 1)
 
     def cold_search(
-        self,
-        *,
-        starts: int | None,
-        seed: int,
-        solver: Solver = "auto",
-        observe: Callable[[int, int], object] | None = None,
+        self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> StartSearch:
         """Return how optima are found from nothing: from so many starts that motors can hold, each by itself, else 48.
 

@@ -26,7 +26,7 @@ all of ``Differentiable``                ``refine``, ``epsilon_front`` and certi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
@@ -36,6 +36,7 @@ from jaxtyping import Float
 from paretoik.arrays import Genes, Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Front, Preference
+from paretoik.pareto.scalarisation import Observe
 
 if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.nlp.program import Program, Solver
@@ -92,7 +93,7 @@ class Differentiable(Protocol):
         ranges: Float[np.ndarray, " n_obj"],
         *,
         solver: Solver = "auto",
-        observe: Callable[[int, int], object] | None = None,
+        observe: Observe | None = None,
     ) -> tuple[Points, Sequence[Program]]:
         """Return optimal points that keep their limits where the program does not look, and the program of each.
 
@@ -104,12 +105,7 @@ class Differentiable(Protocol):
         """Return a label for each point: those of one branch can be led into each other."""
 
     def cold_search(
-        self,
-        *,
-        starts: int | None,
-        seed: int,
-        solver: Solver = "auto",
-        observe: Callable[[int, int], object] | None = None,
+        self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> ColdSearch:
         """Return how local optima are found from nothing, from so many starts; ``observe`` gets what is done of all.
 

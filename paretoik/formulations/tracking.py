@@ -27,6 +27,7 @@ from paretoik.formulations.interpolation import values_between
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
+from paretoik.pareto.scalarisation import Observe
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
 from paretoik.search.nsga2 import MaxiMinNSGA2
@@ -222,7 +223,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         ranges: Float[np.ndarray, " n_obj"],
         *,
         solver: Solver = "auto",
-        observe: Callable[[int, int], object] | None = None,
+        observe: Observe | None = None,
     ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
         """Return motions that keep their limits between samples, as far as a few rounds lead, and their programs."""
         natural = self.program()
@@ -240,12 +241,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         return branch_labels(self.task.motion(x))
 
     def cold_search(
-        self,
-        *,
-        starts: int | None,
-        seed: int,
-        solver: Solver = "auto",
-        observe: Callable[[int, int], object] | None = None,
+        self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
         require_values(self.task, self._rollouts)
