@@ -11,77 +11,122 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.closed_loop.control_step import reach_by_joint
+from paretoik.closed_loop.control_step import ControlStep, reach_by_joint
+from paretoik.closed_loop.loop import required_standoff, step_limits
+from paretoik.closed_loop.null_space_steps import PlanarSteps
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
+from paretoik.closed_loop.programs import trace_nodes
+from paretoik.closed_loop.workspace import OPTIONS as ENGINE
+from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 
 
 class ExactStepOptions(NamedTuple):
-    """The grid over the steps of an arm, and its minimisers; radii in rad."""
+    """How far steps go, and when cells of them are no longer halved."""
 
-    nearest_radius: float = 1e-7  # the first of the grid; radii grow by a factor up to fine_radius
-    fine_radius: float = 0.1
-    farthest_radius: float = 8.0  # radii grow evenly from fine_radius to this
-    fine_radii: int = 40  # with one redundant degree
-    coarse_radii: int = 80
-    fine_radii_4r: int = 24  # with two
-    coarse_radii_4r: int = 40
-    angles: int = 24
-    cells: int = 3  # of the grid that are minimised further, with one redundant degree
-    cells_4r: int = 6  # with two
-    golden_iterations: int = 36
-    simplex_iterations: int = 150
-    simplex_tolerance: float = 1e-9  # of the radius: diameter of a simplex that has converged
-    newton_iterations: int = 12
-    error_tolerance: float = 1e-13  # m: the tool is at its target
+    farthest: float = 8.0  # rad: steps whose joints have no bounds are within this of the one of least displacement
+    tolerance: float = 1e-7  # of the range of the weighted sum: cells that promise less are left out
+    smallest: float = 1e-9  # rad: cells whose steps are not told admissible or not are halved down to this
+    cells: int = 30_000  # that one minimisation looks at, at most
+    newton_iterations: int = 8
+    boundary_factor: float = 1e4  # of the tolerance: as much in cells across the boundary of an obstacle
+    boundary_span: float = 0.03  # of the radius of steps: so far along a boundary its best step is sought at first
+    boundary_iterations: int = 32
 
 
 OPTIONS = ExactStepOptions()
 
 
 def exact_steps(
-    task: MotionTask, start: Float[np.ndarray, " dof"], *, weight: float, options: ExactStepOptions = OPTIONS
+    task: MotionTask,
+    start: Float[np.ndarray, " dof"],
+    *,
+    weight: float,
+    longest_step: float = np.inf,
+    options: ExactStepOptions = OPTIONS,
 ) -> Float[np.ndarray, "time dof"]:
     """Return the joint positions of the loop that always takes the best step; ``weight`` is that of the displacement.
 
-    Obstacles count at the end of a step. Raises InvalidInput for arms that are not planar, at the origin, with three or
-    four joints, and for tasks that are not positions in the plane; Infeasible where no step is clear of the obstacles.
+    Which steps are admissible, ``ClosedLoop`` says: joints move by ``longest_step`` at most [rad] and keep their limits
+    on position and velocity; of steps of any length (np.inf) the end alone is clear of obstacles, of others all the
+    way. No admissible step is better by more than the tolerance of the options. Raises InvalidInput for arms that are
+    not planar, at the origin, with three or four joints, and for tasks that are not positions in the plane; Infeasible
+    where no step is admissible.
     """
     from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
-    from paretoik.closed_loop.null_space_steps import PlanarSteps
 
     lengths = link_lengths(task.arm)
     if task.rows != 2 or task.targets.shape[1] != 2:
         raise InvalidInput(f"exact steps: a path of positions in the plane wanted, got {task.rows} rows")
-    n = len(lengths)
-    cells = 1 + max(
-        2 * (options.fine_radii + options.coarse_radii + 1),
-        options.angles * (options.fine_radii_4r + options.coarse_radii_4r + 1),
-    )
-    steps = PlanarSteps(
-        lengths=lengths,
-        base=np.zeros(n),
-        null_space=np.zeros((n, n - 2)),
-        center=np.zeros(n - 2),
-        target=np.zeros(2),
-        obstacles=tabulate(task.obstacles),
-        bounding=tabulate_balls(task.obstacles),
-        required=task.min_clearance + task.link_radius,
-        reach=reach_by_joint(task),
-        reference=np.zeros(n),
-        margin=np.zeros(1),
-        nodes=np.zeros((3 * (n + 1), cells)),
-        cells=np.zeros(cells, np.int64),
-        distances=np.zeros(cells),
-    )
-    q = np.empty((len(task.targets), n))
+    moves, positions = step_limits(task, longest_step)
+    shape = moves.shape
+    q = np.empty(shape[:2])
     q[0] = start
-    reached = best_steps(np.ascontiguousarray(task.targets), float(weight), options, steps, q)
+    reached = best_steps(
+        np.ascontiguousarray(task.targets),
+        np.ascontiguousarray(np.moveaxis(moves, -1, 0)),
+        np.ascontiguousarray(np.moveaxis(np.broadcast_to(positions, shape), -1, 0)),
+        q[0].copy(),
+        float(weight),
+        options,
+        planar_steps(task, lengths, bool(np.isfinite(longest_step)), required_standoff(task, longest_step), options),
+        q,
+    )
     if reached < len(q):
-        raise Infeasible(f"step {reached}: a free configuration wanted, there is none")
+        raise Infeasible(f"step {reached}: an admissible configuration wanted, there is none")
     return q
+
+
+def exact_step(step: ControlStep, *, weight: float, options: ExactStepOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
+    """Return the joint positions after the best of all admissible steps; as ``exact_steps``, and raises as it does."""
+    from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
+
+    task = step.task
+    lengths = link_lengths(task.arm)
+    targets, q = np.tile(step.target, (2, 1)), np.tile(step.previous, (2, 1))
+    moves = np.stack([np.tile(step.lower, (2, 1)), np.tile(step.upper, (2, 1))])
+    unlimited = np.broadcast_to(np.array([-np.inf, np.inf])[:, None, None], moves.shape).copy()
+    steps = planar_steps(task, lengths, step.swept, step.standoff, options)
+    if best_steps(targets, moves, unlimited, np.array(step.home), float(weight), options, steps, q) < 2:
+        raise Infeasible(f"step {step.sample}: an admissible configuration wanted, there is none")
+    return q[1]
+
+
+def planar_steps(
+    task: MotionTask, lengths: Float[np.ndarray, " dof"], swept: bool, standoff: float, options: ExactStepOptions
+) -> PlanarSteps:
+    """Return the arrays of a step, and what all steps keep."""
+    n = len(lengths)
+    constraints = StepConstraints(
+        trace_nodes(task).arrays,
+        tabulate(task.obstacles),
+        tabulate_balls(task.obstacles),
+        task.min_clearance + task.link_radius,
+        reach_by_joint(task),
+        np.zeros(n),
+        np.zeros(n),
+        True,
+        swept,
+        standoff,
+    )
+    return PlanarSteps(
+        lengths=lengths,
+        origin=np.zeros(n),
+        null_space=np.zeros((n, 2)),
+        angles=np.zeros(n),
+        slopes=np.zeros((n, 2)),
+        target=np.zeros(2),
+        bends=np.zeros(2),
+        corners=np.zeros((2, 2 * n + 4, 2)),
+        start=StepStart(np.zeros(n), np.zeros(n), np.zeros((n, n - 2)), np.zeros((3, n)), 1.0),
+        constraints=constraints,
+        options=ENGINE,
+        workspace=allocate(n, n - 2, 1, 2, n),
+        clearance=np.zeros(1),
+        cells=np.empty((options.cells, 8)),
+    )
 
 
 def link_lengths(arm: Arm, *, tolerance: float = 1e-12) -> Float[np.ndarray, " dof"]:

@@ -1,145 +1,263 @@
 """The best step of an extended Jacobian, exactly: compiled, for planar arms of one or two redundant degrees.
 
-Both objectives of Marcos et al. 2012 (Eqs. 17 and 18) are evaluated on a grid over all steps; its best cells are
-minimised further. ``null_space_steps`` has the coordinates.
+Both objectives of Marcos et al. 2012 (Eqs. 17 and 18) are minimised, and their weighted sum, by branch and bound over
+the cells of the null space: what is left out is proven to be no better.
 """
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
+
 import numpy as np
 
-from paretoik.closed_loop.null_space_steps import ERROR, RADIUS, SUM, evaluate_grid, linearise, merit, step_error
-from paretoik.closed_loop.step_minimisers import minimise_along, nelder_mead, newton
+from paretoik.closed_loop.admissible_steps import clearance_at_start, excess_at
+from paretoik.closed_loop.null_space_steps import (
+    configure,
+    error_at,
+    is_admissible,
+    linearise,
+    tool_error,
+    weighted_sum,
+    write_region,
+)
+from paretoik.closed_loop.obstacle_boundary import follow_boundary
+from paretoik.closed_loop.step_cells import ADMISSIBLE, BOUND, contains, halve, lower_bound, model, place_region
 from paretoik.compilation import compiled
+from paretoik.compilation_references import refer
+
+ROUNDING = 1e-15  # of the arm's length: the error of the tool is not known better
 
 
-@compiled(what="the exact control step", seconds=10)
-def best_steps(targets, weight, options, s, q):
-    """Write the joint positions (time, dof) of the best steps from the first; return how many samples they reach."""
+@compiled(what="the exact control step", seconds=20)
+def best_steps(targets, moves, positions, home, weight, options, s, q):
+    """Write the joint positions (time, dof) of the best steps from the first; return how many samples they reach.
+
+    ``moves`` and ``positions`` (2, time, dof) are how far joints may move in the step to a sample, and their limits.
+    """
+    options, s = refer(options), refer(s)
     for k in range(1, targets.shape[0]):
-        if not best_step(q[k - 1], q[0], targets[k], weight, options, s, q[k]):
+        for j in range(q.shape[1]):
+            s.start.previous[j] = q[k - 1, j]
+            s.constraints.lower[j] = max(moves[0, k, j], positions[0, k, j] - q[k - 1, j])
+            s.constraints.upper[j] = min(moves[1, k, j], positions[1, k, j] - q[k - 1, j])
+        if not best_step(home, targets[k], weight, options, s, q[k]):
             return k
     return targets.shape[0]
 
 
 @compiled
-def best_step(previous, home, target, weight, options, s, q):
-    """Write the best step's joint positions to ``q``; return whether there is one that is clear of obstacles.
-
-    ``options`` are the ``ExactStepOptions``, ``s`` the ``PlanarSteps`` of the arm, to write to.
-    """
-    linearise(previous, home, target, s)
-    if weight >= 1.0 and step_error(0.0, 0.0, s, q) < np.inf:
-        return True
-    radii, angles = _grid(options, s.lengths.shape[0])
-    errors, merits = np.zeros((radii.shape[0], angles.shape[0])), np.zeros((radii.shape[0], angles.shape[0]))
-    evaluate_grid(radii, angles, s, q, errors)
-    none = (0.0, 1.0, 0.0, 1.0)
-    nearest, rho, theta = 0.0, 0.0, 0.0
-    if not errors[0, 0] < np.inf:
-        nearest, rho, theta = _minimise(RADIUS, none, options, s, q, errors, merits, radii, angles)
+def best_step(home, target, weight, options, s, q):
+    """Write the best step's joint positions to ``q``; return whether there is one that is admissible."""
+    linearise(home, target, s)
+    s.clearance[0] = clearance_at_start(s.start, s.constraints, s.workspace)
+    corners, place = write_region(options.farthest, s), np.zeros(2)
+    rounding = ROUNDING * s.lengths.sum()
+    nearest = minimise(1.0, 0.0, 0.0, corners, options, s, place)
     if not nearest < np.inf:
         return False
-    largest_error = step_error(rho, theta, s, q)
+    near_u, near_v = place[0], place[1]
+    largest = error_at(near_u, near_v, s)
     if weight < 1.0:
-        smallest_error, far, far_theta = 0.0, np.inf, 0.0
-        if s.lengths.shape[0] == 4:
-            far, far_theta = _reach_target(options, s, q, errors, merits, radii, angles)
-        if not far < np.inf:
-            smallest_error, far, far_theta = _minimise(ERROR, none, options, s, q, errors, merits, radii, angles)
-        if weight <= 0.0:
-            rho, theta = far, far_theta
-        elif far > rho and largest_error > smallest_error:
-            ranges = (weight, np.sqrt(far**2 - rho**2), smallest_error, largest_error - smallest_error)
-            _, rho, theta = _minimise(SUM, ranges, options, s, q, errors, merits, radii, angles)
-    step_error(rho, theta, s, q)
+        smallest, farthest = 0.0, nearest_zero(corners, rounding, options, s, place)
+        if not farthest < np.inf:
+            place[0], place[1] = near_u, near_v
+            enough = max(options.tolerance * largest, rounding)
+            smallest = minimise(0.0, 1.0, enough, corners, options, s, place)
+            farthest = place[0] ** 2 + place[1] ** 2
+        if weight > 0.0 and not (farthest > nearest and largest > smallest + rounding):
+            place[0], place[1] = near_u, near_v
+        elif weight > 0.0:
+            square_weight = weight / (farthest - nearest)  # Eqs. 19 and 20
+            error_weight = (1.0 - weight) / (largest - smallest)
+            far = square_weight * farthest + error_weight * smallest
+            if square_weight * nearest + error_weight * largest < far:
+                place[0], place[1] = near_u, near_v
+            enough = max(options.tolerance, error_weight * rounding)
+            radius = np.sqrt(min(far, square_weight * nearest + error_weight * largest) / square_weight)
+            corners = write_region(min(radius, options.farthest), s)
+            minimise(square_weight, error_weight, enough, corners, options, s, place)
+    configure(place[0], place[1], s, q)
     return True
 
 
 @compiled
-def _grid(options, dof):
-    """Return the radii of a grid, evenly in their logarithm up to ``fine_radius``, then evenly, and its angles."""
-    fine, coarse = (options.fine_radii, options.coarse_radii)
-    columns = 2
-    if dof == 4:
-        fine, coarse, columns = options.fine_radii_4r, options.coarse_radii_4r, options.angles
-    radii, angles = np.zeros(1 + fine + coarse), np.zeros(columns)
-    for i in range(fine):
-        radii[i + 1] = options.nearest_radius * (options.fine_radius / options.nearest_radius) ** (i / (fine - 1))
-    for i in range(coarse):
-        radii[i + 1 + fine] = options.fine_radius + (options.farthest_radius - options.fine_radius) * (i + 1) / coarse
-    for j in range(columns):
-        angles[j] = 2.0 * np.pi * j / columns
-    return radii, angles
+def minimise(square_weight, error_weight, enough, corners, options, s, place):
+    """Return the least of square_weight ‖y‖² + error_weight ‖e‖ over admissible steps, inf where none is.
 
-
-@compiled
-def _minimise(quantity, ranges, options, s, q, errors, merits, radii, angles):
-    """Return (merit, ρ, θ) of the minimum: the best cells of the grid, minimised further."""
-    rows, columns = radii.shape[0], angles.shape[0]
-    for i in range(rows):
-        for j in range(columns):
-            merits[i, j] = merit(radii[i], errors[i, j], quantity, ranges)
-    best, rho, theta = merits[0, 0], 0.0, 0.0
-    simplex = np.zeros((3, 3))
-    for _ in range(options.cells if columns == 2 else options.cells_4r):
-        row, column = _lowest_cell(merits)
-        if row < 0:
-            break
-        at_cell, low, high = merits[row, column], radii[max(row - 1, 0)], radii[min(row + 1, rows - 1)]
-        angle = angles[column]
-        merits[row, column] = np.inf
-        if columns == 2:
-            value, place = minimise_along(low, high, angle, quantity, ranges, options, s, q)
-        else:
-            size = 0.5 * (high - low)
-            value, place, angle = nelder_mead(radii[row], angle, size, quantity, ranges, options, s, q, simplex)
-        if at_cell < min(best, value):
-            best, rho, theta = at_cell, radii[row], angles[column]
-        elif value < best:
-            best, rho, theta = value, place, angle
-    return best, rho, theta
-
-
-@compiled
-def _lowest_cell(merits):
-    """Return (row, column) of the lowest cell that is no higher than its neighbours; −1 for none."""
-    row, column, lowest = -1, -1, np.inf
-    for i in range(merits.shape[0]):
-        for j in range(merits.shape[1]):
-            if merits[i, j] < lowest and _is_local_minimum(merits, i, j):
-                row, column, lowest = i, j, merits[i, j]
-    return row, column
-
-
-@compiled
-def _is_local_minimum(merits, i, j):
-    """Return whether no neighbour of a cell is lower; angles are periodic."""
-    rows, columns = merits.shape
-    for k in (-1, 1):
-        if 0 <= i + k < rows and merits[i + k, j] < merits[i, j]:
-            return False
-        if columns > 2 and merits[i, (j + k) % columns] < merits[i, j]:
-            return False
-    return True
-
-
-@compiled
-def _reach_target(options, s, q, errors, merits, radii, angles):
-    """Return (ρ, θ) of the nearest clear step of two redundant degrees that hits the target; ρ is inf without one.
-
-    Newton's method starts from every local minimum of the grid.
+    It is within ``enough``, or the tolerance's share of itself. The step is written to ``place``; what stands there
+    before is tried first.
     """
-    nearest, nearest_theta = np.inf, 0.0
-    for i in range(radii.shape[0]):
-        for j in range(angles.shape[0]):
-            merits[i, j] = errors[i, j]
-    for i in range(1, radii.shape[0]):
-        for j in range(angles.shape[0]):
-            if not errors[i, j] < np.inf or not _is_local_minimum(merits, i, j):
-                continue
-            error, rho, theta = newton(radii[i], angles[j], options, s)
-            is_nearer = error < options.error_tolerance and rho < min(nearest, options.farthest_radius)
-            if is_nearer and step_error(rho, theta, s, q) < np.inf:
-                nearest, nearest_theta = rho, theta
-    return nearest, nearest_theta
+    best, weights = np.inf, (square_weight, error_weight)
+    best = _try(place[0], place[1], weights, best, False, s, place)
+    for i in range(corners):
+        best = _try(s.corners[0, i, 0], s.corners[0, i, 1], weights, best, False, s, place)
+    count = place_region(corners, s)
+    waiting = [(-np.inf, i) for i in range(count)]
+    while len(waiting) > 0 and count < s.cells.shape[0]:
+        bound, i = heappop(waiting)
+        if bound >= best - max(enough, options.tolerance * best):
+            break
+        u, v = halve(i, count, s)
+        best = _try(u, v, weights, best, s.cells[i, ADMISSIBLE] > 0.0, s, place)
+        for half in (i, count):
+            best, is_open = _look(half, weights, enough, best, options, s, place)
+            if is_open:
+                heappush(waiting, (s.cells[half, BOUND], half))
+        count += 1
+    if s.constraints.obstacles.shape[0] > 0 and s.lengths.shape[0] > 3 and best < np.inf:
+        best = follow_boundary(best, weights, options, s, place)
+    return best
+
+
+@compiled
+def _gain(cell, best, enough, options, s):
+    """Return how much better than the best value the bound of a cell is to be, for the cell to be halved.
+
+    Of triangles across the boundary of obstacles, of which there are many, more: ``follow_boundary`` ends there.
+    """
+    gain = max(enough, options.tolerance * best)
+    return gain if cell[ADMISSIBLE] > 0.0 or s.lengths.shape[0] == 3 else options.boundary_factor * gain
+
+
+@compiled
+def _look(i, weights, enough, best, options, s, place):
+    """Try the middle of a cell, and write its bound; return the best value, and whether the cell is to be halved."""
+    cell = s.cells[i]
+    m = model(cell, s)
+    wanted = best - _gain(cell, best, enough, options, s)
+    bound = lower_bound(weights[0], weights[1], wanted, m)
+    cell[BOUND] = bound
+    if bound >= wanted or not m.size > options.smallest:
+        return best, False
+    if not _admit(cell, m, s):
+        return best, False
+    best = _try(m.u, m.v, weights, best, cell[ADMISSIBLE] > 0.0, s, place)
+    if weights[1] * m.change < np.inf:
+        best, is_done = _descend(cell, m, weights, enough, best, options, s, place)
+        if is_done:
+            return best, False
+    return best, cell[BOUND] < best - _gain(cell, best, enough, options, s)
+
+
+@compiled
+def _descend(cell, m, weights, enough, best, options, s, place):
+    """Where the weighted sum is convex in a cell, let Newton's method find its minimum there, and raise the bound.
+
+    Return the best value, and whether nothing better is left in the cell.
+    """
+    value, (fu, fv), (uu, uv, vv) = weighted_sum(weights[0], weights[1], m.u, m.v, s)
+    change, interval = weights[1] * m.change, s.lengths.shape[0] == 3
+    least = uu if interval else 0.5 * (uu + vv) - np.sqrt(0.25 * (uu - vv) ** 2 + uv * uv)
+    if not least > change:
+        return best, False
+    bound = np.inf
+    for i in range(3):
+        bound = min(bound, value + fu * (cell[2 * i] - m.u) + fv * (cell[2 * i + 1] - m.v))
+    cell[BOUND] = max(cell[BOUND], bound)
+    if cell[BOUND] >= best - enough:
+        return best, True
+    u, v = m.u, m.v
+    for _ in range(options.newton_iterations):
+        if interval:
+            u -= fu / uu
+        else:
+            determinant = uu * vv - uv * uv
+            u, v = u - (vv * fu - uv * fv) / determinant, v - (uu * fv - uv * fu) / determinant
+        if not contains(cell, u, v, s):
+            return best, False
+        _, (fu, fv), (uu, uv, vv) = weighted_sum(weights[0], weights[1], u, v, s)
+    best = _try(u, v, weights, best, cell[ADMISSIBLE] > 0.0, s, place)
+    return best, cell[ADMISSIBLE] > 0.0
+
+
+@compiled
+def _try(u, v, weights, best, admissible, s, place):
+    """Return the better of a value and that of a step; write the step to ``place`` if it is."""
+    value = weights[0] * (u * u + v * v)
+    if weights[1] > 0.0:
+        value += weights[1] * error_at(u, v, s)
+    if value < best and (admissible or is_admissible(u, v, s)):
+        place[0], place[1] = u, v
+        return value
+    return best
+
+
+@compiled
+def _admit(cell, m, s):
+    """Note where all steps of a cell are clear of obstacles; return whether some may be."""
+    c, w = s.constraints, s.workspace
+    if cell[ADMISSIBLE] > 0.0:
+        return True
+    configure(m.u, m.v, s, w.inputs[:, 0])
+    excess = excess_at(1.0, s.start, c, w)
+    if excess + m.travel <= c.standoff:
+        return False
+    if not c.swept:
+        cell[ADMISSIBLE] = 1.0 if excess - m.travel > c.standoff else 0.0
+        return True
+    travel = m.travel
+    for j in range(s.origin.shape[0]):
+        travel += c.reach[j] * abs(w.inputs[j, 0] - s.start.previous[j])
+    if excess - m.travel > c.standoff and s.clearance[0] + excess - m.travel > travel:
+        cell[ADMISSIBLE] = 1.0
+    if cell[ADMISSIBLE] > 0.0:
+        return True
+    return not _is_blocked(m.travel, s)
+
+
+@compiled
+def _is_blocked(travel, s):
+    """Return whether a point of the arm is deeper in an obstacle on the way than steps differ by ``travel``."""
+    for k in range(1, 8):
+        share = k / 8.0
+        if excess_at(share, s.start, s.constraints, s.workspace) + share * travel <= 0.0:
+            return True
+    return False
+
+
+@compiled
+def nearest_zero(corners, rounding, options, s, place):
+    """Return ‖y‖² of the nearest admissible step that reaches the target, written to ``place``; inf where none does.
+
+    With one redundant degree none is looked for: only by chance is there one.
+    """
+    if s.lengths.shape[0] == 3:
+        return np.inf
+    best, count = np.inf, place_region(corners, s)
+    waiting = [(-np.inf, i) for i in range(count)]
+    while len(waiting) > 0 and count < s.cells.shape[0]:
+        bound, i = heappop(waiting)
+        if bound >= best:
+            break
+        halve(i, count, s)
+        for half in (i, count):
+            best, is_open = _seek(half, best, rounding, options, s, place)
+            if is_open:
+                heappush(waiting, (s.cells[half, BOUND], half))
+        count += 1
+    return best
+
+
+@compiled
+def _seek(i, best, rounding, options, s, place):
+    """Look for a step of a cell that reaches the target; return the best ‖y‖², and whether to halve the cell."""
+    cell = s.cells[i]
+    m = model(cell, s)
+    cell[BOUND] = min(m.squares)
+    if cell[BOUND] >= best or not m.size > options.smallest:
+        return best, False
+    if lower_bound(0.0, 1.0, 0.0, m) > rounding or not _admit(cell, m, s):
+        return best, False
+    u, v = m.u, m.v
+    for _ in range(options.newton_iterations):
+        x, y, (xu, xv, yu, yv), _ = tool_error(u, v, s)
+        determinant = xu * yv - xv * yu
+        if np.hypot(x, y) <= rounding or determinant == 0.0:
+            break
+        u, v = u - (yv * x - xv * y) / determinant, v - (xu * y - yu * x) / determinant
+    if not np.hypot(x, y) <= rounding:
+        return best, True
+    square = u * u + v * v
+    if square < best and max(abs(u), abs(v)) <= options.farthest and is_admissible(u, v, s):
+        best, place[0], place[1] = square, u, v
+    return best, not (m.invertible and contains(cell, u, v, s))

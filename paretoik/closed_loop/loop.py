@@ -9,9 +9,17 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives
-from paretoik.closed_loop.control_step import HISTORY, ControlStep, describe_nearest_obstacle, excess_clearance
+from paretoik.closed_loop.control_step import (
+    HISTORY,
+    ControlStep,
+    describe_nearest_obstacle,
+    excess_clearance,
+    reach_by_joint,
+)
 from paretoik.closed_loop.step_evolution import Population, StepEvolution
+from paretoik.closed_loop.workspace import OPTIONS, EngineOptions
 from paretoik.errors import Infeasible
+from paretoik.task.limits import Bounds
 from paretoik.task.motion_task import MotionTask
 
 
@@ -53,17 +61,33 @@ def take_steps(
         history = np.concatenate([history[1:], record.q[None]])
 
 
+def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "time dof 2"], Bounds]:
+    """Return how far each joint may move in the step to a sample [rad, m], and between which positions it stays.
+
+    It moves by ``longest`` at most, and by what its velocity limits allow; position limits are (1 or time, dof, 2).
+    """
+    steps, boundless = np.diff(task.times, prepend=0.0)[:, None, None], np.full((1, task.arm.dof, 2), [-np.inf, np.inf])
+    steps[0] = steps[1]
+    moves = task.bounds.get("velocity", boundless) * steps
+    return np.clip(moves, -longest, longest), task.bounds.get("position", boundless)
+
+
 def step_bounds(
     task: MotionTask, sample: int, previous: Float[np.ndarray, " dof"], longest: float
 ) -> Float[np.ndarray, "dof 2"]:
-    """Return how far each joint may move [rad, m]: by ``longest``, and within its velocity and position limits."""
-    bounds, box = task.bounds, np.tile([-longest, longest], (task.arm.dof, 1))
-    dt = float(task.times[sample] - task.times[sample - 1])
-    for kind, scale, origin in (("velocity", dt, 0.0), ("position", 1.0, previous[:, None])):
-        if kind in bounds:
-            limits = bounds[kind][sample if len(bounds[kind]) > 1 else 0] * scale - origin
-            box = np.stack([np.maximum(box[:, 0], limits[:, 0]), np.minimum(box[:, 1], limits[:, 1])], axis=1)
-    return box
+    """Return how far each joint may move in the step to a sample [rad, m]; as ``step_limits``."""
+    moves, positions = step_limits(task, longest)
+    position = positions[sample if len(positions) > 1 else 0] - previous[:, None]
+    return np.stack(
+        [np.maximum(moves[sample, :, 0], position[:, 0]), np.minimum(moves[sample, :, 1], position[:, 1])], axis=1
+    )
+
+
+def required_standoff(task: MotionTask, longest: float, options: EngineOptions = OPTIONS) -> float:
+    """Return how much farther from obstacles than required [m] steps end that are to be clear all the way, else 0."""
+    if not np.isfinite(longest):
+        return 0.0
+    return options.shortest_interval * longest * float(reach_by_joint(task).sum())
 
 
 def nondominated(population: Population) -> Population:

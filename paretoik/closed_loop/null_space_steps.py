@@ -1,7 +1,8 @@
-"""All steps of a planar arm that reach the target to first order, compiled: p + N y, N orthonormal, orthogonal to p.
+"""All steps of a planar arm that reach the target to first order, compiled: those along the null space, in coordinates.
 
-The displacement of Marcos et al. 2012, Eq. 17, is then a constant plus 2 ‖y − c‖² / Δt²: steps are given by the radius
-ρ about the center c and, with two redundant degrees, the angle θ around it.
+Joint positions after a step are q = origin + N y, N orthonormal. The origin is the step of least displacement, so that
+the displacement of Marcos et al. 2012, Eq. 17, is a constant plus 2 ‖y‖² / Δt². With one redundant degree the second
+coordinate is 0.
 """
 
 from __future__ import annotations
@@ -10,149 +11,175 @@ from typing import NamedTuple
 
 import numpy as np
 
-from paretoik.closed_loop.obstacle_distances import evaluate_distances
-from paretoik.compilation import compiled, inlined
+from paretoik.closed_loop.admissible_steps import find_inadmissible
+from paretoik.closed_loop.workspace import EngineOptions, StepConstraints, StepStart, Workspace
+from paretoik.compilation import compiled
 
-ERROR, RADIUS, SUM = range(3)  # the quantity that is minimised
+TINY = 1e-300  # m: an error of 0 has no direction
 
 
 class PlanarSteps(NamedTuple):
-    """The steps of an arm with these link ``lengths`` [m] from one configuration, and the obstacles.
+    """The steps of an arm with links of these ``lengths`` [m] from one configuration, to be written by ``linearise``.
 
-    ``base`` (dof,) are the joint positions after the shortest step, ``null_space`` (dof, r), ``center`` (r,) is c.
-    ``obstacles``, ``bounding``, ``required`` and ``reach`` are those of ``StepConstraints``. In ``reference``, the
-    configuration whose distances were evaluated last, the arm was clear of obstacles by at least ``margin`` (1,) [m].
-    ``nodes`` (3 · nodes, cells), ``cells`` and ``distances`` (cells,) are for many configurations at once.
+    ``origin`` (dof,) and ``null_space`` (dof, 2) are those of q = origin + N y, ``angles`` (dof,) and ``slopes`` (dof,
+    2) the same for the links' angles with the x-axis [rad], ``target`` (2,) is the tool's [m]. ``bends`` (2,) bound the
+    second and third derivatives of the error along y [m]. ``corners`` (2, 2 · dof + 4, 2) are those of the region
+    of y that ``write_region`` finds, and what it was clipped from. ``start``, ``constraints``, ``options`` and
+    ``workspace`` are the search's, for one step; ``clearance`` (1,) [m] is that before the step. ``cells`` (cells, 8)
+    are parts of the region: three corners, a lower bound, and 1 where all is admissible.
     """
 
     lengths: np.ndarray
-    base: np.ndarray
+    origin: np.ndarray
     null_space: np.ndarray
-    center: np.ndarray
+    angles: np.ndarray
+    slopes: np.ndarray
     target: np.ndarray
-    obstacles: np.ndarray
-    bounding: np.ndarray
-    required: float
-    reach: np.ndarray
-    reference: np.ndarray
-    margin: np.ndarray
-    nodes: np.ndarray
+    bends: np.ndarray
+    corners: np.ndarray
+    start: StepStart
+    constraints: StepConstraints
+    options: EngineOptions
+    workspace: Workspace
+    clearance: np.ndarray
     cells: np.ndarray
-    distances: np.ndarray
 
 
 @compiled
-def linearise(previous, home, target, s):
-    """Write the shortest step from a configuration to a target, its null space and center."""
-    lengths, n = s.lengths, s.lengths.shape[0]
-    jacobian, tip = np.zeros((2, n)), np.zeros((n + 1, 2))
-    angle = 0.0
+def linearise(home, target, s):
+    """Write the steps from ``s.start.previous`` to a target [m]; ``home`` is where the loop began."""
+    previous, lengths = s.start.previous, s.lengths
+    n = lengths.shape[0]
+    jacobian = np.zeros((2, n))
+    x, y, angle = 0.0, 0.0, 0.0
     for k in range(n):
         angle += previous[k]
-        tip[k + 1, 0] = tip[k, 0] + lengths[k] * np.cos(angle)
-        tip[k + 1, 1] = tip[k, 1] + lengths[k] * np.sin(angle)
-    for k in range(n):
-        jacobian[0, k], jacobian[1, k] = -(tip[n, 1] - tip[k, 1]), tip[n, 0] - tip[k, 0]
+        dx, dy = lengths[k] * np.cos(angle), lengths[k] * np.sin(angle)
+        x, y = x + dx, y + dy
+        for j in range(k + 1):
+            jacobian[0, j] -= dy
+            jacobian[1, j] += dx
     left, sizes, right = np.linalg.svd(jacobian)
-    error_x, error_y = target[0] - tip[n, 0], target[1] - tip[n, 1]
-    for k in range(n):
-        s.base[k] = previous[k]
+    s.target[:] = target
+    s.origin[:] = previous
     for i in range(2):
-        amount = (left[0, i] * error_x + left[1, i] * error_y) / sizes[i]
-        s.target[i] = target[i]
+        amount = (left[0, i] * (target[0] - x) + left[1, i] * (target[1] - y)) / sizes[i]
         for k in range(n):
-            s.base[k] += right[i, k] * amount
+            s.origin[k] += right[i, k] * amount
     for j in range(n - 2):
-        s.center[j] = 0.0
+        center = 0.0
         for k in range(n):
             s.null_space[k, j] = right[2 + j, k]
-            s.center[j] -= 0.5 * s.null_space[k, j] * (s.base[k] - home[k])
-    s.margin[0] = 0.0
+            center -= 0.5 * right[2 + j, k] * (s.origin[k] - home[k])
+        for k in range(n):
+            s.origin[k] += center * right[2 + j, k]
+    for k in range(n):
+        before = s.angles[k - 1] if k > 0 else 0.0
+        s.angles[k] = before + s.origin[k]
+        for j in range(2):
+            before = s.slopes[k - 1, j] if k > 0 else 0.0
+            s.slopes[k, j] = before + s.null_space[k, j]
+    s.bends[:] = 0.0
+    for k in range(n):
+        slope = np.hypot(s.slopes[k, 0], s.slopes[k, 1])
+        s.bends[0] += lengths[k] * slope**2
+        s.bends[1] += lengths[k] * slope**3
 
 
-@inlined
-def configure(rho, theta, base, null_space, center, q):
-    """Write the joint positions after a step."""
-    if null_space.shape[1] == 1:  # one direction or the other
-        first, second = (rho if theta < 1.0 else -rho), 0.0
-    else:
-        first, second = rho * np.cos(theta), rho * np.sin(theta)
-    for k in range(base.shape[0]):
-        q[k] = base[k]
-    for j in range(null_space.shape[1]):
-        y = center[j] + (first if j == 0 else second)
-        for k in range(base.shape[0]):
-            q[k] += null_space[k, j] * y
+@compiled
+def configure(u, v, s, q):
+    """Write the joint positions after the step y = (u, v)."""
+    for k in range(s.origin.shape[0]):
+        q[k] = s.origin[k] + s.null_space[k, 0] * u + s.null_space[k, 1] * v
 
 
-@inlined
-def tool_error(q, s, column):
-    """Write the arm's nodes to a column of ``s.nodes``; return the distance of the tip from the target (Eq. 18)."""
-    x, y, angle = 0.0, 0.0, 0.0
+@compiled
+def tool_error(u, v, s):
+    """Return e_x and e_y [m] of the tool after a step (Eq. 18), their derivatives by u and v, and the second ones."""
+    x, y, xu, xv, yu, yv = -s.target[0], -s.target[1], 0.0, 0.0, 0.0, 0.0
+    xuu, xuv, xvv, yuu, yuv, yvv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(s.lengths.shape[0]):
-        angle += q[k]
-        x += s.lengths[k] * np.cos(angle)
-        y += s.lengths[k] * np.sin(angle)
-        s.nodes[3 * k + 3, column], s.nodes[3 * k + 4, column] = x, y
-    return np.hypot(x - s.target[0], y - s.target[1])
-
-
-@inlined
-def step_error(rho, theta, s, q):
-    """Write the joint positions after a step; return the error of the tool there, inf where the arm is not clear."""
-    configure(rho, theta, s.base, s.null_space, s.center, q)
-    error = tool_error(q, s, 0)
-    if s.obstacles.shape[0] == 0:
-        return error
-    travel = 0.0
-    for k in range(q.shape[0]):
-        travel += s.reach[k] * abs(q[k] - s.reference[k])
-    margin = s.margin[0]
-    if not travel < margin:  # the reference does not tell
-        margin = _evaluate_margin(q, s)
-    return error if margin > 0.0 else np.inf
+        du, dv = s.slopes[k, 0], s.slopes[k, 1]
+        angle = s.angles[k] + du * u + dv * v
+        dx, dy = s.lengths[k] * np.cos(angle), s.lengths[k] * np.sin(angle)
+        x, y = x + dx, y + dy
+        xu, xv, yu, yv = xu - dy * du, xv - dy * dv, yu + dx * du, yv + dx * dv
+        xuu, xuv, xvv = xuu - dx * du * du, xuv - dx * du * dv, xvv - dx * dv * dv
+        yuu, yuv, yvv = yuu - dy * du * du, yuv - dy * du * dv, yvv - dy * dv * dv
+    return x, y, (xu, xv, yu, yv), (xuu, xuv, xvv, yuu, yuv, yvv)
 
 
 @compiled
-def _evaluate_margin(q, s):
-    """Return by how much the arm is clear of obstacles at least, not positive where it is not; q is the reference."""
-    for k in range(q.shape[0]):
-        s.reference[k] = q[k]
-    evaluate_distances(s.bounding, s.nodes, 1, s.distances)
-    if not s.distances[0] > s.required:
-        evaluate_distances(s.obstacles, s.nodes, 1, s.distances)
-    s.margin[0] = s.distances[0] - s.required
-    return s.margin[0]
+def error_at(u, v, s):
+    """Return the error of the tool after a step [m]."""
+    x, y, _, _ = tool_error(u, v, s)
+    return np.hypot(x, y)
 
 
 @compiled
-def evaluate_grid(radii, angles, s, q, errors):
-    """Write the error of the tool after the steps of a grid, inf where the arm is not clear."""
-    rows, columns = errors.shape
-    for i in range(rows):
-        for j in range(columns):
-            configure(radii[i], angles[j], s.base, s.null_space, s.center, q)
-            errors[i, j] = tool_error(q, s, i * columns + j)
-    evaluate_distances(s.bounding, s.nodes, rows * columns, s.distances)
-    near = 0
-    for cell in range(rows * columns):
-        if not s.distances[cell] > s.required:
-            for m in range(s.nodes.shape[0]):
-                s.nodes[m, near] = s.nodes[m, cell]
-            s.cells[near] = cell
-            near += 1
-    evaluate_distances(s.obstacles, s.nodes, near, s.distances)
-    for i in range(near):
-        if not s.distances[i] > s.required:
-            errors[s.cells[i] // columns, s.cells[i] % columns] = np.inf
+def weighted_sum(square_weight, error_weight, u, v, s):
+    """Return square_weight ‖y‖² + error_weight ‖e‖, its derivatives by u and v, and the second ones.
+
+    With one redundant degree it counts as square_weight v² in v.
+    """
+    x, y, (xu, xv, yu, yv), (xuu, xuv, xvv, yuu, yuv, yvv) = tool_error(u, v, s)
+    error = max(np.hypot(x, y), TINY)
+    nx, ny = x / error, y / error
+    eu, ev = nx * xu + ny * yu, nx * xv + ny * yv
+    pu, pv = nx * yu - ny * xu, nx * yv - ny * xv  # across the error
+    euu, euv, evv = nx * xuu + ny * yuu, nx * xuv + ny * yuv, nx * xvv + ny * yvv
+    w, z = 2.0 * square_weight, error_weight
+    value = square_weight * (u * u + v * v) + z * error
+    gradient = w * u + z * eu, w * v + z * ev
+    return (
+        value,
+        gradient,
+        (w + z * (pu * pu / error + euu), z * (pu * pv / error + euv), w + z * (pv * pv / error + evv)),
+    )
 
 
 @compiled
-def merit(rho, error, quantity, ranges):
-    """Return what is minimised of a step: its error, its radius, or the weighted sum of both objectives."""
-    if quantity == ERROR or not error < np.inf:
-        return error
-    if quantity == RADIUS:
-        return rho
-    weight, largest_radius, smallest_error, width = ranges
-    return weight * (rho / largest_radius) ** 2 + (1.0 - weight) * (error - smallest_error) / width  # Eqs. 19 and 20
+def is_admissible(u, v, s):
+    """Return whether a step is within the joints' bounds and clear of obstacles."""
+    w = s.workspace
+    w.pending[0] = 0
+    configure(u, v, s, w.inputs[:, 0])
+    return find_inadmissible(1, s.start, s.constraints, s.clearance[0], s.options, w) == 0
+
+
+@compiled
+def write_region(farthest, s):
+    """Write the corners of the region of y within the joints' bounds and ± ``farthest`` [rad]; return how many."""
+    corners, spare = s.corners[0], s.corners[1]
+    plane = s.lengths.shape[0] > 3
+    count = 4 if plane else 2
+    for i in range(count):
+        corners[i, 0] = farthest if i in (1, 2) else -farthest
+        corners[i, 1] = (farthest if i > 1 else -farthest) if plane else 0.0
+    for k in range(s.origin.shape[0]):
+        moved = s.origin[k] - s.start.previous[k]
+        for sign, bound in ((1.0, s.constraints.upper[k] - moved), (-1.0, moved - s.constraints.lower[k])):
+            if bound < np.inf:
+                count = _clip(corners, count, sign * s.null_space[k, 0], sign * s.null_space[k, 1], bound, spare)
+    return count
+
+
+@compiled
+def _clip(corners, count, a, b, bound, spare):
+    """Cut a convex polygon, or an interval of two corners, by a u + b v ≤ bound; return how many corners are left."""
+    left = 0
+    for i in range(count):
+        spare[i] = corners[i]
+    for i in range(count):
+        j = (i + 1) % count
+        here = a * spare[i, 0] + b * spare[i, 1] - bound
+        there = a * spare[j, 0] + b * spare[j, 1] - bound
+        if here <= 0.0:
+            corners[left] = spare[i]
+            left += 1
+        if (here < 0.0 < there or there < 0.0 < here) and not (count == 2 and i == 1):
+            share = here / (here - there)
+            for m in range(2):
+                corners[left, m] = spare[i, m] + share * (spare[j, m] - spare[i, m])
+            left += 1
+    return left

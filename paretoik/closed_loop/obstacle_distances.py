@@ -16,6 +16,8 @@ from paretoik.compilation import compiled
 def evaluate_distances(obstacles, nodes, count, distances):
     """Write the distance of the arm to all obstacles in ``count`` configurations; at most 0 where it meets one.
 
+    Then some point of the arm is at least so deep in an obstacle.
+
     ``obstacles`` is what ``tabulate`` returns, ``nodes`` (3 · nodes, count) are x, y and z of each node in turn.
     """
     for k in range(count):
@@ -126,7 +128,10 @@ def _to_box(box, link, count, distances):
             falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
             low, low_slope = (fraction if falls else low), (slope if falls else low_slope)
             high, high_slope = (fraction if rises else high), (slope if rises else high_slope)
-        nearest = low + (high - low) * _fraction(-low_slope, high_slope - low_slope)
-        x, y, z = _outside(ax + nearest * dx, hx), _outside(ay + nearest * dy, hy), _outside(az + nearest * dz, hz)
-        distance = np.sqrt(x * x + y * y + z * z)
+        steepening = high_slope - low_slope  # 0 where both are within the box: then their middle is deep in it
+        nearest = low + (high - low) * (_fraction(-low_slope, steepening) if steepening > 0.0 else 0.5)
+        px, py, pz = ax + nearest * dx, ay + nearest * dy, az + nearest * dz
+        x, y, z = _outside(px, hx), _outside(py, hy), _outside(pz, hz)
+        depth = min(hx - abs(px), hy - abs(py), hz - abs(pz))
+        distance = np.sqrt(x * x + y * y + z * z) - (depth if depth > 0.0 else 0.0)
         distances[k] = distance if distance < distances[k] else distances[k]

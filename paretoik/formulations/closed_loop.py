@@ -10,13 +10,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.closed_loop.control_step import HISTORY, ControlStep, reach_by_joint
-from paretoik.closed_loop.loop import StepRecord, step_bounds, take_steps
+from paretoik.closed_loop.control_step import HISTORY, ControlStep
+from paretoik.closed_loop.loop import StepRecord, required_standoff, step_bounds, take_steps
 from paretoik.closed_loop.objectives import StepObjective, as_step_objective, joint_displacement, position_error
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
 from paretoik.closed_loop.step_evolution import StepEvolution
-from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.closed_loop_arguments import check_limits, check_start, normalise_weights
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
@@ -195,8 +194,7 @@ class ClosedLoop:
     def control_step(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> ControlStep:
         """Return the step to a sample after these joint positions; at rest in the start if None."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
-        bounds, swept = step_bounds(self.task, sample, before[-1], self.longest), bool(np.isfinite(self.longest))
-        standoff = OPTIONS.shortest_interval * self.longest * float(reach_by_joint(self.task).sum()) if swept else 0.0
+        bounds = step_bounds(self.task, sample, before[-1], self.longest)
         return ControlStep(
             task=self.task,
             sample=sample,
@@ -204,8 +202,8 @@ class ClosedLoop:
             home=self.start,
             lower=bounds[:, 0].copy(),
             upper=bounds[:, 1].copy(),
-            swept=swept,
-            standoff=standoff,
+            swept=bool(np.isfinite(self.longest)),
+            standoff=required_standoff(self.task, self.longest),
         )
 
     def step_evolution(self) -> StepEvolution:

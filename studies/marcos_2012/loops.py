@@ -110,5 +110,5 @@ def follow(
     started = time.thread_time()
     run = loop.run(fronts=(1, 2))
     seconds = time.thread_time() - started
-    q = exact_steps(loop.task, start, weight=cell.weight)
+    q = exact_steps(loop.task, start, weight=cell.weight, longest_step=loop.longest)
     return CellLoop(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))

@@ -40,7 +40,7 @@ class ExactMeasures:
 def exact_measures(distance: float, start: Float[np.ndarray, " dof"], weight: float) -> ExactMeasures | None:
     """Return what the exact loop of three links from a start gives, None where it meets a singularity."""
     loop = marcos_2012.loop(3, distance, weight=weight, start=start, as_printed=True)
-    moved = exact_steps(loop.task, start, weight=weight)
+    moved = exact_steps(loop.task, start, weight=weight, longest_step=loop.longest)
     if not np.abs(np.diff(moved, axis=0)).max() < LEAP:
         return None
     error, drift = (float(measure(loop.task.motion(moved))) for measure in MEASURES.values())

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from paretoik.closed_loop.exact_loop import exact_steps, link_lengths
-from paretoik.errors import InvalidInput
-from paretoik.robot.arms import wan_7r
+from paretoik.closed_loop.control_step import HISTORY
+from paretoik.closed_loop.exact_loop import exact_step, exact_steps, link_lengths
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.formulations.closed_loop import ClosedLoop
+from paretoik.robot.arms import marcos_nr, wan_7r
+from paretoik.task.limits import Limits
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.postures import posture
@@ -75,8 +78,36 @@ def test_no_step_of_four_links_is_better_than_the_exact_one(blocked):
         assert exact[weight] / width @ [weight, 1 - weight] <= (drawn / width @ [weight, 1 - weight]).min() + 1e-6
 
 
-def test_exact_loops_keep_clear_of_obstacles_and_other_arms_are_refused():
-    loop = first_step(3, blocked=True)
-    assert not meets(exact_steps(loop.task, loop.start, weight=0.2), loop.task.obstacles).any()
+@pytest.mark.parametrize("links", [3, 4])
+@pytest.mark.parametrize("longest", [np.inf, 0.1])
+def test_exact_loops_keep_clear_of_obstacles_and_within_their_longest_step(links, longest):
+    loop = first_step(links, blocked=True)
+    q = exact_steps(loop.task.truncate(8), loop.start, weight=0.2, longest_step=longest)
+    assert not meets(q, loop.task.obstacles).any()
+    assert np.abs(np.diff(q, axis=0)).max() <= longest + 1e-9
+
+
+def test_a_loop_takes_the_steps_that_are_best_one_by_one_and_says_which_is_not_there():
+    loop = marcos_2012.loop(3, 0.7, start=posture(3), steps=25, as_printed=False)
+    q = exact_steps(loop.task.truncate(4), loop.start, weight=0.4, longest_step=loop.longest)
+    history = np.tile(loop.start, (HISTORY, 1))
+    for k in range(1, 4):
+        np.testing.assert_allclose(exact_step(loop.control_step(k, history), weight=0.4), q[k], atol=1e-12)
+        history = np.concatenate([history[1:], q[k][None]])
+    with pytest.raises(Infeasible, match="step 1: an admissible configuration wanted, there is none"):
+        exact_steps(loop.task, loop.start, weight=0.4, longest_step=1e-3)
+
+
+def test_joints_keep_their_limits():
+    start = posture(3)
+    limits = Limits(position=(start - 0.05, start + 0.4), velocity=3.0)
+    loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 60), start=start, limits=limits, longest_step=np.inf)
+    q = exact_steps(loop.task.truncate(6), start, weight=0.1)
+    assert (q >= start - 0.05 - 1e-9).all()
+    assert (q <= start + 0.4 + 1e-9).all()
+    assert np.abs(np.diff(q, axis=0)).max() <= 3.0 * loop.task.times[1] + 1e-9
+
+
+def test_other_arms_are_refused():
     with pytest.raises(InvalidInput, match="exact steps: a planar arm of 3 or 4 links"):
         link_lengths(wan_7r())

@@ -82,3 +82,15 @@ def test_compiled_distances_to_random_obstacles_are_those_of_their_definition(se
         clear = distances > 1e-9
         np.testing.assert_allclose(compiled[clear], distances[clear], rtol=1e-12, atol=1e-12)
         assert (compiled[~clear] <= 1e-9).all()
+
+
+@pytest.mark.parametrize("obstacle", [OBSTACLES[4], *OBSTACLES[6:]], ids=repr)
+def test_an_arm_in_a_box_stays_in_it_while_it_moves_by_less_than_its_depth(obstacle):
+    task, rng = planar_task(), np.random.default_rng(0)
+    q = rng.uniform(-2.5, 2.5, size=(2000, 3))
+    depth = -compiled_distances(task, q, [obstacle])
+    within = depth > 0.02
+    assert within.any()
+    moved = rng.uniform(-1, 1, size=(within.sum(), 3))
+    moved *= 0.99 * depth[within, None] / (np.abs(moved) @ [3.0, 2.0, 1.0])[:, None]  # no point moves by the depth
+    assert (clearance([obstacle], link_nodes(task.arm, q[within] + moved)) <= 1e-12).all()

@@ -24,11 +24,14 @@ PYGMO = find_spec("pygmo") is not None
 FRONT = np.ndarray
 
 
-def loop_of(links: Links, *, blocked: bool = False) -> ClosedLoop:
-    """Return the paper's loop, without or with obstacles, from a start on the circle."""
+def loop_of(links: Links, *, blocked: bool = False, as_printed: bool = True) -> ClosedLoop:
+    """Return the paper's loop, without or with obstacles, from a start on the circle.
+
+    Steps are of any length where it is ``as_printed``, else of a longest one and clear of obstacles all the way.
+    """
     loop = marcos_2012.loop(links, 0.7, start=None, steps=400, as_printed=True)
     start = start_on_circle(loop)
-    return marcos_2012.loop(links, 0.7, start=start, steps=400, as_printed=True, blocked=blocked)
+    return marcos_2012.loop(links, 0.7, start=start, steps=400, as_printed=as_printed, blocked=blocked)
 
 
 def start_on_circle(loop: ClosedLoop) -> np.ndarray:

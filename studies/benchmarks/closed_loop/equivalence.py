@@ -15,19 +15,18 @@ from moocore import is_nondominated
 from scipy.stats import mannwhitneyu
 
 from paretoik.closed_loop.control_step import HISTORY, ControlStep
-from paretoik.closed_loop.exact_loop import exact_steps
+from paretoik.closed_loop.exact_loop import OPTIONS, exact_steps
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import GENERATIONS, engine, loop_of, pymoo
-from studies.benchmarks.closed_loop.step_problem import steps_to
+from studies.benchmarks.closed_loop.step_problem import is_admissible, steps_to
 from studies.reporting import Row
 
 MARGIN, LEVEL = 0.01, 0.05
 STEPS: tuple[tuple[Links, int], ...] = ((3, 1), (3, 60), (3, 240), (4, 60))
 REFERENCE = 1.1
 DENSE = 200_001
-FARTHEST = 8.0  # rad
 
 
 def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> list[Row]:
@@ -39,7 +38,7 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
                 name: list(pool.map(search_front, [links] * seeds, [sample] * seeds, [name] * seeds, range(seeds)))
                 for name in ("engine", "pymoo")
             }
-            loop = loop_of(links)
+            loop = loop_of(links, as_printed=False)
             ours, theirs = volumes(fronts["engine"], fronts["pymoo"], exact_front(loop, control_step(loop, sample)))
             p = max(
                 mannwhitneyu(ours + MARGIN, theirs, alternative="greater").pvalue,
@@ -63,7 +62,7 @@ def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> 
 
 def search_front(links: Links, sample: int, name: str, seed: int) -> np.ndarray:
     """Return the objectives of one run's last population."""
-    loop = loop_of(links)
+    loop = loop_of(links, as_printed=False)
     step = control_step(loop, sample)
     run = engine(loop, step) if name == "engine" else pymoo(loop, step, compiled=False)
     return run(seed, GENERATIONS)
@@ -82,7 +81,7 @@ def volumes(
 
 
 def exact_front(loop: ClosedLoop, step: ControlStep) -> np.ndarray:
-    """Return a fine front of a step: of three links over a line of steps up to 8 rad away, of four over a plane.
+    """Return a fine front of the admissible steps: of three links along a line, of four over a plane.
 
     That plane's grid is so fine that the front's hypervolume lacks less than 1 %: searches can come out above it.
     """
@@ -91,12 +90,13 @@ def exact_front(loop: ClosedLoop, step: ControlStep) -> np.ndarray:
     shortest = np.linalg.pinv(jacobian) @ error
     center = -0.5 * null.T @ (step.previous + shortest - step.home)
     if null.shape[1] == 1:
-        y = np.sinh(np.linspace(-18, 18, DENSE))[:, None] * FARTHEST / np.sinh(18)
+        y = np.sinh(np.linspace(-18, 18, DENSE))[:, None] * OPTIONS.farthest / np.sinh(18)
     else:
         radius, angle = np.meshgrid(np.geomspace(1e-7, 1.0, 700), np.linspace(0, 2 * np.pi, 360, endpoint=False))
         y = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2)
         y = np.concatenate([np.zeros((1, 2)), y])
-    steps = steps_to(step, step.previous + shortest + (center + y) @ null.T)
+    q = step.previous + shortest + (center + y) @ null.T
+    steps = steps_to(step, q[is_admissible(step, q)])
     F = np.stack([each.function(steps)[..., -1] * each.sign for each in loop.objectives], axis=1)
     front: np.ndarray = F[is_nondominated(F)]
     return front
@@ -106,7 +106,7 @@ def control_step(loop: ClosedLoop, sample: int) -> ControlStep:
     """Return a step of the exact loop."""
     q = loop.start[None]
     if sample > 1:
-        q = exact_steps(loop.task.truncate(sample), loop.start, weight=0.5)
+        q = exact_steps(loop.task.truncate(sample), loop.start, weight=0.5, longest_step=loop.longest)
     return loop.control_step(sample, np.concatenate([np.tile(q[:1], (HISTORY, 1)), q])[-HISTORY:])
 
 

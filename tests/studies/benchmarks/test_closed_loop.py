@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from studies.benchmarks.closed_loop import __main__ as study
-from studies.benchmarks.closed_loop import contestants, equivalence
+from studies.benchmarks.closed_loop import contestants, equivalence, exactness
 
 
 @pytest.fixture(scope="module", params=[3, 4])
@@ -43,7 +43,7 @@ def test_no_search_goes_beyond_the_exact_front(loop):
 def test_engine_and_pymoo_come_as_near_to_the_exact_front(monkeypatch, links, near):
     monkeypatch.setattr(equivalence, "GENERATIONS", 60)
     fronts = [equivalence.search_front(links, 60, name, 0) for name in ("engine", "pymoo")]
-    loop = contestants.loop_of(links)
+    loop = contestants.loop_of(links, as_printed=False)
     exact = equivalence.exact_front(loop, equivalence.control_step(loop, 60))
     ours, theirs = equivalence.volumes(fronts[:1], fronts[1:], exact)
     for volume in (ours[0], theirs[0]):
@@ -56,6 +56,21 @@ def test_exact_steps_are_timed_for_both_arms(monkeypatch):
     assert [(row.row, row.column) for row in rows[:2]] == [("3R", "no obstacles"), ("3R", "with two obstacles")]
     assert len(rows) == 4
     assert all(row.ours > 0 for row in rows)
+
+
+@pytest.mark.parametrize("links", [3, 4])
+@pytest.mark.parametrize("longest", [np.inf, 0.1])
+@pytest.mark.parametrize("blocked", [False, True])
+def test_dense_searches_find_no_better_step_than_the_exact_one(links, longest, blocked):
+    for seed, step in enumerate(exactness.random_steps(links, 7, 2, longest, blocked)):
+        assert exactness.advantage(step, seed) <= exactness.GOAL
+
+
+def test_a_step_that_is_not_the_best_is_found_out(monkeypatch):
+    exact = exactness.exact_step
+    monkeypatch.setattr(exactness, "exact_step", lambda step, weight: exact(step, weight=min(1.0, weight + 0.05)))
+    (step,) = exactness.random_steps(3, 7, 1, np.inf, False)
+    assert exactness.advantage(step, 0) > 1e-4
 
 
 def test_everybody_is_timed():

@@ -1,0 +1,126 @@
+"""Whether the exact step is exact: beside dense searches by NumPy, on steps of random arms.
+
+Arms have three or four links of random lengths, and stand, or do not stand, beside obstacles; their joints move freely
+or, as in the default loop, by a longest step and clear of obstacles all the way. A dense search evaluates steps at all
+distances from the one of least displacement, and then finer and finer about the best of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from paretoik import Arm, ClosedLoop, line, obstacles
+from paretoik.closed_loop.control_step import HISTORY, ControlStep
+from paretoik.closed_loop.exact_loop import OPTIONS, exact_step
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.robot.kinematics import forward_kinematics
+from paretoik.task.obstacles import Obstacle
+from studies.benchmarks.closed_loop.step_problem import is_admissible
+from studies.reporting import Row
+
+WEIGHTS = (1.0, 0.9, 0.5, 0.1, 0.0)  # of the displacement
+GOAL = 1e-6
+DRAWN = {3: 6000, 4: 30_000}
+TINY = 1e-12  # a range that is no larger is rounding
+ZOOMS, KEPT, POINTS = 16, 5, 150  # of a dense search: rounds, steps that are looked around, steps about each
+
+
+def exactness_rows(each: int, steps: int) -> list[Row]:
+    """Return, for each kind of step, the most by which a dense search is better, over ``steps`` of ``each`` arms."""
+    rows = []
+    for links in (3, 4):
+        for longest in (np.inf, 0.1):
+            for blocked in (False, True):
+                steps_of = [step for seed in range(each) for step in random_steps(links, seed, steps, longest, blocked)]
+                worst = max(advantage(step, k) for k, step in enumerate(steps_of))
+                kind = "of any length" if np.isinf(longest) else "swept"
+                rows.append(
+                    Row(
+                        table="the exact step beside dense searches",
+                        row=f"{links}R, steps {kind}{', obstacles' if blocked else ''}",
+                        column="a dense search is better by",
+                        unit="of the range",
+                        ours=worst,
+                        reference=GOAL,
+                        source="goal",
+                        note=f"{'' if worst <= GOAL else 'MISSED: '}{len(steps_of)} steps of {each} arms",
+                    )
+                )
+    return rows
+
+
+def random_steps(links: int, seed: int, count: int, longest: float, blocked: bool) -> Iterator[ControlStep]:
+    """Return steps that a loop of a random arm could be asked for, each from joint positions of its own."""
+    rng = np.random.default_rng([links, seed, blocked])
+    arm = Arm.planar(lengths=rng.uniform(0.3, 1.5, links))
+    while count > 0:
+        home = rng.uniform(-2.5, 2.5, links)
+        q = home + rng.normal(0.0, 0.3, links)
+        tool = forward_kinematics(arm, q)[1][:2]
+        target = tool + rng.normal(size=2) * 10 ** rng.uniform(-3.5, -1.0)
+        around: list[Obstacle] = [obstacles.Circle(rng.uniform(-1.0, 1.0, 2) * links, 0.2 * links) for _ in range(3)]
+        around += [obstacles.Box(rng.uniform(-1.0, 1.0, 2) * links, rng.uniform(0.1, 0.3, 2) * links)]
+        path = line(tool, target, duration=1.0, samples=3, timing="uniform")
+        try:
+            loop = ClosedLoop(arm, path, start=home, longest_step=longest, obstacles=around if blocked else ())
+        except InvalidInput:  # the arm stands in an obstacle: others are drawn
+            continue
+        step = loop.control_step(2, np.tile(q, (HISTORY, 1)))
+        if np.linalg.cond(step.linearise()[1]) < 1e4 and is_admissible(step, q[None])[0]:
+            yield step
+            count -= 1
+
+
+def advantage(step: ControlStep, seed: int) -> float:
+    """Return by how much a dense search of a step is better than the exact one, in ranges of the exact front.
+
+    The most of displacement, error and weighted sums; not positive where it is not better. Where no step is admissible,
+    none must be found.
+    """
+    weights = np.array([[weight, 1.0 - weight] for weight in WEIGHTS])
+    try:
+        exact = np.stack([exact_step(step, weight=weight) for weight in WEIGHTS])
+    except Infeasible:
+        return np.inf if dense_search(step, weights[0], seed) < np.inf else -np.inf
+    if not is_admissible(step, exact).all():
+        return np.inf
+    F = objectives(step, exact)
+    scaled = weights / np.maximum(np.abs(F[0] - F[-1]), TINY)
+    return max(float(f @ w) - dense_search(step, w, seed) for f, w in zip(F, scaled, strict=True))
+
+
+def objectives(step: ControlStep, q: np.ndarray) -> np.ndarray:
+    """Return displacement [rad²] and error [m] (points, 2) of steps: Eqs. 17, without Δt, and 18."""
+    offsets = [place.position[0] for place in (*step.task.arm.placements[1:], step.task.arm.tool)]
+    tool = np.exp(1j * np.cumsum(q, axis=1)) @ np.array(offsets)
+    moved = ((q - step.previous) ** 2 + (q - step.home) ** 2).sum(axis=1)
+    return np.stack([moved, np.abs(tool - step.target[0] - 1j * step.target[1])], axis=1)
+
+
+def dense_search(step: ControlStep, weights: np.ndarray, seed: int) -> float:
+    """Return the least weighted sum of steps drawn at all distances, then about the best, nearer and nearer."""
+    rng, links = np.random.default_rng(seed), len(step.home)
+    error, jacobian = step.linearise()
+    null = np.linalg.svd(jacobian)[2][2:].T
+    shortest = step.previous + np.linalg.pinv(jacobian) @ error
+    center = shortest - 0.5 * null @ null.T @ (shortest - step.home)
+    farthest = min(OPTIONS.farthest, 2.0 * links * float(np.max(step.upper)))
+    half = DRAWN[links] // 2
+    radius = np.concatenate([farthest * 10 ** rng.uniform(-8, 0, half), farthest * rng.uniform(0, 1, half)])
+    direction = rng.normal(size=(2 * half, links - 2))
+    y = radius[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    y[0] = 0.0
+    best, spread = np.inf, 0.3
+    for _ in range(ZOOMS):
+        y = y[np.abs(y).max(axis=1) <= OPTIONS.farthest]
+        q = center + y @ null.T
+        values = objectives(step, q) @ weights
+        values[~is_admissible(step, q)] = np.inf
+        order = np.argsort(values)[:KEPT]
+        best, kept = min(best, values[order[0]]), y[order]
+        about = rng.normal(size=(len(kept), POINTS, links - 2)) * spread * np.linalg.norm(kept, axis=1)[:, None, None]
+        y = np.concatenate([kept, (kept[:, None] + about).reshape(-1, links - 2)])
+        spread *= 0.45
+    return float(best)
