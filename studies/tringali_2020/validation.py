@@ -100,7 +100,7 @@ def _optimum_rows(
     if "~" in optimum.label:
         bends += "; ~ where links align on the way, as the paper shows of its second"
     sampled = f"summed as the planner's, {100 * (energy / optimum.objective - 1):+.2f} % beside it; in continuous time "
-    sampled += f"{right.energy[k]:.5f}"
+    sampled += f"{right.energy[k]:.5f}; it hangs on the start"
     sign = f"{other / energy:.2f} times that of the corrected sign"
 
     def row(column: str, unit: str, ours: float, note: str) -> Row:

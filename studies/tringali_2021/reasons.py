@@ -4,13 +4,15 @@ from __future__ import annotations
 
 AGREES = 0.01  # of a number: less is what fitted masses and printed digits leave
 EXPONENT = (
-    "printed with e-3, read as e-4: a line a quarter as long as that of trajectory 3, in the same time, takes about a "
-    "sixteenth of its energy"
+    "printed with e-3, read as e-4: else it would take as much as trajectory 3, a line four times as long in the same "
+    "time"
 )
 PRINTED = "the masses of Table 1 as printed: the paper cannot have used them"
 UNKNOWN = "no reason is known"
+LINES = "with lines in place of the spline it does too, but then that of trajectory 4 does not"
 REASONS = {
-    ("trajectory 2", "PMKE"): f"{UNKNOWN}: on the same circle least squares agree, the other way round is no nearer",
+    ("trajectory 2", "PMKE"): f"{UNKNOWN}: on the same circle least squares agree; {LINES}; the other way round is no "
+    "nearer",
     ("trajectory 2", "joint 1 LSV"): f"{UNKNOWN}, and no mass enters it: joint 3 and the energy agree",
     (
         "trajectory 3",
