@@ -9,15 +9,10 @@ EXPONENT = (
 )
 PRINTED = "the masses of Table 1 as printed: the paper cannot have used them"
 UNKNOWN = "no reason is known"
-LINES = "with lines in place of the spline it does too, but then that of trajectory 4 does not"
 REASONS = {
-    ("trajectory 2", "PMKE"): f"{UNKNOWN}: on the same circle least squares agree; {LINES}; the other way round is no "
-    "nearer",
+    ("trajectory 2", "PMKE"): f"{UNKNOWN}: on the same circle least squares agree, the other way round is no nearer",
     ("trajectory 2", "joint 1 LSV"): f"{UNKNOWN}, and no mass enters it: joint 3 and the energy agree",
-    (
-        "trajectory 3",
-        "PMKE",
-    ): f"{UNKNOWN}: least squares before their singularity and the global optimum agree",
+    ("trajectory 3", "PMKE"): f"{UNKNOWN}: its greatest speeds and the global optimum agree",
     ("trajectory 3", "LSV"): "at the singularity it hangs on the time steps",
     ("trajectory 4", "global"): "the paper's is a local optimum; a bound on all motions is near ours",
 }
