@@ -21,9 +21,14 @@ TORQUE = 0.4
 POWER = 0.7
 
 
-def straight(samples: int = 101) -> Path:
-    """Return the rectilinear path: 0.40 m in 1 s."""
-    return line(START, END, duration=1.0, samples=samples)
+def straight(samples: int = 101, *, length: float | None = None) -> Path:
+    """Return the rectilinear path, in 1 s: between the printed ends, 0.39977 m, or so long in the same direction [m].
+
+    The text says 0.40 m.
+    """
+    way = np.subtract(END, START)
+    end = END if length is None else START + length * way / np.linalg.norm(way)
+    return line(START, end, duration=1.0, samples=samples)
 
 
 def round_trip(samples: int = 101) -> Path:

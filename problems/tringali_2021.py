@@ -33,9 +33,9 @@ def straight(length: float, *, mirrored: bool = False, samples: int = SAMPLES) -
     return line(begin(), begin() + length * way, duration=DURATION, samples=samples)
 
 
-def round_trip(samples: int = SAMPLES) -> Path:
-    """Return the circular trajectory, its centre toward the base."""
-    return circle(begin() - np.array([RADIUS, 0.0]), RADIUS, duration=DURATION, samples=samples)
+def round_trip(samples: int = SAMPLES, *, turns: int = 1) -> Path:
+    """Return the circular trajectory, its centre toward the base; the paper does not tell its sense."""
+    return circle(begin() - np.array([RADIUS, 0.0]), RADIUS, duration=DURATION, samples=samples, turns=turns)
 
 
 def trajectory(number: int, samples: int = SAMPLES) -> Path:

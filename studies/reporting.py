@@ -1,4 +1,4 @@
-"""What all studies share: arguments, rows of a table, their printing and JSON, figures, p-values of several tests."""
+"""What all studies share: arguments, progress, rows of a table and their JSON, figures, p-values of several tests."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import argparse
 import csv
 import json
 import math
+import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -23,6 +25,7 @@ from paretoik.review.palette import PAPER
 
 REPORTED = Path(__file__).parent / "reported"
 WIDTH = 180  # of what is printed into a file or a pipe
+BEGIN = time.perf_counter()
 
 
 @cache
@@ -58,6 +61,11 @@ def study_parser(description: str, *, quick: str = "", out: str = "") -> argpars
     if out:
         parser.add_argument("--out", type=Path, default=Path("runs") / out, help="folder for the pictures")
     return parser
+
+
+def tell(what: str) -> None:
+    """Say on stderr what is being done, and when."""
+    print(f"{time.perf_counter() - BEGIN:6.1f} s  {what}", file=sys.stderr, flush=True)
 
 
 def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:

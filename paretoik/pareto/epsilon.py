@@ -1,6 +1,6 @@
 """Fronts of any program by ε-constraints: one objective minimised, the others kept below ε, from several starts each.
 
-Source: Tringali & Cocuzza 2020, section 4.3, with inequalities in place of the printed equality, which returns
+Source: Tringali & Cocuzza 2020, section 4.3, with inequalities in place of the printed equality, which may return
 dominated points; Haimes et al. 1971.
 """
 

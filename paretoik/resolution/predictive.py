@@ -63,6 +63,7 @@ class HorizonSolver(Protocol):
 
 
 MakeSolver = Callable[[MotionTask, Objective, int, float, float], HorizonSolver]
+MakeSpline = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,10 +120,12 @@ def follow_predictively(
     *,
     tolerance: float,
     make_solver: MakeSolver = horizon_program,
+    make_spline: MakeSpline = quartic_spline,
 ) -> ResolvedMotion:
     """Return the predictive motions, one for each start and set of the method's numbers.
 
-    Farther than ``tolerance`` [m, rad] off the path nothing is predicted: the arm returns to the path first.
+    Farther than ``tolerance`` [m, rad] off the path nothing is predicted: the arm returns to the path first. Studies
+    compare other solvers, and other splines through the positions ahead.
     """
     numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal, method.feedback)
     shape = broadcast_shape(method, start, [np.shape(each) for each in numbers if each is not None])
@@ -136,7 +139,7 @@ def follow_predictively(
     solvers = {
         each: make_solver(task, method.objective, each.horizon, each.stride * dt, each.terminal) for each in set(plans)
     }
-    predictors = [Predictor(task=task, solver=solvers[each], schedule=each) for each in plans]
+    predictors = [Predictor(task=task, solver=solvers[each], schedule=each, make_spline=make_spline) for each in plans]
     q = np.empty((count, len(times), dof))
     q[:, 0] = np.broadcast_to(start, (*shape, dof)).reshape(count, dof)
     traces = empty_traces(count, len(times), dof, task.rows, 1)
@@ -164,8 +167,8 @@ def follow_predictively(
 class Predictor:
     """The predictions of one motion, from update to update."""
 
-    def __init__(self, *, task: MotionTask, solver: HorizonSolver, schedule: Schedule) -> None:
-        self.task, self.solver, self.schedule = task, solver, schedule
+    def __init__(self, *, task: MotionTask, solver: HorizonSolver, schedule: Schedule, make_spline: MakeSpline) -> None:
+        self.task, self.solver, self.schedule, self.make_spline = task, solver, schedule, make_spline
         self.updates: list[tuple[int, HorizonSolution, float]] = []  # sample, prediction, seconds
         self._due = schedule.updates(len(task.times))
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
@@ -199,7 +202,7 @@ class Predictor:
         if solution.converged or not len(self._spline):
             unit = stride * float(self.task.times[1] - self.task.times[0])
             points = np.concatenate([q[None], solution.q])
-            self._origin, self._spline = k, quartic_spline(points, unit * dq, unit**2 * ddq)
+            self._origin, self._spline = k, self.make_spline(points, unit * dq, unit**2 * ddq)
         self.updates.append((k, solution, time.perf_counter() - begin))
 
     def _initial_guess(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:

@@ -19,8 +19,8 @@ import numpy as np
 
 import paretoik as pk
 from problems import panda
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, timed
-from studies.reporting import Row, report, study_parser
+from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
+from studies.reporting import Row, report, study_parser, tell
 
 PACKAGE = "example-robot-data"
 GOAL = 60.0  # s

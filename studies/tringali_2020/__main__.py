@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 
-from studies.reporting import Row, report, study_parser
+from studies.reporting import Row, report, study_parser, tell
 from studies.tringali_2020.candidates import Decline, declines, figure_1
 from studies.tringali_2020.pictures import draw
-from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, motion_rows, simulate, tables
+from studies.tringali_2020.published import published_rows
+from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, line_rows, motion_rows, simulate, tables
+from studies.tringali_2020.sweeps import sweep_rows
 from studies.tringali_2020.trade_off import TradeOff, figure_14, solve_trade_off
 from studies.tringali_2020.validation import bound_row, match_optima, table_4
 
@@ -24,20 +25,34 @@ def run_study(
     ``starts`` a plan, ``points`` of the front, so many ``candidates`` of so many ``seeds`` for Figure 1, and a number
     of samples to which Table 4 is repeated. ``rehearsed``, times are taken with everything compiled.
     """
-    plan = partial(simulate, starts=starts, rehearsed=rehearsed)
+
+    def plan(number: int, masses: str, samples: int | None = None) -> Simulation:
+        tell(f"simulation {number}, {masses} masses" + (f", {samples} samples" if samples else ""))
+        return simulate(number, masses, starts=starts, samples=samples, rehearsed=rehearsed)
+
     simulations = {masses: [plan(number, masses) for number in NUMBERS] for masses in MASSES}
     names = match_optima(simulations["fitted"][0])
     rows: list[Row] = []
     for first, *_ in simulations.values():
-        repeated = None if finer is None else plan(1, first.masses, samples=finer)
+        repeated = None if finer is None else plan(1, first.masses, finer)
+        tell(f"Table 4 and a bound on all motions, {first.masses} masses")
         rows += table_4(first, names, repeated)
         rows.append(bound_row(first, resolution=None if finer is None else FINE))
     rows += [row for pair in zip(*simulations.values(), strict=True) for one in pair for row in tables(one)]
-    rows += [row for one in simulations.values() for row in motion_rows(one)]
+    for masses, own in simulations.items():
+        rows += motion_rows(own)
+        tell(f"a line of 0.40 m, {masses} masses")
+        rows += line_rows(own, starts=starts)
+    tell("the search as published")
+    rows += published_rows(simulations["fitted"])  # its candidates know no masses
+    tell(f"Figure 1, {seeds} seeds")
     decline_curves = declines(count=candidates, seeds=seeds)
     rows += [row for decline in decline_curves for row in figure_1(decline)]
-    trades = [solve_trade_off(masses, points=points, starts=starts, rehearsed=rehearsed) for masses in MASSES]
-    rows += [row for trade_off in trades for row in figure_14(trade_off)]
+    trades = []
+    for masses, own in simulations.items():
+        tell(f"Figure 14, {masses} masses")
+        trades.append(solve_trade_off(masses, points=points, starts=starts, rehearsed=rehearsed))
+        rows += figure_14(trades[-1]) + sweep_rows(own, trades[-1], points=points)
     return rows, simulations, decline_curves, trades
 
 

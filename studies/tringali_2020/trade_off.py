@@ -56,7 +56,7 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
     off = int(off_hull(front).sum())
     weights = "the paper: ε-constraints find what weights cannot, where the front is not convex"
     worst, between = float(certificates.violation.max()), float(certificates.violation_between.max())
-    inequality = "ε as an inequality: held as an equality, as Eqs. 21 and 22 print it, it returns dominated points"
+    inequality = "ε as an inequality; what the printed equality costs: below"
     rows += [
         _row(masses, "front", "points", "", len(front), f"{inequality}; bends {', '.join(bends)}"),
         _row(masses, "front", "certified minima", "", minima, "by second-order certificates; locally"),

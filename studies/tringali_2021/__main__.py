@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 
-from studies.reporting import report, study_parser
+from studies.reporting import Row, report, study_parser, tell
 from studies.tringali_2021.pictures import draw
 from studies.tringali_2021.real_time import real_time_rows
+from studies.tringali_2021.splines import AHEAD, spline_rows
 from studies.tringali_2021.trajectories import (
     MASSES,
     NUMBERS,
+    Trajectory,
     lower_bound_row,
+    other_way_rows,
     resolve_trajectory,
     schedule_rows,
     singularity_rows,
@@ -24,23 +28,44 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Regenerate the paper's table and figures, report the rows and draw the pictures."""
     options = study_parser(
         "Tringali & Cocuzza 2021.",
-        quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched",
+        quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched, splines of 3 pieces",
         out="tringali_2021",
     ).parse_args(arguments)
-    starts, rounds, generations = (8, 1, 5) if options.quick else (48, 5, 30)
-    trajectories = [resolve_trajectory(number, masses, starts=starts) for masses in MASSES for number in NUMBERS]
+    quick = options.quick
+    starts, rounds, generations = (8, 1, 5) if quick else (48, 5, 30)
+    trajectories = [_resolve(number, masses, starts) for masses in MASSES for number in NUMBERS]
     rows = [row for one in trajectories for row in table_5(one)]
-    rows += [] if options.quick else [lower_bound_row(4, "fitted")]
-    rows += (
-        [row for one in trajectories for row in text_rows(one)]
-        + singularity_rows(trajectories)
-        + real_time_rows(rounds=rounds)
-    )
-    for number in (3,) if options.quick else NUMBERS:
+    for masses in MASSES:
+        rows += other_way_rows(masses)
+    if not quick:
+        tell("a bound on all motions along trajectory 4")
+        rows.append(lower_bound_row(4, "fitted"))
+    rows += [row for one in trajectories for row in text_rows(one)] + singularity_rows(trajectories)
+    tell("splines through more samples ahead")
+    rows += spline_rows("fitted", ahead=AHEAD[:1] if quick else AHEAD)
+    for number in (3,) if quick else NUMBERS:
+        tell(f"trajectory {number}: a schedule searched for")
         rows += schedule_rows(number, "fitted", starts=starts, generations=generations)
-    report(sorted(rows, key=lambda row: row.table.startswith("an update")), json_file=options.json)
+    tell("updates beside SLSQP's")
+    rows += real_time_rows(rounds=rounds) + _window_rows(rounds)
+    report(rows, json_file=options.json)
     pictures = draw(options.out, trajectories)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
+
+
+def _resolve(number: int, masses: str, starts: int) -> Trajectory:
+    tell(f"trajectory {number}, {masses} masses")
+    return resolve_trajectory(number, masses, starts=starts)
+
+
+def _window_rows(rounds: int) -> list[Row]:
+    if find_spec("casadi") is None:
+        tell("windows beside CasADi's solvers: left out, as CasADi is not installed (it comes with [bench])")
+        return []
+    from studies.tringali_2021.peers import window_rows
+
+    tell("windows beside CasADi's solvers")
+    return window_rows("fitted", rounds=rounds)
 
 
 if __name__ == "__main__":

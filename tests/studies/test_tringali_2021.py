@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+from math import comb
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import paretoik as pk
+from paretoik.resolution.horizon import quartic_spline
 from problems import tringali_2021
 from studies.tringali_2021 import __main__ as study
 from studies.tringali_2021.real_time import Slsqp, make_solver, real_time_rows
+from studies.tringali_2021.reasons import reason
+from studies.tringali_2021.splines import spline_rows, thrice_continuous
 from studies.tringali_2021.trajectories import (
     NUMBERS,
     arm_of,
@@ -22,6 +28,8 @@ from studies.tringali_2021.trajectories import (
     table_5,
     text_rows,
 )
+
+DERIVATIVES = np.array([[comb(power, order) for power in range(5)] for order in range(5)])
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +49,9 @@ def test_the_start_is_where_the_paths_begin():
 
 def test_energies_stand_beside_the_papers(trajectories):
     rows = {(row.row, row.column): row for one in trajectories for row in table_5(one)}
-    assert len(rows) == 12
+    assert len(rows) == 16
     assert all(row.reference == paper()["Table 5", *place] for place, row in rows.items())
+    assert all(0 < rows[f"trajectory {number}", "PMKE time"].ours < 10 for number in NUMBERS)
     for number in (1, 4):
         for method in ("PMKE", "LSV"):
             row = rows[f"trajectory {number}", method]
@@ -64,7 +73,7 @@ def test_the_paper_s_global_optimum_of_trajectory_4_is_one_of_ours_but_not_the_b
 
 def test_speeds_and_radii_stand_beside_the_papers(trajectories):
     rows = [row for one in trajectories for row in text_rows(one)]
-    assert len(rows) == 16
+    assert len(rows) == 18
     speeds = [row for row in rows if row.unit == "rad/s" and row.row != "trajectory 2"]
     assert all(abs(row.ours / row.reference - 1) < 0.12 for row in speeds)
     ahead, local = singularity_rows(trajectories)
@@ -99,6 +108,51 @@ def test_another_solver_may_look_ahead():
     assert one.value == pytest.approx(other.value, rel=1e-6)
 
 
+@given(pieces=st.integers(2, 6), seed=st.integers(0, 1000), twice=st.sampled_from([0, -1]))
+def test_a_thrice_continuous_spline_keeps_points_and_ends_and_its_jerk_at_all_knots_but_one(pieces, seed, twice):
+    rng = np.random.default_rng(seed)
+    points, rate, second = rng.normal(size=(pieces + 1, 2)), rng.normal(size=2), rng.normal(size=2)
+    coefficients = thrice_continuous(points, rate, second, twice=twice)
+    if pieces == 2:
+        np.testing.assert_allclose(coefficients, quartic_spline(points, rate, second), atol=1e-9)
+    begin, end = coefficients, np.einsum("kc,pcd->pkd", DERIVATIVES, coefficients)  # derivatives over factorials
+    np.testing.assert_allclose(begin[:, 0], points[:-1], atol=1e-9)
+    np.testing.assert_allclose(end[:, 0], points[1:], atol=1e-9)
+    np.testing.assert_allclose([begin[0, 1], 2 * begin[0, 2]], [rate, second], atol=1e-9)
+    np.testing.assert_allclose(end[-1, 1:3], 0.0, atol=1e-7)
+    np.testing.assert_allclose(end[:-1, :3], begin[1:, :3], atol=1e-7)
+    smooth = np.delete(np.arange(pieces - 1), twice)
+    np.testing.assert_allclose(end[smooth, 3], begin[smooth + 1, 3], atol=1e-6)
+
+
+def test_splines_are_compared_with_the_best_of_them_everywhere():
+    rows = {row.column: row.ours for row in spline_rows("fitted", numbers=(1,), ahead=(3,)) if row.row == "all"}
+    assert len(rows) == 3
+    assert all(0 <= worst < 20 for worst in rows.values())
+    assert min(rows.values()) < 1
+
+
+def test_casadi_finds_the_same_minima_of_the_windows():
+    peers = pytest.importorskip("studies.tringali_2021.peers")
+    rows = peers.window_rows("fitted", rounds=1, numbers=(1,))
+    assert [row.column for row in rows] == ["ours", "SQP with qrqp, CasADi", "FATROP, CasADi"]
+    assert all("the same minimum in 17 of 17" in row.note for row in rows)
+
+
+def test_without_casadi_windows_are_left_out_with_a_line(monkeypatch, capsys):
+    monkeypatch.setattr(study, "find_spec", lambda _: None)
+    assert study._window_rows(1) == []
+    assert "CasADi is not installed" in capsys.readouterr().err
+
+
+def test_every_difference_has_its_reason(trajectories):
+    assert reason("trajectory 2", "LSV", "fitted", -0.001) == "the same within 1 %"
+    assert "cannot have used" in reason("trajectory 2", "global", "printed", -0.27)
+    assert "read as e-4" in reason("trajectory 1", "PMKE", "fitted", 0.0)
+    rows = [row for one in trajectories for row in (*table_5(one), *text_rows(one)) if row.reference is not None]
+    assert all("; " in row.note for row in rows)
+
+
 @pytest.mark.slow
 def test_updates_are_timed_side_by_side():
     rows = real_time_rows(rounds=1)
@@ -109,8 +163,8 @@ def test_updates_are_timed_side_by_side():
 def test_pictures_are_drawn_and_rows_written(trajectories, tmp_path, monkeypatch):
     monkeypatch.setattr(study, "MASSES", ("fitted",))
     monkeypatch.setattr(study, "resolve_trajectory", lambda number, masses, **_: trajectories[number - 1])
-    monkeypatch.setattr(study, "real_time_rows", lambda **_: [])
-    monkeypatch.setattr(study, "schedule_rows", lambda *_, **__: [])
+    for slow in ("real_time_rows", "schedule_rows", "spline_rows", "other_way_rows", "_window_rows"):
+        monkeypatch.setattr(study, slow, lambda *_, **__: [])
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert {row["table"] for row in rows} >= {"Table 5, fitted masses", "Figure 8, fitted masses"}

@@ -21,8 +21,7 @@ from collections.abc import Sequence
 from studies.benchmarks.basins.cases import all_cases
 from studies.benchmarks.basins.racing import Race, race
 from studies.benchmarks.basins.tables import table_rows
-from studies.benchmarks.planner.verdicts import tell
-from studies.reporting import report, save_rows, study_parser
+from studies.reporting import report, save_rows, study_parser, tell
 
 SEEDS, QUICK_SEEDS = 20, 2
 QUICK = 4  # problems

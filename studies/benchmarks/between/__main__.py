@@ -24,8 +24,7 @@ from paretoik.trajectory.tightening import hold_between
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.between.cases import Case, minimise_from, random_cases
 from studies.benchmarks.between.judging import worst_violation
-from studies.benchmarks.planner.verdicts import tell
-from studies.reporting import Row, report, study_parser
+from studies.reporting import Row, report, study_parser, tell
 
 GOAL, COST = 1e-4, 0.2  # share of a range; % of the objective
 CASES, QUICK_CASES = 40, 4

@@ -33,8 +33,8 @@ from studies.benchmarks.certified.dominating import ipopt_rows, perturbation_row
 from studies.benchmarks.certified.exchange import exchange_rows
 from studies.benchmarks.certified.racing import race_rows
 from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.verdicts import losses_first, tell
-from studies.reporting import Row, report, study_parser
+from studies.benchmarks.planner.verdicts import losses_first
+from studies.reporting import Row, report, study_parser, tell
 
 QUICK = {"energy_torque": 6, "Panda": 3}  # points
 FEW = 3  # points of other problems with --quick

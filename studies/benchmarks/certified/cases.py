@@ -22,8 +22,8 @@ from studies.benchmarks.certified.splines import spline_program
 from studies.benchmarks.certified.staged import StagedProgram, staged_program
 from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
 from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.verdicts import LOSS, tell, timed
-from studies.reporting import Row
+from studies.benchmarks.planner.verdicts import LOSS, timed
+from studies.reporting import Row, tell
 
 HOLDS = 1e-8  # of limits' ranges
 TRACKED = 1e-9  # m and rad

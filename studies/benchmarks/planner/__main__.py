@@ -23,8 +23,8 @@ from studies.benchmarks.planner.cores import Cores
 from studies.benchmarks.planner.growth import growth
 from studies.benchmarks.planner.simulations import NAMES, Effort, SimulationResult, compare_simulation, forms, sum_rows
 from studies.benchmarks.planner.sweep import sweeps
-from studies.benchmarks.planner.verdicts import HALF, losses_first, tell
-from studies.reporting import Row, report, study_parser
+from studies.benchmarks.planner.verdicts import HALF, losses_first
+from studies.reporting import Row, report, study_parser, tell
 
 
 def simulation_rows(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:

@@ -12,8 +12,8 @@ from paretoik.nlp.minimise import minimise
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import TOLERANCE, Question, peer, task_of
-from studies.benchmarks.planner.verdicts import tell, timed, versus
-from studies.reporting import Row
+from studies.benchmarks.planner.verdicts import timed, versus
+from studies.reporting import Row, tell
 
 COUNTS = (51, 101, 201, 401)
 TABLE = "growth"

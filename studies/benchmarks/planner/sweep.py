@@ -25,9 +25,9 @@ from studies.benchmarks.planner.optima import distinct
 from studies.benchmarks.planner.peers import BEGINNINGS, LABELS, SAMPLES, Question, Solved, tracking
 from studies.benchmarks.planner.programs import ENERGY, TORQUE
 from studies.benchmarks.planner.simulations import COARSE, WARMS, Effort
-from studies.benchmarks.planner.verdicts import HALF, tell, timed, versus
+from studies.benchmarks.planner.verdicts import HALF, timed, versus
 from studies.benchmarks.reference_front import REFERENCE_POINT
-from studies.reporting import Row
+from studies.reporting import Row, tell
 
 PROBLEM, TABLE = "energy_torque", "front"
 POINTS, QUICK_POINTS = 20, 8

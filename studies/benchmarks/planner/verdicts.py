@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,7 +12,6 @@ from studies.reporting import Row
 
 LOSS = "LOSS: "
 HALF = 0.5
-BEGIN = time.perf_counter()
 
 
 def versus(
@@ -55,8 +53,3 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
     started, cpu = time.perf_counter(), time.process_time()
     result = work()
     return result, time.perf_counter() - started, time.process_time() - cpu
-
-
-def tell(what: str) -> None:
-    """Say on stderr what is being done, and when."""
-    print(f"{time.perf_counter() - BEGIN:6.1f} s  {what}", file=sys.stderr, flush=True)

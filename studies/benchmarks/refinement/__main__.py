@@ -26,9 +26,9 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, timed
+from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
 from studies.benchmarks.refinement.cases import CASES, Contest, Solve
-from studies.reporting import Row, report, study_parser
+from studies.reporting import Row, report, study_parser, tell
 
 VIOLATION = 1e-6
 BETTER = 1e-6  # share of the objective

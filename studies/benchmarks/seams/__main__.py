@@ -22,12 +22,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, tell, versus
+from studies.benchmarks.planner.verdicts import LOSS, losses_first, versus
 from studies.benchmarks.seams import descartes, ladder_graph, ours
 from studies.benchmarks.seams.cells import CELLS
 from studies.benchmarks.seams.ladder_graph import Cost
 from studies.benchmarks.seams.seam_paths import SEAMS
-from studies.reporting import Row, report, study_parser
+from studies.reporting import Row, report, study_parser, tell
 
 COSTS: tuple[Cost, ...] = ("joint rates", "joint travel")
 UNITS = {"joint travel": "rad", "joint rates": "rad²/s"}

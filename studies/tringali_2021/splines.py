@@ -1,0 +1,92 @@
+"""Looking three samples ahead or more: which quartic spline to lay through them.
+
+With two pieces, the paper's, positions, velocities and accelerations at both ends and C² at the knot determine it.
+Every further piece leaves one number open for each joint: the library takes the least jerk. Splines of degree four are
+usually C³, which all knots but one can be here: all but the first ("later knots"), or all but the last ("earlier").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from math import factorial
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import make_interp_spline
+
+import paretoik as pk
+from paretoik.resolution.follow import TRACKING_TOLERANCE
+from paretoik.resolution.horizon import DEGREE, quartic_spline
+from paretoik.resolution.predictive import follow_predictively
+from problems import tringali_2021
+from problems.tringali_2021 import START
+from studies.reporting import Row
+from studies.tringali_2021.trajectories import NUMBERS, arm_of
+
+AHEAD = (3, 4, 5, 6)
+STEPS = (1.0, 0.4)  # s: the paper's ΔT, and one with which as many samples are nearer to its 2 s
+
+
+def thrice_continuous(
+    points: Float[np.ndarray, "points dof"],
+    rate: Float[np.ndarray, " dof"],
+    second: Float[np.ndarray, " dof"],
+    *,
+    twice: int,
+) -> Float[np.ndarray, "pieces 5 dof"]:
+    """Return coefficients as ``quartic_spline`` does, C³ at all inner points but that of index ``twice``: C² there."""
+    pieces, still = len(points) - 1, np.zeros_like(rate)
+    times = np.arange(pieces + 1.0)
+    inner = np.sort(np.append(times[1:-1], times[1:-1][twice]))  # a knot less smooth is there twice
+    knots = np.concatenate([np.zeros(DEGREE + 1), inner, np.full(DEGREE + 1, float(pieces))])
+    ends = [(1, rate), (2, second)], [(1, still), (2, still)]
+    spline = make_interp_spline(times, points, k=DEGREE, t=knots, bc_type=ends)
+    return np.stack([spline(times[:-1], nu=order) / factorial(order) for order in range(DEGREE + 1)], axis=1)
+
+
+SPLINES: dict[str, Callable[..., np.ndarray]] = {
+    "least jerk": quartic_spline,
+    "C³ at later knots": partial(thrice_continuous, twice=0),
+    "C³ at earlier knots": partial(thrice_continuous, twice=-1),
+}
+
+
+def spline_energies(
+    number: int, masses: str, *, ahead: tuple[int, ...], samples: int = tringali_2021.SAMPLES
+) -> Float[np.ndarray, "settings splines"]:
+    """Return kinetic energies [J s] along a trajectory, so many samples ahead at all ``STEPS``, by every spline."""
+    task = tringali_2021.problem(number, arm_of(masses), samples).task
+
+    def energy(horizon: int, step: float, spline: Callable[..., np.ndarray]) -> float:
+        method = pk.methods.PredictiveKineticEnergy(horizon=horizon, prediction_step=step, update_interval=0.5)
+        follow = partial(follow_predictively, task, method, np.array(START), tolerance=TRACKING_TOLERANCE)
+        return float(pk.kinetic_energy(follow(make_spline=spline)))
+
+    return np.array([[energy(*setting, spline) for spline in SPLINES.values()] for setting in product(ahead, STEPS)])
+
+
+def spline_rows(masses: str, *, numbers: tuple[int, ...] = NUMBERS, ahead: tuple[int, ...] = AHEAD) -> list[Row]:
+    """Return how far each spline's energy is above the best of the three, along each trajectory and all of them."""
+    above = dict[str, np.ndarray]()
+    for number in numbers:
+        energies = spline_energies(number, masses, ahead=ahead)
+        above[f"trajectory {number}"] = 100 * (energies / energies.min(axis=1, keepdims=True) - 1)
+    above["all"] = np.concatenate(list(above.values()))
+    settings = f"h = {', '.join(map(str, ahead))}, each with ΔT = {' and '.join(f'{step:g} s' for step in STEPS)}"
+    choice = "; the library's: its worst is the least" if above["all"].max(axis=0).argmin() == 0 else ""
+    return [
+        Row(
+            table=f"looking farther ahead, {masses} masses",
+            row=row,
+            column=f"energy above the best spline's, {name}",
+            unit="%",
+            ours=float(values[:, k].max()),
+            note=f"the worst; median {np.median(values[:, k]):.2f}, mean {values[:, k].mean():.2f}"
+            + (f": {', '.join(f'{value:.2f}' for value in values[:, k])}" if row != "all" else f"; {settings}")
+            + (choice if row == "all" and k == 0 else ""),
+        )
+        for row, values in above.items()
+        for k, name in enumerate(SPLINES)
+    ]
