@@ -31,7 +31,7 @@ from studies.wan_2018.tables import running_time_rows, speed_row, table_rows
 
 @cache
 def resolved_table(table):
-    return resolve_table(table, population=30)
+    return resolve_table(table, population=20)
 
 
 def test_paths_are_the_papers():
