@@ -36,7 +36,7 @@ from paretoik.resolution.traces import DAMPED, DONE, HELD, LIMITED
 class StepOptions:
     """Tolerances of a step within limits."""
 
-    tolerance: float = 1e-9  # share of the largest rate without limits: those exceeded by less are kept
+    tolerance: float = 1e-9  # share of the largest rate without limits, or bound: limits exceeded by less are kept
     singular: float = 1e-13  # share of the largest singular value: the Jacobian counts as singular
     least_damping: float = 1e-4  # share of the largest singular value, where the task gives way and nothing is damped
     penalty: float = 1e6  # of a rate by which a distance shrinks too fast, in shares of the largest
@@ -72,8 +72,9 @@ class StepLimits:
         )
 
     def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
-        """Return whether rates keep every limit, as shares of the rates without limits."""
-        return bool(self.slack(rates).min() >= -OPTIONS.tolerance * np.abs(free).max())
+        """Return whether rates keep every limit, to a share of the rates without limits, or of bounds if less."""
+        size = min(float(np.abs(free).max()), float(np.abs(self.bounds).max()))
+        return bool(self.slack(rates).min() >= -OPTIONS.tolerance * size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

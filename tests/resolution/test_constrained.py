@@ -184,6 +184,14 @@ def test_a_batch_is_resolved_as_its_motions_are():
         np.testing.assert_array_equal(together[i].traces.active, alone.traces.active)
 
 
+def test_limits_are_kept_beside_a_singularity_that_nothing_damps():
+    path, limits = line([0.4895, 0.0], [0.40, 0.05], duration=1.0, samples=41), Limits(position=100.0, velocity=2.0)
+    method = pk.methods.ConstrainedQP(damping=0.0)
+    motion = pk.resolve(tringali_3r(), path, method, start=[0.0, 1e-9, 0.0], limits=limits, unreachable="track")
+    assert np.abs(motion.traces.velocities).max() <= 2.0 + 1e-8
+    assert "limited" in motion.traces.status
+
+
 def test_limits_may_vary_along_the_path():
     upper = np.linspace(2.5, 0.2, 101)[:, None] * np.ones(3)
     limits = Limits(position=100.0, velocity=(-upper, upper), acceleration=60.0)
