@@ -5,13 +5,15 @@ neither its start, nor durations, nor which Euler angles, nor the units of its c
 ``problems/wan_2018.py`` is assumed, and rows tell medians and quartiles over starts.
 
 What reproduces: weighted gradient projection keeps joint 4 from its limit, or frees it, where weighted least norm
-leaves it there; the times at which the arm is singular. What does not:
+leaves it there; the time at which the arm becomes singular by weighted least norm. What does not:
 
 - the sizes of the errors: they hang on the start, and medians over starts are mostly larger;
 - smaller errors than weighted least norm's and gradient projection's: from the same start they are mostly larger;
 - the avoidance of velocity limits without vibration: a gradient that depends on the velocity being solved for is not
   stable where its gain is not small, and in six to eight of ten cases a joint were to turn by more than 1 rad in some
   step, which is cut short;
+- when weighted gradient projection is singular, later than weighted least norm in the paper: a joint that is in its
+  buffer at the start lowers the clamped Jacobian's singular values from there on;
 - the saving of time: all methods take as long.
 
 Beside them stands a quadratic program in every step, ``ConstrainedQP``, with the same numbers of the task: it keeps
