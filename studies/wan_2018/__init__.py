@@ -5,7 +5,8 @@ neither its start, nor durations, nor which Euler angles, nor the units of its c
 ``problems/wan_2018.py`` is assumed, and rows tell medians and quartiles over starts.
 
 What reproduces: weighted gradient projection keeps joint 4 from its limit, or frees it, where weighted least norm
-leaves it there; the time at which the arm becomes singular by weighted least norm. What does not:
+leaves it there; the time at which the arm becomes singular by weighted least norm; most of the time that it saves
+beside gradient projection, which has a criterion more. What does not:
 
 - the sizes of the errors: they hang on the start, and medians over starts are mostly larger;
 - smaller errors than weighted least norm's and gradient projection's: from the same start they are mostly larger;
@@ -14,7 +15,7 @@ leaves it there; the time at which the arm becomes singular by weighted least no
   step, which is cut short;
 - when weighted gradient projection is singular, later than weighted least norm in the paper: a joint that is in its
   buffer at the start lowers the clamped Jacobian's singular values from there on;
-- the saving of time: all methods take as long.
+- the saving of time beside weighted least norm: both take as long.
 
 Beside them stands a quadratic program in every step, ``ConstrainedQP``, with the same numbers of the task: it keeps
 all limits from all starts, and says where they leave no way on. Figures 6, 7, 10 and 11, and the same of the program,
