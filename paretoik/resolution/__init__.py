@@ -1,4 +1,4 @@
-"""One motion locally, step by step: projection methods, predictive minimisation, Nedungadi."""
+"""One motion locally, step by step: projection methods, a quadratic program within limits, prediction, Nedungadi."""
 
 import lazy_loader
 

@@ -10,8 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
+from paretoik.resolution.constrained import ACTIVE, ConstrainedTraces, follow_constrained
 from paretoik.resolution.method import broadcast_shape
 from paretoik.resolution.methods import (
+    ConstrainedQP,
     Criterion,
     Method,
     Nedungadi,
@@ -53,11 +55,15 @@ def follow(
 def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarray) -> ResolvedMotion:
     criteria, steps = method.criterion_list, np.diff(task.times)
     shape, settings, gains = _broadcast(method, criteria, start, steps)
-    program = step_program(task, tuple(each.objective for each in criteria))
     count, dof, number = len(settings), task.arm.dof, len(criteria)
     q = np.empty((count, len(task.times), dof))
     q[:, 0] = np.broadcast_to(start, (*shape, dof)).reshape(-1, dof)
     traces = empty_traces(count, len(task.times), dof, task.rows, number)
+    if isinstance(method, ConstrainedQP):
+        follow_constrained(task, method, settings, gains, q, traces)
+        traces["active"] = ACTIVE[traces["active"]]
+        return ResolvedMotion.of(task, shape, q, traces, ConstrainedTraces)
+    program = step_program(task, tuple(each.objective for each in criteria))
     bounds = task.bounds.get("position", task.arm.position_limits[None])
     bounds = np.concatenate([bounds, position_ranges(task.arm, bounds)[..., None]], axis=-1)
     scaling = np.array([[each.objective.sign, each.reference, each.scale] for each in criteria]).reshape(number, 3)

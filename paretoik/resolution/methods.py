@@ -1,7 +1,8 @@
 """The methods that resolve velocities, and what they improve on the side.
 
 All make a step of the form q̇ = D Jᵀ(J D Jᵀ + ρ²I)⁻¹ v + N z, v what the tool must do, D a diagonal, N a projector. They
-differ in D, in ρ and in z. A method's numbers and the gains of criteria may be arrays (*batch,): one motion each.
+differ in D, in ρ and in z; ``ConstrainedQP`` makes the step nearest to it within limits. A method's numbers and the
+gains of criteria may be arrays (*batch,): one motion each.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import finite_array
+from paretoik.inputs import ArrayLike, finite_array
 from paretoik.resolution.method import Criterion as Criterion
 from paretoik.resolution.method import Method as Method
 from paretoik.resolution.method import Number as Number
@@ -176,6 +177,31 @@ class WeightedGradientProjection(GradientProjection):
         default = np.linspace(0.0, 1.0, len(names)) if self.priorities is None else np.asarray(self.priorities)
         columns = np.broadcast_arrays(*(values.get(name, default[..., c]) for c, name in enumerate(names)))
         return replace(method, priorities=np.stack(columns, axis=-1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ConstrainedQP(GradientProjection):
+    """The step of gradient projection that is nearest within limits: a quadratic program of joint rates.
+
+    Limits on positions, velocities and accelerations, from rest on, and clearance from obstacles are kept at every
+    step; rates leave enough way to brake before limits. ``joint_weights`` (dof,) W, by default 1, weigh the rates:
+    the least ½ (q̇ − z)ᵀ W (q̇ − z) does the task, z being the criteria's. With ``feedback=None`` a step is solved for
+    again about its own end until that is on the path to 1e-12 and clear of obstacles; with a number once, as by other
+    methods, and clearance is kept to first order. Where limits leave no rates that do the task, it gives way in least
+    squares, damped by ``damping``, and the step's status is "limited".
+
+    Raises InvalidInput for weights that are not positive and for numbers out of range. Source: Cheng, Chen & Sun 1994;
+    Faverjon & Tournassoud 1987; Del Prete 2018.
+    """
+
+    joint_weights: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.joint_weights is not None:
+            weights = finite_array("ConstrainedQP: joint_weights", self.joint_weights)
+            if not (weights > 0).all():
+                raise InvalidInput(f"ConstrainedQP: positive joint_weights wanted, got {weights.min():g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

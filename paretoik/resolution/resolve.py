@@ -9,12 +9,15 @@ import numpy as np
 
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, check_size
 from paretoik.inputs import finite_array
+from paretoik.resolution.constrained import ConstrainedTraces
 from paretoik.resolution.follow import TRACKING_TOLERANCE, follow
-from paretoik.resolution.methods import Criterion, Method, VelocityMethod
+from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
+from paretoik.robot.kinematics import link_nodes
 from paretoik.self_motion.start_postures import reach_error, sample_postures
-from paretoik.task.limits import Limits
+from paretoik.task.distances import clearance, closest_pair
+from paretoik.task.limits import LIMIT_TOLERANCE, Limits
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
@@ -26,6 +29,7 @@ from paretoik.task.task import Task
 LOST_STEPS = {
     "held": "no velocities do what the task wants",
     "shortened": "a joint were to go more than 1 rad or m in the step",
+    "limited": "limits leave no velocities that do what the task wants",
 }
 Unreachable = Literal["refuse", "track"]
 
@@ -51,16 +55,18 @@ def resolve(
         A redundant arm, and a path or tasks for it.
     method
         ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
-        ``WeightedGradientProjection``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` or ``Nedungadi``.
+        ``WeightedGradientProjection``, ``ConstrainedQP``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` or
+        ``Nedungadi``.
     start
         Joint positions (*batch, dof) to start in; by default a posture on the path's first sample, within the limits if
         one is found there, that is far from singular. Starts and the method's numbers are broadcast against each
         other: one motion for each.
     limits
         Position limits that methods keep joints from; the arm's own by default. A joint with one limit counts as having
-        a range of 2π rad, or 1 m. No method promises to keep them.
+        a range of 2π rad, or 1 m. ``ConstrainedQP`` alone promises to keep them, and those of velocity, acceleration
+        and clearance.
     obstacles, link_radius
-        What criteria may look at.
+        What criteria may look at, and what the links, capsules of this radius [m], stay clear of by ``ConstrainedQP``.
     unreachable
         What to do where the path is lost: to "refuse" it, or to "track" it as well as can be.
     tolerance
@@ -82,7 +88,8 @@ def resolve(
     InvalidInput
         Naming what cannot be used; OutOfReach where there is no start.
     Infeasible
-        Where the path is lost and ``unreachable="refuse"``, with sample, error and the Jacobian's condition number.
+        Where the path is lost and ``unreachable="refuse"``, with sample, error and the Jacobian's condition number, or
+        the limits that leave no way on.
     EvaluationFailed
         Where a criterion is not finite and ``unreachable="refuse"``.
 
@@ -108,7 +115,10 @@ def resolve(
         obstacles=obstacles,
         link_radius=link_radius,
     )
-    motion = follow(task, method, _starts(task, start, seed), tolerance=tolerance)
+    starts = _starts(task, start, seed)
+    if isinstance(method, ConstrainedQP):
+        _check_limits(task, limits, starts.reshape(-1, arm.dof)[: None if unreachable == "refuse" else 0])
+    motion = follow(task, method, starts, tolerance=tolerance)
     if unreachable == "refuse":
         _check_criteria(task, motion, criteria)
         _check_tracking(task, motion, tolerance)
@@ -170,7 +180,46 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
         )
     distance = f"{errors[i, sample]:.3g} m or rad off the path"
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else distance
+    active = _active_limits(task, motion, i, sample) if status[i, before] == "limited" else ""
+    cause += f": {active}" if active else ""
     raise Infeasible(
         f"resolve: {name}{cause} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
-        f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" goes on as well as can be'
+        f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" goes on as well as can be',
+        motion=motion,
+        limit=active,
     )
+
+
+def _active_limits(task: MotionTask, motion: ResolvedMotion, index: int, sample: int) -> str:
+    """Return in words the limits that a constrained step to a sample is at."""
+    assert isinstance(motion.traces, ConstrainedTraces)
+    active = motion.traces.active.reshape(-1, *motion.traces.active.shape[-2:])[index, sample - 1]
+    words = [f"{limit} of {joint}" for limit, joint in zip(active, task.arm.joint_names, strict=False) if limit]
+    if active[-1]:
+        links = motion.links.reshape(-1, *motion.links.shape[-3:])[index, sample]
+        words.append(f"clearance between {closest_pair(task.obstacles, links, task.link_radius)}")
+    return " and ".join(words)
+
+
+def _check_limits(task: MotionTask, limits: Limits | None, starts: np.ndarray) -> None:
+    """Raise InvalidInput for limits that rates say nothing of, and for starts past limits."""
+    for kind in ("torque", "power"):
+        if getattr(limits, kind, None) is not None:
+            raise InvalidInput(
+                f"limits: ConstrainedQP keeps position, velocity, acceleration and clearance, got {kind}"
+            )
+    lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
+    excess = np.maximum(starts - upper, lower - starts).max(axis=0, initial=-np.inf)
+    if (excess > LIMIT_TOLERANCE).any():
+        joint = int(excess.argmax())
+        raise InvalidInput(
+            f"start: ConstrainedQP wants joints within their position limits, got {task.arm.joint_names[joint]} "
+            f'{excess[joint]:.3g} past one; unreachable="track" brings it back'
+        )
+    if task.obstacles and starts.size:
+        smallest = float(clearance(task.obstacles, link_nodes(task.arm, starts), task.link_radius).min())
+        if smallest < task.min_clearance - LIMIT_TOLERANCE:
+            raise InvalidInput(
+                f"start: ConstrainedQP wants links {task.min_clearance:g} m clear of obstacles, got {smallest:.3g} m; "
+                'unreachable="track" moves away from them'
+            )

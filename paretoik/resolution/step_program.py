@@ -1,4 +1,4 @@
-"""The program of one step at a posture: task errors, Jacobian, criteria and their gradients."""
+"""The program of one step at a posture: task errors, Jacobian, criteria, distances, and their gradients."""
 
 from __future__ import annotations
 
@@ -26,16 +26,18 @@ class StepProgram:
     The table (time, rows) has the targets of every sample, their travel to the next, and data of criteria that vary
     with time. Accelerations and jerks are not read. The outputs are the task errors, the travel of the target in the
     same coordinates, the Jacobian by rows, then of every criterion its value and its gradient: with respect to
-    positions, or to velocities where it reads these alone.
+    positions, or to velocities where it reads these alone; then, where they were asked for, of every distance of a
+    moving link from an obstacle its value and its gradient with respect to positions.
     """
 
     program: Evaluator
     table: Float[np.ndarray, "time rows"]
+    distances: int
 
 
 @lru_cache(maxsize=64)  # a search over a method's numbers asks for the same program in every generation
-def step_program(task: MotionTask, criteria: tuple[Objective, ...]) -> StepProgram:
-    """Return the program of one step of a task.
+def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_distances: bool = False) -> StepProgram:
+    """Return the program of one step of a task, with the distances from its obstacles or without.
 
     Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
     """
@@ -62,7 +64,13 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...]) -> StepProgr
         if read & {2, 3} or not read:
             raise InvalidInput(f"{label}: wants a function of positions, velocities or both, got one of other things")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
+    values = [value for each in motion.distances for value in each.entries.ravel()] if with_distances else []
+    distances = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in values]
+    moving = [entry for entry in distances if set(dependencies(tape, [entry])) & set(inputs[0])]
+    for entry in moving:
+        outputs += [entry, *gradient(tape, entry, inputs[0])]
     return StepProgram(
         program=compile_evaluator(tape, outputs),
+        distances=len(moving),
         table=np.concatenate([task.targets, travels, *(each[:, None] for each in trace.parameters.values())], axis=1),
     )

@@ -105,12 +105,16 @@ class TracedMotion:
         """As ``Motion.clearance``."""
         if not self.obstacles:
             raise InvalidInput("motion.clearance wants obstacles, but the problem has none")
+        smallest: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in self.distances])
+        return smallest
+
+    @cached_property
+    def distances(self) -> list[TracedArray]:
+        """Distances of every link (..., links) from each obstacle [m]; clearance is the smallest."""
         nodes = [self.links[..., axis] for axis in range(3)]
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
         distance: Any = distance_components  # typed for arrays; it takes expressions as well
-        distances = [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
-        smallest: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in distances])
-        return smallest
+        return [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
 
     def integral(self, series: Any) -> Any:
         """As ``Motion.integral``."""

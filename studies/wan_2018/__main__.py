@@ -1,24 +1,32 @@
-"""The command: ``python -m studies.wan_2018 [--quick] [--json FILE]``."""
+"""The command: ``python -m studies.wan_2018 [--quick] [--json FILE] [--out FOLDER]``."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 from studies.reporting import report, study_parser
+from studies.wan_2018.events import event_rows
 from studies.wan_2018.fronts import comparison_rows
-from studies.wan_2018.methods import speed_row, table_rows
+from studies.wan_2018.methods import resolve_table
+from studies.wan_2018.pictures import draw
+from studies.wan_2018.tables import running_time_rows, speed_row, table_rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Report the paper's tables beside ours."""
+    """Report the paper's tables and events beside ours, and draw its figures."""
     options = study_parser(
-        "Wan et al. 2018.", quick="from 60 random postures instead of 1000, 3 seeds instead of 31"
+        "Wan et al. 2018.", quick="from 60 random postures instead of 1000, 3 seeds instead of 31", out="wan_2018"
     ).parse_args(arguments)
     population, rounds, seeds = (60, 3, 3) if options.quick else (1000, 15, 31)
-    rows = [row for table in ("Table 2", "Table 3") for row in table_rows(table, population=population)]
+    tables = [resolve_table(table, population=population) for table in ("Table 2", "Table 3")]
+    rows = [row for resolved in tables for row in table_rows(resolved)]
+    rows += event_rows(tables)
+    rows += [row for resolved in tables for row in running_time_rows(resolved, rounds=rounds)]
     rows.append(speed_row(rounds=rounds))
     rows += comparison_rows(seeds=seeds, generations=5) if options.quick else comparison_rows(seeds=seeds)
     report(rows, json_file=options.json)
+    print(f"{len(draw(options.out, tables))} pictures in {options.out}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""The methods of sections 3.1 and 3.2, from one population of starts: errors, joint 4, and the time they take."""
+"""The methods of sections 3.1 and 3.2, and one that keeps limits, from one population of starts."""
 
 from __future__ import annotations
 
-import time
+import sys
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -23,14 +24,43 @@ from problems.wan_2018 import (
     REGION,
     REPULSION,
 )
-from studies.reporting import Row, paper_numbers
+from studies.reporting import paper_numbers
 
 AXES = {"x": "m", "y": "m", "z": "m", "α": "rad", "β": "rad", "γ": "rad"}
-FOURTH = 3  # joint 4, counted from 0
-AT_LIMIT = 0.02  # share of its range: a joint nearer to a limit than this is at it
-SETS, GOAL = 200, 0.3  # parameter sets, and seconds for all of them
 VARIANTS: dict[str, Literal["paper", "consistent"]] = {"WGPM, as printed": "paper", "WGPM, consistent": "consistent"}
+LIMITED = {
+    "Table 2": {"QP, positions": pk.Limits(velocity=np.inf), "QP, velocities too": pk.Limits()},
+    "Table 3": {"QP, velocities too": pk.Limits()},
+}
 paper = partial(paper_numbers, "wan_2018")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Resolved:
+    """The motions of a table's methods, by name, from the same starts."""
+
+    table: str
+    motions: dict[str, ResolvedMotion]
+
+    @property
+    def baseline(self) -> str:
+        """The method that the paper compares with."""
+        return next(iter(self.motions))
+
+    def nearest_start(self) -> int:
+        """Return the start from which the baseline's errors are nearest to those printed, in logarithms.
+
+        Of motions without steps cut short; the paper prints no start.
+        """
+        motion = self.motions[self.baseline]
+        printed = [paper()[self.table, axis, self.baseline] for axis in AXES]
+        distance = np.linalg.norm(np.log(worst_errors(motion) / printed), axis=1)
+        return int(np.where(cut_short(motion), np.inf, distance).argmin())
+
+
+def paper_name(name: str) -> str:
+    """Return the paper's name of a method."""
+    return "WGPM" if name in VARIANTS else name
 
 
 def paper_methods(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
@@ -60,6 +90,20 @@ def paper_methods(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
     return methods
 
 
+def all_methods(table: str) -> dict[str, tuple[pk.methods.Method, pk.Limits]]:
+    """Return the paper's methods and the quadratic program, with the limits that each is told of."""
+    methods: dict[str, tuple[pk.methods.Method, pk.Limits]] = {
+        name: (method, pk.Limits()) for name, method in paper_methods(table).items()
+    }
+    program = pk.methods.ConstrainedQP(feedback=FEEDBACK, region=REGION, damping=DAMPING)
+    return methods | {name: (program, limits) for name, limits in LIMITED[table].items()}
+
+
+def path_of(table: str) -> pk.Path:
+    """Return the path of a table's motions."""
+    return wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
+
+
 def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     """Return postures (postures, 7) of the first pose, within the limits, from so many random ones."""
     arm = pk.arms.wan_7r()
@@ -74,117 +118,30 @@ def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     return np.asarray(turned[((turned >= lower) & (turned <= upper)).all(axis=1)])
 
 
+def resolve_table(table: str, *, population: int) -> Resolved:
+    """Return the motions of the paper's methods and of the quadratic program, its task's numbers the same."""
+    path = path_of(table)
+    starts = start_postures(path, population)
+    motions = {}
+    for name, (method, limits) in all_methods(table).items():
+        print(f"{table}: {name} from {len(starts)} starts", file=sys.stderr, flush=True)
+        motions[name] = pk.resolve(pk.arms.wan_7r(), path, method, start=starts, limits=limits, unreachable="track")
+    return Resolved(table=table, motions=motions)
+
+
 def worst_errors(motion: ResolvedMotion) -> np.ndarray:
     """Return the greatest error (motions, 6) on every axis: position, and half the sum of Eq. 33, in world axes."""
+    return np.asarray(np.abs(axis_errors(motion)).max(axis=-2))
+
+
+def axis_errors(motion: ResolvedMotion) -> np.ndarray:
+    """Return the errors (*motions, time, 6): positions, and half the sum of Eq. 33, in world axes."""
     errors = motion.traces.errors
-    turn = motion.tool_rotation @ errors[..., 3:, None]
-    angle = np.linalg.norm(turn[..., 0], axis=-1, keepdims=True)
-    world = turn[..., 0] * np.sinc(angle / np.pi)
-    return np.asarray(np.abs(np.concatenate([errors[..., :3], world], axis=-1)).max(axis=-2))
+    turn = (motion.tool_rotation @ errors[..., 3:, None])[..., 0]
+    world = turn * np.sinc(np.linalg.norm(turn, axis=-1, keepdims=True) / np.pi)
+    return np.concatenate([errors[..., :3], world], axis=-1)
 
 
-def table_rows(table: str, *, population: int) -> list[Row]:
-    """Return medians over starts of the greatest errors, what becomes of joint 4, and how often steps fall short."""
-    arm, path = pk.arms.wan_7r(), wan_2018.simulation() if table == "Table 2" else wan_2018.experiment()
-    starts = start_postures(path, population)
-    lower, upper = arm.position_limits[FOURTH]
-    rows = []
-    errors = {}
-    for name, method in paper_methods(table).items():
-        clock = time.perf_counter()
-        motion = pk.resolve(arm, path, method, start=starts, unreachable="track")
-        seconds = (time.perf_counter() - clock) / len(starts)
-        errors[name] = worst_errors(motion)
-        for k, (axis, unit) in enumerate(AXES.items()):
-            low, middle, high = np.quantile(errors[name][:, k], [0.25, 0.5, 0.75])
-            rows.append(
-                Row(
-                    table=f"{table}: greatest errors, medians over {len(starts)} starts",
-                    row=axis,
-                    column=name,
-                    unit=unit,
-                    ours=float(middle),
-                    reference=paper()[table, axis, "WGPM" if name in VARIANTS else name],
-                    note=f"quartiles {low:.2g} and {high:.2g}",
-                )
-            )
-        margin = np.minimum(motion.q[..., FOURTH] - lower, upper - motion.q[..., FOURTH]) / (upper - lower)
-        reached, ended = margin.min(axis=1) < AT_LIMIT, margin[:, -1] < AT_LIMIT
-        broken = np.isin(motion.traces.status, ["shortened", "held"]).any(axis=1)
-        rows += [
-            Row(
-                table=f"{table}: what becomes of joint 4, and of steps",
-                row=name,
-                column=column,
-                unit="share of starts",
-                ours=float(share),
-                note=note,
-            )
-            for column, share, note in (
-                ("joint 4 comes to a limit", reached.mean(), f"within {AT_LIMIT:.0%} of its range"),
-                ("joint 4 ends there", ended.mean(), "those that came there and do not end there were freed"),
-                ("some step cut short", broken.mean(), "a joint were to turn by more than 1 rad, or posture singular"),
-            )
-        ]
-        rows.append(
-            Row(
-                table=f"{table}: what becomes of joint 4, and of steps",
-                row=name,
-                column="time of a motion",
-                unit="ms",
-                ours=1e3 * seconds,
-                note=f"all starts at once, {len(path.times)} samples; the paper's times are not those of one machine",
-            )
-        )
-    first = next(iter(errors))
-    for name in list(errors)[1:]:
-        less = (errors[name].max(axis=1) < errors[first].max(axis=1)).mean()
-        rows.append(
-            Row(
-                table=f"{table}: which errs less, from the same start",
-                row=f"{name} beside {first}",
-                column="less on its worst axis",
-                unit="share of starts",
-                ours=float(less),
-                note="; ".join(
-                    f"{axis} {(errors[name][:, k] < errors[first][:, k]).mean():.0%}" for k, axis in enumerate(AXES)
-                ),
-            )
-        )
-    return rows
-
-
-def speed_row(*, rounds: int) -> Row:
-    """Return the seconds that so many parameter sets take along the path of section 3.2."""
-    arm, path, rng = pk.arms.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
-    start = start_postures(path, 40)[0]
-    method = pk.methods.WeightedGradientProjection(
-        criteria=[
-            pk.methods.Criterion(
-                objective=pk.velocity_limit_nearness, gain=10.0 ** rng.uniform(-4, -1, SETS), reference=7.0
-            )
-        ],
-        feedback=rng.uniform(20.0, 150.0, SETS),
-        buffer=rng.uniform(0.05, 0.45, SETS),
-        repulsion=rng.uniform(0.1, 6.0, SETS),
-        band=rng.uniform(0.05, 0.45, SETS),
-        variant="paper",
-    )
-    elapsed = []
-    for _ in range(rounds + 1):
-        clock = time.perf_counter()
-        motion = pk.resolve(arm, path, method, start=start, unreachable="track")
-        elapsed.append(time.perf_counter() - clock)
-    middle = float(np.median(elapsed[1:]))
-    damped = float((motion.traces.status != "done").mean())
-    return Row(
-        table="parameter sets at once",
-        row=f"{SETS} sets, {len(path.times)} samples",
-        column="WGPM, as printed",
-        unit="s",
-        ours=middle,
-        reference=GOAL,
-        source="goal",
-        note=f"{'LOSS: ' if middle > GOAL else ''}goal; median of {rounds}, from {min(elapsed[1:]):.3f} to "
-        f"{max(elapsed[1:]):.3f} s; {damped:.0%} of steps damped or cut short",
-    )
+def cut_short(motion: ResolvedMotion) -> np.ndarray:
+    """Return of which motions (motions,) some step was shortened, or the task given up."""
+    return np.asarray(np.isin(motion.traces.status, ["shortened", "held"]).any(axis=-1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,8 +13,25 @@ import paretoik as pk
 from problems import wan_2018
 from studies.reporting import holm
 from studies.wan_2018 import __main__ as study
+from studies.wan_2018.events import EVENTS, event_rows
 from studies.wan_2018.fronts import comparison_rows
-from studies.wan_2018.methods import paper, paper_methods, speed_row, start_postures, table_rows, worst_errors
+from studies.wan_2018.methods import (
+    AXES,
+    all_methods,
+    cut_short,
+    paper,
+    paper_methods,
+    resolve_table,
+    start_postures,
+    worst_errors,
+)
+from studies.wan_2018.pictures import FIGURES, draw
+from studies.wan_2018.tables import running_time_rows, speed_row, table_rows
+
+
+@cache
+def resolved_table(table):
+    return resolve_table(table, population=20)
 
 
 def test_paths_are_the_papers():
@@ -46,18 +64,57 @@ def test_starts_are_within_the_limits_and_on_the_first_pose():
 
 @pytest.mark.parametrize("table", ["Table 2", "Table 3"])
 def test_tables_stand_beside_the_papers(table):
-    rows = table_rows(table, population=30)
+    rows = table_rows(resolved_table(table))
     errors = [row for row in rows if row.reference is not None]
     assert len(errors) == 18
-    assert {row.reference for row in errors} == {value for place, value in paper().items() if place[0] == table}
+    assert {row.reference for row in errors} == {v for (t, row, _), v in paper().items() if t == table and row in AXES}
     shares = [row.ours for row in rows if row.unit == "share of starts"]
     assert all(0 <= share <= 1 for share in shares)
 
 
 def test_joint_4_is_freed_more_often_than_by_the_weighted_least_norm():
-    rows = {(row.row, row.column): row.ours for row in table_rows("Table 2", population=60)}
+    rows = {(row.row, row.column): row.ours for row in table_rows(resolved_table("Table 2"))}
     for name in ("WGPM, as printed", "WGPM, consistent"):
         assert rows[name, "joint 4 ends there"] < rows["WLN", "joint 4 ends there"]
+
+
+@pytest.mark.parametrize("table", ["Table 2", "Table 3"])
+def test_the_quadratic_program_alone_keeps_all_limits(table):
+    rows = {(row.row, row.column): row.ours for row in table_rows(resolved_table(table))}
+    for name in all_methods(table):
+        keeps = [rows[name, column] for column in ("positions keep their limits", "velocities keep theirs")]
+        assert (keeps == [1.0, 1.0]) == (name == "QP, velocities too")
+        assert keeps[0] == 1.0 or "QP" not in name
+
+
+def test_events_stand_beside_the_papers():
+    rows = event_rows([resolved_table(table) for table in ("Table 2", "Table 3")])
+    told = {value for (figure, *_), value in paper().items() if figure.startswith("Figure")}
+    assert {row.reference for row in rows if row.reference is not None} == told
+    assert sum(len(events) for events in EVENTS.values()) == len(told)
+    assert all(row.note for row in rows)
+
+
+def test_the_start_that_is_drawn_is_nearest_to_the_papers_and_not_cut_short():
+    resolved = resolved_table("Table 3")
+    nearest, motion = resolved.nearest_start(), resolved.motions["GPM"]
+    printed = [paper()["Table 3", axis, "GPM"] for axis in AXES]
+    distance = np.abs(np.log(worst_errors(motion) / printed) ** 2).sum(axis=1)
+    assert not cut_short(motion)[nearest]
+    assert (distance[~cut_short(motion)] >= distance[nearest]).all()
+
+
+def test_every_figure_is_drawn(tmp_path):
+    files = draw(tmp_path, [resolved_table(table) for table in ("Table 2", "Table 3")])
+    assert [file.stem for file in files] == list(FIGURES)
+    assert all(file.stat().st_size > 10_000 for file in files)
+
+
+def test_running_times_stand_beside_the_papers():
+    rows = running_time_rows(resolved_table("Table 2"), rounds=1)
+    printed = [row.reference for row in rows if row.reference is not None]
+    assert printed == pytest.approx([0.2337, 0.1832, 0.1832, 0.7839, 0.7839], abs=1e-4)
+    assert all(row.ours > 0 and row.note for row in rows)
 
 
 def test_corrected_p_values_are_holms():
@@ -72,7 +129,9 @@ def test_families_are_compared_by_their_fronts():
 
 
 def test_the_command_writes_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "table_rows", lambda *_, **__: [])
+    for name in ("table_rows", "event_rows", "running_time_rows", "draw"):
+        monkeypatch.setattr(study, name, lambda *_, **__: [])
+    monkeypatch.setattr(study, "resolve_table", lambda *_, **__: None)
     monkeypatch.setattr(study, "comparison_rows", lambda **_: [])
     monkeypatch.setattr(study, "speed_row", lambda rounds: speed_row(rounds=1))
     study.main(["--quick", "--json", str(tmp_path / "rows.json")])
