@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any
 
@@ -64,37 +64,39 @@ class Biobjective(Problem):  # type: ignore[misc]  # pymoo has no types
         out["F"] = np.array([self.function(row) for row in x])
 
 
-def pymoo_case(name: str, generations: int, *settings: int, label: str = "", **options: Any) -> Case:
-    """Return a case of one of pymoo's problems; ``options`` are those of ``Case``, ``n_var`` is the problem's."""
-    n_obj = options.get("n_obj", 2)
-    sizes = {"n_var": options.pop("n_var"), "n_obj": n_obj} if "n_var" in options else {}
-    return Case(
-        name=label or name,
-        family=name.rstrip("0123456789"),
-        make=partial(get_problem, name.lower(), *settings, **sizes),
-        generations=generations,
-        **options,
-    )
+def pymoo_case(name: str, generations: int, *settings: int, n_obj: int = 2, n_var: int | None = None) -> Case:
+    """Return a case of one of pymoo's problems, of that many variables where it can have any."""
+    sizes = {} if n_var is None else {"n_var": n_var, "n_obj": n_obj}
+    make = partial(get_problem, name.lower(), *settings, **sizes)
+    family = name.rstrip("0123456789")
+    return Case(name=name, family=family, make=make, n_obj=n_obj, generations=generations)
 
 
-def _every_case() -> Iterator[Case]:
+def _unconstrained_cases() -> Iterator[Case]:
     yield from (pymoo_case(f"ZDT{k}", 250) for k in range(1, 7))
     distances = {1: 5, 7: 20}  # variables that say how far from the front a point is
     for n_obj, numbers in ((3, range(1, 8)), (5, (1, 2, 7))):
         for k in numbers:
-            sizes = {"n_var": n_obj - 1 + distances.get(k, 10), "n_obj": n_obj}
-            yield pymoo_case(f"DTLZ{k}", 400 if k in (1, 3) else 250, label=f"DTLZ{k}-{n_obj}", **sizes)
+            n_var, generations = n_obj - 1 + distances.get(k, 10), 400 if k in (1, 3) else 250
+            case = pymoo_case(f"DTLZ{k}", generations, n_obj=n_obj, n_var=n_var)
+            yield replace(case, name=f"{case.name}-{n_obj}")
     yield from (pymoo_case(f"WFG{k}", 150, n_var=24) for k in range(1, 10))
-    yield from (pymoo_case(f"MW{k}", 200, n_obj=3 if k in (4, 8, 14) else 2, constrained=True) for k in range(1, 15))
-    yield from (pymoo_case(f"CTP{k}", 100, constrained=True) for k in range(1, 9))
-    yield from (
-        pymoo_case(f"DASCMOP{k}", 200, DIFFICULTY, n_obj=3 if k > 6 else 2, constrained=True) for k in range(1, 10)
-    )
-    yield from (pymoo_case(name, 100, constrained=True) for name in ("BNH", "OSY", "TNK"))
-    if COCO:
-        for k in range(1, 56):
-            name, make = f"{BIOBJECTIVE} f{k:02d}", partial(Biobjective, k)
-            yield Case(name=name, family=BIOBJECTIVE, make=make, generations=100)
+
+
+def _constrained_cases() -> Iterator[Case]:
+    for k in range(1, 15):
+        yield pymoo_case(f"MW{k}", 200, n_obj=3 if k in (4, 8, 14) else 2)
+    for k in range(1, 9):
+        yield pymoo_case(f"CTP{k}", 100)
+    for k in range(1, 10):
+        yield pymoo_case(f"DASCMOP{k}", 200, DIFFICULTY, n_obj=3 if k > 6 else 2)
+    yield from (pymoo_case(name, 100) for name in ("BNH", "OSY", "TNK"))
+
+
+def _other_cases() -> Iterator[Case]:
+    for k in range(1, 56) if COCO else ():
+        name, make = f"{BIOBJECTIVE} f{k:02d}", partial(Biobjective, k)
+        yield Case(name=name, family=BIOBJECTIVE, make=make, generations=100)
     box = ((0.0, 1.0), (1.0, 20.0))
     yield Case(name="steep tail", family="steep tail", make=SteepTail, generations=150, box=box)
     energy = "energy_torque"
@@ -104,7 +106,8 @@ def _every_case() -> Iterator[Case]:
 @cache
 def cases() -> dict[str, Case]:
     """Every problem by name."""
-    return {case.name: case for case in _every_case()}
+    constrained = [replace(case, constrained=True) for case in _constrained_cases()]
+    return {case.name: case for case in (*_unconstrained_cases(), *constrained, *_other_cases())}
 
 
 @cache
