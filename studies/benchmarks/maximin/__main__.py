@@ -2,11 +2,12 @@
 
     python -m studies.benchmarks.maximin [--quick] [--seeds N] [--problems NAME ...] [--fronts FOLDER] [--json FILE]
 
-Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``. Peers are as
-pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two objectives only) and "mnn", NSGA-III and
-MOEA/D (without constraints only) with one reference direction an individual, SMS-EMOA (not with five objectives) and
-AGE-MOEA. Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of pymoo's, the 55 of COCO's bbob-biobj where
-its package ``coco-experiment`` is installed, a steep tail, ``energy_torque``; ``--problems`` takes names and families.
+Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; between these
+two only the mating differs. Peers are as pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two
+objectives only) and "mnn", NSGA-III and MOEA/D (without constraints only) with one reference direction an individual,
+SMS-EMOA (not with five objectives) and AGE-MOEA. Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of
+pymoo's, the 55 of COCO's bbob-biobj where its package ``coco-experiment`` is installed, a steep tail and
+``energy_torque``; ``--problems`` takes names and families.
 
 The final populations are judged by hypervolume (reference 1.1), IGD+ and additive epsilon after normalising by the
 union of all fronts; with --fronts that union is stored and joined with what was stored before. A run without a feasible

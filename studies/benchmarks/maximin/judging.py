@@ -55,8 +55,9 @@ def union_front(case: Case, runs: Sequence[Run], folder: Path | None) -> Objecti
 
 
 def judge(runs: Runs, chosen: Sequence[Case], folder: Path | None) -> Judged:
-    """Score all runs and compare each of ours with every peer, ours with itself in a box too; Holm for each of ours."""
+    """Score all runs and compare each of ours with every peer, and the first with all; Holm for each of ours."""
     rows: dict[str, list[Comparison]] = {OURS: [], ONE_LINE: []}
+    without = {OURS: {OURS}, ONE_LINE: {OURS, ONE_LINE, BOXED}}  # what each is not compared with
     for case in chosen:
         names = methods_of(case)
         joined = union_front(case, [one for name in names for one in runs[case.name, name]], folder)
@@ -65,7 +66,7 @@ def judge(runs: Runs, chosen: Sequence[Case], folder: Path | None) -> Judged:
             continue
         table = {name: [scores(one.F, joined) for one in runs[case.name, name]] for name in names}
         for own, peer, indicator in product(rows, names, MARGIN):
-            if peer not in rows and (own, peer) != (ONE_LINE, BOXED):
+            if peer not in without[own]:
                 ours, theirs = (np.array([score[indicator] for score in table[name]]) for name in (own, peer))
                 rows[own].append(compare(case.name, indicator, peer, ours, theirs))
     seconds = {key: float(np.median([one.seconds for one in each])) for key, each in runs.items()}
@@ -96,9 +97,12 @@ def goal_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
 
 def _never_behind(judged: Judged, own: str) -> Row:
     """No significant loss to crowding anywhere, in no indicator."""
-    losses = [one for one in judged.comparisons[own] if one.peer == CROWDING and one.verdict.startswith("loss")]
-    where = ", ".join(f"{one.problem} {one.indicator}" for one in losses)
-    return _goal(own, f"significant losses to {CROWDING}", len(losses), 0, met=not losses, note=where)
+    beside = [one for one in judged.comparisons[own] if one.peer == CROWDING]
+    losses = [one for one in beside if one.verdict.startswith("loss")]
+    won, undecided = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "undecided"))
+    note = f"of {len(beside)} comparisons {won} won, {undecided} undecided"  # few seeds leave most so
+    note += "".join(f"; {one.problem} {one.indicator}: {one.verdict}" for one in losses)
+    return _goal(own, f"significant losses to {CROWDING}", len(losses), 0, met=not losses, note=note)
 
 
 def _ahead_in_time(judged: Judged, own: str, chosen: Sequence[Case]) -> list[Row]:
@@ -122,8 +126,7 @@ def _ahead_in_time(judged: Judged, own: str, chosen: Sequence[Case]) -> list[Row
 
 
 def _goal(own: str, what: str, ours: float, goal: float, *, met: bool, note: str) -> Row:
-    verdict = "met" if met else "NOT MET"
-    note = f"{verdict}: {note}" if note else verdict
+    note = f"{'met' if met else 'NOT MET'}: {note}"
     return Row(table=GOALS, row=own, column=what, unit="", ours=ours, reference=goal, source="goal", note=note)
 
 
