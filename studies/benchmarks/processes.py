@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 from functools import partial
@@ -15,7 +15,8 @@ from pebble import ProcessExpired, ProcessPool
 from rich.console import Console
 from rich.progress import track
 
-Key = TypeVar("Key", bound=Hashable)
+Key = TypeVar("Key", bound=tuple[str, ...])
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 CORES = os.cpu_count() or 1
@@ -49,8 +50,8 @@ def run_seeds(
     try:
         for seed in range(seeds):
             jobs = {key: pool.schedule(work, args=args, timeout=limit) for key, args in arguments(seed).items()}
-            watched = track(jobs.items(), f"seed {seed + 1} of {seeds}", console=Console(stderr=True), transient=True)
-            ended = {key: _ended(job, partial(empty, key), f"{key}, seed {seed}", limit) for key, job in watched}
+            bar = _bar(jobs.items(), f"seed {seed + 1} of {seeds}")
+            ended = {key: _ended(job, partial(empty, key), (*key, f"seed {seed}"), limit) for key, job in bar}
             for key, result in ended.items():
                 results.setdefault(key, []).append(result)
             tell(f"seed {seed + 1} of {seeds}: done")
@@ -60,12 +61,17 @@ def run_seeds(
     return results
 
 
-def _ended(job: Future[Result], empty: Callable[[], Result], what: str, limit: float) -> Result:
+def _bar(items: Iterable[Item], text: str) -> Iterable[Item]:
+    console = Console(stderr=True)
+    return track(items, text, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _ended(job: Future[Result], empty: Callable[[], Result], what: Sequence[str], limit: float) -> Result:
     try:
         return job.result()
     except (TimeoutError, ProcessExpired) as fault:
         why = f"did not end within {limit:g} s" if isinstance(fault, TimeoutError) else "crashed"
-        tell(f"{what} {why}: counted as empty")
+        tell(f"{', '.join(what)} {why}: counted as empty")
         return empty()
 
 

@@ -17,8 +17,10 @@ from studies.benchmarks import processes
 )
 def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, work, words, reason):
     with ProcessPool(1, context=get_context("spawn")) as pool:
-        results = processes.run_seeds(pool, work, lambda seed: {"a peer": words}, 1, limit=1.0, empty=lambda key: [key])
-    assert results == {"a peer": [["a peer"]]}
+        results = processes.run_seeds(
+            pool, work, lambda seed: {("a peer",): words}, 1, limit=1.0, empty=lambda key: [key]
+        )
+    assert results == {("a peer",): [[("a peer",)]]}
     assert f"a peer, seed 0 {reason}: counted as empty" in capsys.readouterr().err
 
 
@@ -30,8 +32,8 @@ def test_interrupted_runs_leave_the_seeds_that_are_done(capsys):
         return seed**2
 
     with processes.processes() as pool:
-        results = processes.run_seeds(pool, square, lambda seed: {"key": [seed]}, 9, limit=1.0, empty=lambda key: 0)
-    assert results == {"key": [0, 1, 4]}
+        results = processes.run_seeds(pool, square, lambda seed: {("key",): [seed]}, 9, limit=1.0, empty=lambda key: 0)
+    assert results == {("key",): [0, 1, 4]}
     assert "interrupted in seed 4 of 9" in capsys.readouterr().err
 
 
