@@ -100,9 +100,10 @@ def _never_behind(judged: Judged, own: str) -> Row:
     beside = [one for one in judged.comparisons[own] if one.peer == CROWDING]
     losses = [one for one in beside if one.verdict.startswith("loss")]
     won, undecided = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "undecided"))
-    note = f"of {len(beside)} comparisons {won} won, {undecided} undecided"  # few seeds leave most so
+    note = f"of {len(beside)} comparisons {won} won, {undecided} undecided"
     note += "".join(f"; {one.problem} {one.indicator}: {one.verdict}" for one in losses)
-    return _goal(own, f"significant losses to {CROWDING}", len(losses), 0, met=not losses, note=note)
+    verdict = "NOT MET" if losses else "met" if undecided < len(beside) else "UNDECIDED"  # by too few seeds
+    return _goal(own, f"significant losses to {CROWDING}", len(losses), 0, f"{verdict}: {note}")
 
 
 def _ahead_in_time(judged: Judged, own: str, chosen: Sequence[Case]) -> list[Row]:
@@ -118,15 +119,15 @@ def _ahead_in_time(judged: Judged, own: str, chosen: Sequence[Case]) -> list[Row
     times = [judged.seconds[one.problem, own] / judged.seconds[one.problem, HYPERVOLUME] for one in beside]
     ahead = [one.ours > one.theirs and ratio <= 1.0 for one, ratio in zip(beside, times, strict=True)]
     won, lost = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "loss"))
-    note = f"{sum(ahead)} of {len(ahead)}; significantly ahead in {won}, behind in {lost}"
-    note += f"; {min(times):.2f} to {max(times):.2f} of its time, median {np.median(times):.2f}"
     share = float(np.mean(ahead))
+    note = f"{'met' if share >= SHARE else 'NOT MET'}: {sum(ahead)} of {len(ahead)}"
+    note += f"; significantly ahead in {won}, behind in {lost}"
+    note += f"; {min(times):.2f} to {max(times):.2f} of its time, median {np.median(times):.2f}"
     what = f"share of two-objective problems ahead of {HYPERVOLUME} in hypervolume at no more time"
-    return [_goal(own, what, share, SHARE, met=share >= SHARE, note=note)]
+    return [_goal(own, what, share, SHARE, note)]
 
 
-def _goal(own: str, what: str, ours: float, goal: float, *, met: bool, note: str) -> Row:
-    note = f"{'met' if met else 'NOT MET'}: {note}"
+def _goal(own: str, what: str, ours: float, goal: float, note: str) -> Row:
     return Row(table=GOALS, row=own, column=what, unit="", ours=ours, reference=goal, source="goal", note=note)
 
 

@@ -72,6 +72,13 @@ def test_goals_are_met_only_without_a_loss_and_ahead_on_half_of_the_problems_in_
     assert bad[1].note.startswith("NOT MET: 1 of 4; significantly ahead in 3, behind in 1; 0.50 to 1.50 of its time")
 
 
+def test_too_few_seeds_prove_no_goal():
+    one = compare("ZDT1", "hypervolume", methods.CROWDING, np.array([1.1, 1.2]), np.array([1.0, 0.9]))
+    few = judging.Judged(comparisons={methods.OURS: decide([one])}, seconds={})
+    (goal,) = judging.goal_rows(few, [cases.cases()["ZDT1"]])
+    assert goal.note == "UNDECIDED: of 1 comparisons 0 won, 1 undecided"
+
+
 def test_unions_are_stored_and_joined_with_what_was_stored(tmp_path):
     case = cases.cases()["steep tail"]
     one, other = (running.Run(np.array([F]), 1.0) for F in ([0.0, 1.0], [1.0, 0.0]))
