@@ -14,7 +14,6 @@ from .errors import EvaluationFailed as EvaluationFailed
 from .errors import Infeasible as Infeasible
 from .errors import InvalidInput as InvalidInput
 from .errors import ParetoikError as ParetoikError
-from .errors import SolverFailed as SolverFailed
 from .formulations.closed_loop import ClosedLoop as ClosedLoop
 from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
 from .formulations.point_to_point import PointToPoint as PointToPoint
@@ -32,6 +31,7 @@ from .robot.arm import Arm as Arm
 from .robot.pose import Pose as Pose
 from .robot.urdf import check_robot as check_robot
 from .search.ask_tell import Search as Search
+from .search.maximin import MaxiMin as MaxiMin
 from .search.nsga2 import MaxiMinNSGA2 as MaxiMinNSGA2
 from .task import obstacles as obstacles
 from .task.limits import Limits as Limits

@@ -131,7 +131,7 @@ def _with_species(
 
 
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
-    """MaxiMin as a pymoo survival, for any real-valued pymoo problem and any of its genetic algorithms.
+    """MaxiMin as a pymoo survival, for any pymoo problem and genetic algorithm: ``NSGA2(survival=MaxiMin())``.
 
     ``ranges`` (lower, upper), each a number an objective, keeps the population in a box of interest: a long steep tail
     then does not drag it away. ``infeasible_share`` of the survivors may be infeasible ones near the boundary.

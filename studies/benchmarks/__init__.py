@@ -3,7 +3,7 @@
 ===================================================  =================================================================
 ``python -m studies.benchmarks.kinematics``          robot kernels beside a Python loop over Pinocchio, and the time to
                                                      evaluate 200 motions
-``python -m studies.benchmarks.maximin``             MaxiMin beside pymoo's selections on test problems, by statistics
+``python -m studies.benchmarks.maximin``             MaxiMin beside pymoo's algorithms on test problems, by statistics
 ``python -m studies.benchmarks.reference_front``     the ``energy_torque`` front by ε-constraints with CasADi and IPOPT
 ``python -m studies.benchmarks.energy_torque``       the search at its defaults against that front, seed by seed
 ``python -m studies.benchmarks.limits_kept``         a resolver that keeps limits beside pink

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from moocore import epsilon_additive, hypervolume, igd_plus
+from moocore import epsilon_additive, hypervolume, igd_plus, is_nondominated
 from scipy.stats import mannwhitneyu
 
 from paretoik.arrays import Objectives, Values
@@ -14,6 +15,7 @@ from studies.reporting import Row, holm
 
 MARGIN = {"hypervolume": 0.01, "IGD+": 0.1, "epsilon": 0.1}
 LEVEL = 0.05
+CORNER = 1.1  # of the hypervolume, in ranges of the union
 
 
 @dataclass(frozen=True)
@@ -42,30 +44,37 @@ class Comparison:
         return f"{ratio}, A12 {self.a12:.2f}, p {self.p_holm:.1e}, p equal {self.p_equal_holm:.1e}"
 
 
+def union(fronts: Sequence[Objectives]) -> Objectives:
+    """Return what no point of any front dominates."""
+    F = np.concatenate(fronts)
+    kept: Objectives = F[is_nondominated(F, keep_weakly=False)] if len(F) else F
+    return kept
+
+
 def scores(F: Objectives, union: Objectives) -> dict[str, float]:
-    """Judge one final front against the union."""
-    if not len(F):
-        return {"hypervolume": 0.0, "IGD+": np.inf, "epsilon": np.inf}
+    """Judge one final front against the union; one that is empty as if it were the corner of the hypervolume alone."""
     ideal, width = union.min(axis=0), np.ptp(union, axis=0)
     width = np.where(width > 0, width, 1.0)
-    normal, reference = (F - ideal) / width, (union - ideal) / width
-    inside = normal[np.less(normal, 1.1).all(axis=1)]
+    corner = np.full(union.shape[1], CORNER)
+    normal, reference = (F - ideal) / width if len(F) else corner[None], (union - ideal) / width
+    inside = normal[np.less(normal, CORNER).all(axis=1)]
     return {
-        "hypervolume": float(hypervolume(inside, ref=np.full(F.shape[1], 1.1))) if len(inside) else 0.0,
+        "hypervolume": float(hypervolume(inside, ref=corner)) if len(inside) else 0.0,
         "IGD+": float(igd_plus(normal, ref=reference)),
         "epsilon": float(epsilon_additive(normal, ref=reference)),
     }
 
 
 def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
-    """Test one indicator of ours against a peer's, each (seeds,)."""
+    """Test one indicator of ours against a peer's, each (seeds,); where all are the same nothing is proved."""
     better = 1.0 if indicator == "hypervolume" else -1.0
     test = mannwhitneyu(better * ours, better * theirs)
     margin = MARGIN[indicator]
-    p_equal = max(
+    sides = (
         mannwhitneyu(ours, theirs * (1.0 - margin), alternative="greater").pvalue,
         mannwhitneyu(ours, theirs * (1.0 + margin), alternative="less").pvalue,
     )
+    p, p_equal = (1.0 if np.isnan(value) else float(value) for value in (test.pvalue, np.max(sides)))
     draw = np.random.default_rng(0).integers(0, len(ours), size=(2, 2000, len(ours)))
     middle, other = float(np.median(ours)), float(np.median(theirs))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -73,7 +82,7 @@ def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Value
         ratio = float(np.divide(middle, other))
     low, high = np.percentile(ratios, [2.5, 97.5]) if np.isfinite(ratios).all() else (np.nan, np.nan)
     a12 = test.statistic / len(ours) / len(theirs)
-    return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, test.pvalue, p_equal)
+    return Comparison(problem, indicator, peer, middle, other, ratio, low, high, a12, p, p_equal)
 
 
 def decide(rows: Sequence[Comparison]) -> list[Comparison]:
@@ -103,3 +112,23 @@ def comparison_row(table: str, comparison: Comparison, verdict: str) -> Row:
         source=comparison.peer,
         note=f"{verdict}; {comparison.tests}",
     )
+
+
+def tally_rows(table: str, decided: Sequence[Comparison], group: Callable[[Comparison], str]) -> list[Row]:
+    """Return how often we won and lost in each group of comparisons, where we lost most first."""
+    counts: dict[str, Counter[str]] = {}
+    for one in decided:
+        counts.setdefault(group(one), Counter())[one.verdict.split(",")[0]] += 1
+    return [
+        Row(
+            table=table,
+            row=name,
+            column="wins, and losses beside them",
+            unit="",
+            ours=count["win"],
+            reference=count["loss"],
+            source="losses",
+            note=f"equal {count['equal']}, undecided {count['undecided']}",
+        )
+        for name, count in sorted(counts.items(), key=lambda item: item[1]["win"] - item[1]["loss"])
+    ]

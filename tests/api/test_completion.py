@@ -11,7 +11,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.api.completion import complete_front
-from paretoik.errors import Infeasible
+from paretoik.errors import Infeasible, SolverFailed
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.stop_flag import STOP
 from tests.api.problems import tracking
@@ -141,7 +141,7 @@ def test_a_signal_keeps_all_that_was_refined(made, stage):
         assert set(front.ids) <= set(searched(made).ids)
 
 
-@pytest.mark.parametrize("fault", [Infeasible("none"), pk.SolverFailed("none")])
+@pytest.mark.parametrize("fault", [Infeasible("none"), SolverFailed("none")])
 def test_where_the_planner_finds_nothing_the_refined_points_do(fault, monkeypatch):
     problem = tracking()
     front = pk.solve(problem, **SEARCH)

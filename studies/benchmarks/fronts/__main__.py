@@ -27,11 +27,11 @@ from studies.benchmarks.fronts.judging import (
     effect_rows,
     effects,
     left_rows,
-    union,
 )
 from studies.benchmarks.fronts.methods import PYGMO
 from studies.benchmarks.fronts.running import KINDS, Found, run_all
 from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.significance import union
 from studies.reporting import Row, report, study_parser
 
 QUICK = ("energy_torque", "simulation 1")

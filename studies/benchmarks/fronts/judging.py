@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from moocore import is_nondominated
 
 from paretoik.arrays import Objectives, Values
 from studies.benchmarks.fronts.cases import Run
 from studies.benchmarks.fronts.methods import CELLS, FACTORS, OURS, PLAIN
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
-from studies.benchmarks.significance import MARGIN, Comparison, compare, comparison_row, decide, scores
+from studies.benchmarks.significance import MARGIN, Comparison, compare, comparison_row, decide, scores, tally_rows
 from studies.reporting import Row
 
-CORNER = 1.1  # of the hypervolume, in ranges of the union
 DRAWS = 2000
 HURTS, UNDECIDED, HELPS = ("HURTS", "overlap"), "undecided", ("helps", "add to each other")  # of one, of several
 COMPARED, ADDED, COUNTED, LEFT = (
@@ -49,24 +46,9 @@ class Effect:
         return (HELPS if self.low > 0 else HURTS)[" × " in self.factors]
 
 
-def union(fronts: Sequence[Objectives]) -> Objectives:
-    """Return what no point of any front dominates."""
-    F = np.concatenate(fronts)
-    kept: Objectives = F[is_nondominated(F, keep_weakly=False)] if len(F) else F
-    return kept
-
-
-def score_or_corner(F: Objectives, reference: Objectives) -> dict[str, float]:
-    """Judge a front against the union; one that is empty as if it were the corner of the hypervolume alone."""
-    if len(F):
-        return scores(F, reference)
-    ideal, width = reference.min(axis=0), np.ptp(reference, axis=0)
-    return scores((ideal + CORNER * np.where(width > 0, width, 1.0))[None], reference)
-
-
 def all_scores(runs: Mapping[str, Sequence[Run]], reference: Objectives) -> dict[str, list[dict[str, float]]]:
     """Return the indicators of every run by method."""
-    return {name: [score_or_corner(run.F, reference) for run in each] for name, each in runs.items()}
+    return {name: [scores(run.F, reference) for run in each] for name, each in runs.items()}
 
 
 def comparisons(case: str, kind: str, found: Scores) -> list[Comparison]:
@@ -77,9 +59,7 @@ def comparisons(case: str, kind: str, found: Scores) -> list[Comparison]:
     for own in mine:
         for peer, indicator in product(peers, MARGIN):
             sides = [np.array([score[indicator] for score in found[name]]) for name in (own, peer)]
-            one = compare(f"{case}, equal {kind}", indicator, f"{peer}: {own}", *sides)
-            p, p_equal = (1.0 if np.isnan(value) else value for value in (one.p, one.p_equal))
-            rows.append(replace(one, p=p, p_equal=p_equal))
+            rows.append(compare(f"{case}, equal {kind}", indicator, f"{peer}: {own}", *sides))
     return rows
 
 
@@ -116,26 +96,12 @@ def effect(table: Values, weights: Values) -> tuple[float, float, float]:
 def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
     """Return comparisons, losses first, after Holm over all of them, and their count by peer."""
     grades = ["loss", "undecided", "equal", "win"]
-    rows, counts = [], dict[str, Counter[str]]()
-    for one in sorted(decide(every), key=lambda one: (grades.index(one.verdict.split(",")[0]), one.a12)):
-        budget = one.problem.split(", equal ")[1]
-        counts.setdefault(f"{one.peer}, equal {budget}", Counter())[one.verdict.split(",")[0]] += 1
-        verdict = one.verdict.upper() if one.verdict.startswith("loss") else one.verdict
-        rows.append(comparison_row(COMPARED, one, verdict))
-    tally = [
-        Row(
-            table=COUNTED,
-            row=name,
-            column="wins, and losses beside them",
-            unit="",
-            ours=count["win"],
-            reference=count["loss"],
-            source="losses",
-            note=f"equal {count['equal']}, undecided {count['undecided']}",
-        )
-        for name, count in sorted(counts.items(), key=lambda item: item[1]["win"] - item[1]["loss"])
+    decided = sorted(decide(every), key=lambda one: (grades.index(one.verdict.split(",")[0]), one.a12))
+    rows = [
+        comparison_row(COMPARED, one, one.verdict.upper() if one.verdict.startswith("loss") else one.verdict)
+        for one in decided
     ]
-    return [*rows, *tally]
+    return [*rows, *tally_rows(COUNTED, decided, lambda one: f"{one.peer}, {one.problem.split(', ')[-1]}")]
 
 
 def effect_rows(every: Sequence[Effect]) -> list[Row]:

@@ -15,10 +15,7 @@ from typing import Any
 
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.algorithms.moo.nsga3 import NSGA3
-from pymoo.algorithms.moo.sms import SMSEMOA
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
-from pymoo.util.ref_dirs import get_reference_directions
 
 import paretoik as pk
 from paretoik.api.refine import SearchImprover
@@ -36,13 +33,13 @@ from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.smooth_operators import Differential, SmoothMutation
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verify
+from studies.benchmarks.pymoo_peers import pymoo_algorithm
 
 OURS, PLAIN = "paretoik", "paretoik, refine=False"
 HELD_BACK = 0.3  # of the budget of a refined run, at most, for the polish at its end
 PER_POINT = 20  # iterations that it is expected to take
 DEARER = 2.0  # an iteration than an evaluation, as long as none was seen
 AT_ONCE = 10  # points polished in one batch
-PARTITIONS = {2: 99, 3: 12}
 PENALTY = 10.0  # medians of an objective for a violation of a whole range
 FACTORS = ("MaxiMin", "seeding", "refinement")
 
@@ -88,16 +85,6 @@ def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
     return NSGA2(pop_size=len(first), sampling=first, survival=Crowding(), mating=mating)
 
 
-def pymoo_algorithm(name: str, problem: pk.Tracking, first: Genes) -> Any:
-    """Return a peer as pymoo ships it."""
-    if name == "NSGA-II":
-        return NSGA2(pop_size=len(first), sampling=first)
-    if name == "SMS-EMOA":
-        return SMSEMOA(pop_size=len(first), sampling=first)
-    directions = get_reference_directions("das-dennis", problem.n_obj, n_partitions=PARTITIONS[problem.n_obj])
-    return NSGA3(directions, pop_size=len(first), sampling=first)
-
-
 def ours(problem: pk.Tracking, seed: int, budget: Budget, generations: int, *, refine: bool) -> Run:
     """Return a run of all that ``pk.solve`` does at its defaults, for a population and a budget of these sizes."""
     account = Account(budget=budget)
@@ -116,8 +103,8 @@ def cell_run(cell: Cell, problem: pk.Tracking, seed: int, budget: Budget) -> Run
 
 def pymoo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
     """Return a run of a peer of pymoo's."""
-    account = Account(budget=budget)
-    search = Search(problem, seed=seed, algorithm=pymoo_algorithm(name, problem, first_genes(problem, seed)))
+    account, first = Account(budget=budget), first_genes(problem, seed)
+    search = Search(problem, seed=seed, algorithm=pymoo_algorithm(name, problem.n_obj, first))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the peers' own, about divisions
         return _search(search, account, refine=False)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from concurrent.futures import Future
 from functools import lru_cache
-from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from pebble import ProcessExpired, ProcessPool
@@ -20,14 +16,13 @@ from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
 from studies.benchmarks.fronts.sweeps import SOLVERS, Form, epsilon_run, form_of
+from studies.benchmarks.processes import processes, rotated, run_seeds, tell
 
 Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every seed by method, case and budget
 Result = TypeVar("Result")
 
 KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
-CORES = os.cpu_count() or 1
 LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one that found nothing
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def methods_of(case: str) -> list[str]:
@@ -65,49 +60,31 @@ def _run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form
 def run_all(
     chosen: Sequence[str], kinds: Sequence[Kind], seeds: int, evaluations: int | None = None, *, compiling: bool = True
 ) -> Found:
-    """Run everything, seeds outermost and the order of methods turning, a process a core.
-
-    Interrupted, it returns the seeds that are done; nobody would wait hours to see nothing.
-    """
-    for name in THREADS:
-        os.environ.setdefault(name, "1")
-    found: Found = {}
-    with TemporaryDirectory() as folder, ProcessPool(CORES, context=get_context("spawn")) as pool:
-        sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
+    """Run everything, seeds outermost and the order of methods turning, a process a core."""
+    sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
+    with TemporaryDirectory() as folder, processes() as pool:
         forms = _forms(pool, chosen, Path(folder) if compiling else None)
         budgets = {case: _budgets(pool, case, sizes[case], kinds) for case in chosen}
-        try:
-            for seed in range(seeds):
-                for key, runs in _seed(pool, chosen, seed, budgets, sizes, forms).items():
-                    for name, one in runs.items():
-                        found.setdefault(key, {}).setdefault(name, []).append(one)
-                _tell(f"seed {seed + 1} of {seeds}: done")
-        except KeyboardInterrupt:
-            pool.stop()  # type: ignore[no-untyped-call]
-            _tell(f"interrupted in seed {seed + 1} of {seeds}: the seeds before it are judged")
+
+        def arguments(seed: int) -> dict[tuple[str, str, Kind], list[Any]]:
+            return {
+                (case, name, kind): [case, name, seed, budget, sizes[case], forms.get((case, name))]
+                for case in chosen
+                for name in rotated(methods_of(case), seed)
+                for kind, budget in budgets[case].items()
+            }
+
+        every = run_seeds(pool, run, arguments, seeds, limit=LIMIT, empty=lambda key: empty_run(key[0]))
+    found: Found = {}
+    for (case, name, kind), runs in every.items():
+        found.setdefault((case, kind), {})[name] = runs
     return found
 
 
-def _seed(
-    pool: ProcessPool,
-    chosen: Sequence[str],
-    seed: int,
-    budgets: dict[str, dict[Kind, Budget]],
-    sizes: dict[str, int],
-    forms: dict[tuple[str, str], Form],
-) -> dict[tuple[str, Kind], dict[str, Run]]:
-    """Run every method once on every case under every budget."""
-    waiting: list[tuple[str, Kind, str, Future[Run]]] = []
-    for case in chosen:
-        names = methods_of(case)
-        for name, kind in product(names[seed % len(names) :] + names[: seed % len(names)], budgets[case]):
-            asked = [case, name, seed, budgets[case][kind], sizes[case], forms.get((case, name))]
-            work: Future[Run] = pool.schedule(run, args=asked, timeout=LIMIT)
-            waiting.append((case, kind, name, work))
-    runs: dict[tuple[str, Kind], dict[str, Run]] = {(case, kind): {} for case in chosen for kind in budgets[case]}
-    for case, kind, name, done in waiting:
-        runs[case, kind][name] = _ended(done, case, f"{name} on {case}, equal {kind}, seed {seed}")
-    return runs
+def empty_run(case: str) -> Run:
+    """Return a run that found nothing."""
+    F = np.empty((0, problem_of(case).n_obj))
+    return Run(F=F, failed=0, evaluations=0, iterations=0, seconds=0.0)
 
 
 def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dict[tuple[str, str], Form]:
@@ -118,19 +95,8 @@ def _forms(pool: ProcessPool, chosen: Sequence[str], folder: Path | None) -> dic
         if name in SOLVERS
     }
     found = {which: _done(work, f"building {which[1]} for {which[0]}") for which, work in asked.items()}
-    _tell("peers: built")
+    tell("peers: built")
     return found
-
-
-def _ended(work: Future[Run], case: str, what: str) -> Run:
-    """Return a run; an empty one where it crashed or did not end."""
-    try:
-        return work.result()
-    except (TimeoutError, ProcessExpired) as fault:
-        why = f"did not end within {LIMIT:g} s" if isinstance(fault, TimeoutError) else "crashed"
-        _tell(f"{what} {why}: counted as empty")
-        F = np.empty((0, problem_of(case).n_obj))
-        return Run(F=F, failed=0, evaluations=0, iterations=0, seconds=0.0)
 
 
 def _done(work: Future[Result], what: str) -> Result:
@@ -140,10 +106,6 @@ def _done(work: Future[Result], what: str) -> Result:
         raise SystemExit(f"{what} crashed") from None
 
 
-def _tell(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 def _budgets(pool: ProcessPool, case: str, evaluations: int, kinds: Sequence[Kind]) -> dict[Kind, Budget]:
     same = Budget(kind="evaluations", amount=evaluations)
     found: dict[Kind, Budget] = {"evaluations": same}
@@ -151,5 +113,5 @@ def _budgets(pool: ProcessPool, case: str, evaluations: int, kinds: Sequence[Kin
         works = [pool.schedule(run, args=[case, PYMOO[0], seed, same, evaluations]) for seed in range(3)]
         taken = [_done(work, f"{PYMOO[0]} on {case}").seconds for work in works]
         found["CPU time"] = Budget(kind="CPU time", amount=float(np.median(taken)))
-        _tell(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s")
+        tell(f"{case}: {evaluations} evaluations, {found['CPU time'].amount:.2f} s")
     return found

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
-import time
-from functools import partial
-from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from pebble import ProcessPool
 
 import paretoik as pk
 from paretoik.search.ask_tell import Search
 from studies.benchmarks.fronts import __main__ as study
 from studies.benchmarks.fronts import cases, judging, methods, running, sweeps
+from studies.benchmarks.significance import scores as score
+from studies.benchmarks.significance import union
 
 CASE = "energy_torque"
 EVALUATIONS = cases.Budget(kind="evaluations", amount=260)
@@ -171,13 +168,13 @@ def test_points_that_the_verifier_refuses_are_absent():
 
 def test_indicators_of_a_known_front():
     line = np.column_stack([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)])
-    whole = judging.score_or_corner(line, line)
+    whole = score(line, line)
     assert (whole["IGD+"], whole["epsilon"]) == (0.0, 0.0)
     assert whole["hypervolume"] == pytest.approx(1.1**2 - 0.5 - 0.5 * 0.01)  # stairs of 0.01
-    worse = judging.score_or_corner(line + 0.05, line)
+    worse = score(line + 0.05, line)
     assert worse["epsilon"] == pytest.approx(0.05)
     assert worse["hypervolume"] < whole["hypervolume"]
-    nothing = judging.score_or_corner(NOTHING, line)
+    nothing = score(NOTHING, line)
     assert nothing["hypervolume"] == 0.0
     assert nothing["epsilon"] == pytest.approx(1.1)
     assert np.isfinite(nothing["IGD+"])
@@ -186,7 +183,7 @@ def test_indicators_of_a_known_front():
 def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
     rng = np.random.default_rng(2)
     fronts = [rng.uniform(size=(20, 2)) for _ in range(3)]
-    every, undominated = np.concatenate(fronts), judging.union(fronts)
+    every, undominated = np.concatenate(fronts), union(fronts)
     better = np.all(every[:, None] <= undominated[None], axis=2) & np.any(every[:, None] < undominated[None], axis=2)
     assert not better.any()
     assert len(undominated) == sum(
@@ -213,7 +210,7 @@ def test_losses_come_first_and_are_counted():
 
 def test_methods_that_find_nothing_at_all_are_undecided_or_equal_not_nan():
     names = [running.OURS, running.PLAIN, running.EPSILON, "peer"]
-    scores = {name: [judging.score_or_corner(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
+    scores = {name: [score(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
     rows = judging.comparison_rows(judging.comparisons("case", "CPU time", scores))
     assert {row.note.split(";")[0] for row in rows if row.table == judging.COMPARED} <= {"undecided", "equal"}
 
@@ -264,25 +261,8 @@ def test_simulations_keep_their_limits_and_get_both_objectives():
     assert set(four.task.bounds) == {"position", "velocity", "torque", "power"}
 
 
+@pytest.mark.usefixtures("here")
 def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
-    class Here:
-        """Runs at once, in this process."""
-
-        def __init__(self, *_, **__):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
-        def schedule(self, work, args, timeout=None):
-            done = running.Future()
-            done.set_result(work(*args))
-            return done
-
-    monkeypatch.setattr(running, "ProcessPool", Here)
     for module in (cases, methods, running, study):
         monkeypatch.setattr(module, "POPULATION", 8)
     monkeypatch.setattr(study, "QUICK", (CASE,))
@@ -309,11 +289,3 @@ def test_what_cannot_be_run_is_refused(words, capsys):
     with pytest.raises(SystemExit):
         study.main(words)
     assert "wanted" in capsys.readouterr().err or words[0] == "--problems"
-
-
-@pytest.mark.parametrize(("does", "said"), [(partial(time.sleep, 60), "did not end"), (os.abort, "crashed")])
-def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, does, said):
-    with ProcessPool(1, context=get_context("spawn")) as pool:
-        outcome = running._ended(pool.schedule(does, timeout=1.0), "energy_torque", "a peer")
-    assert outcome.F.shape == (0, 2)
-    assert capsys.readouterr().err.startswith(f"a peer {said}")

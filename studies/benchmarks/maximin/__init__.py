@@ -1,0 +1,1 @@
+"""MaxiMin beside pymoo's algorithms on test problems, at equal evaluations."""

@@ -1,0 +1,147 @@
+"""Indicators against the union of all fronts, comparisons, what each method cost, and the goals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from paretoik.arrays import Objectives
+from studies.benchmarks.maximin.cases import Case
+from studies.benchmarks.maximin.methods import BOXED, CROWDING, HYPERVOLUME, ONE_LINE, OURS, methods_of
+from studies.benchmarks.maximin.running import Run, Runs, evaluations
+from studies.benchmarks.significance import (
+    MARGIN,
+    Comparison,
+    compare,
+    comparison_row,
+    decide,
+    scores,
+    tally_rows,
+    union,
+)
+from studies.reporting import Row
+
+TABLE = "{} beside its peers, medians (hypervolume: more is better; IGD+, epsilon: less)"
+COUNTED = "wins and losses of {} over problems and indicators"
+GOALS = "goals"
+COST = "median CPU time of a run, at equal evaluations"
+SHARE = 0.5  # of the problems with two objectives
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What is compared of all runs: each of ours with every peer, losses first."""
+
+    comparisons: dict[str, list[Comparison]]
+    seconds: dict[tuple[str, str], float]  # median CPU seconds by problem and method
+
+
+def union_front(case: Case, runs: Sequence[Run], folder: Path | None) -> Objectives:
+    """Join all fronts of a case, with what is stored of it, and store the result."""
+    fronts = [one.F for one in runs]
+    file = None if folder is None else folder / f"{case.name.replace(' ', '_')}.npz"
+    if file is not None and file.exists():
+        with np.load(file, allow_pickle=False) as stored:
+            fronts.append(stored["F"])
+    joined = union(fronts)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(file, F=joined)
+    return joined
+
+
+def judge(runs: Runs, chosen: Sequence[Case], folder: Path | None) -> Judged:
+    """Score all runs and compare each of ours with every peer, and the first with all; Holm for each of ours."""
+    rows: dict[str, list[Comparison]] = {OURS: [], ONE_LINE: []}
+    without = {OURS: {OURS}, ONE_LINE: {OURS, ONE_LINE, BOXED}}  # what each is not compared with
+    for case in chosen:
+        names = methods_of(case)
+        joined = union_front(case, [one for name in names for one in runs[case.name, name]], folder)
+        if not len(joined):
+            print(f"{case.name}: no method found a feasible point: not judged")
+            continue
+        table = {name: [scores(one.F, joined) for one in runs[case.name, name]] for name in names}
+        for own, peer, indicator in product(rows, names, MARGIN):
+            if peer not in without[own]:
+                ours, theirs = (np.array([score[indicator] for score in table[name]]) for name in (own, peer))
+                rows[own].append(compare(case.name, indicator, peer, ours, theirs))
+    seconds = {key: float(np.median([one.seconds for one in each])) for key, each in runs.items()}
+    return Judged(comparisons={own: decide(each) for own, each in rows.items()}, seconds=seconds)
+
+
+def comparison_rows(judged: Judged) -> list[Row]:
+    """Return all comparisons, a table for each of ours, and their count by peer."""
+    tables = [
+        comparison_row(TABLE.format(own), one, one.verdict)
+        for own, decided in judged.comparisons.items()
+        for one in decided
+    ]
+    tallies = [
+        row
+        for own, decided in judged.comparisons.items()
+        for row in tally_rows(COUNTED.format(own), decided, lambda one: one.peer)
+    ]
+    return [*tables, *tallies]
+
+
+def goal_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
+    """Return what we want of each of ours, and whether it is so."""
+    return [
+        row for own in judged.comparisons for row in (_never_behind(judged, own), *_ahead_in_time(judged, own, chosen))
+    ]
+
+
+def _never_behind(judged: Judged, own: str) -> Row:
+    """No significant loss to crowding anywhere, in no indicator."""
+    beside = [one for one in judged.comparisons[own] if one.peer == CROWDING]
+    losses = [one for one in beside if one.verdict.startswith("loss")]
+    won, undecided = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "undecided"))
+    note = f"of {len(beside)} comparisons {won} won, {undecided} undecided"
+    note += "".join(f"; {one.problem} {one.indicator}: {one.verdict}" for one in losses)
+    verdict = "NOT MET" if losses else "met" if undecided < len(beside) else "UNDECIDED"  # by too few seeds
+    return _goal(own, f"significant losses to {CROWDING}", len(losses), 0, f"{verdict}: {note}")
+
+
+def _ahead_in_time(judged: Judged, own: str, chosen: Sequence[Case]) -> list[Row]:
+    """Ahead in median hypervolume on at least half of the problems with two objectives, at no more time."""
+    names = {case.name for case in chosen if case.n_obj == 2}
+    beside = [
+        one
+        for one in judged.comparisons[own]
+        if one.peer == HYPERVOLUME and one.indicator == "hypervolume" and one.problem in names
+    ]
+    if not beside:
+        return []
+    times = [judged.seconds[one.problem, own] / judged.seconds[one.problem, HYPERVOLUME] for one in beside]
+    ahead = [one.ours > one.theirs and ratio <= 1.0 for one, ratio in zip(beside, times, strict=True)]
+    won, lost = (sum(one.verdict.startswith(word) for one in beside) for word in ("win", "loss"))
+    share = float(np.mean(ahead))
+    note = f"{'met' if share >= SHARE else 'NOT MET'}: {sum(ahead)} of {len(ahead)}"
+    note += f"; significantly ahead in {won}, behind in {lost}"
+    note += f"; {min(times):.2f} to {max(times):.2f} of its time, median {np.median(times):.2f}"
+    what = f"share of two-objective problems ahead of {HYPERVOLUME} in hypervolume at no more time"
+    return [_goal(own, what, share, SHARE, note)]
+
+
+def _goal(own: str, what: str, ours: float, goal: float, note: str) -> Row:
+    return Row(table=GOALS, row=own, column=what, unit="", ours=ours, reference=goal, source="goal", note=note)
+
+
+def cost_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
+    """Return the cost of every method on every case."""
+    return [
+        Row(
+            table=COST,
+            row=case.name,
+            column=name,
+            unit="s",
+            ours=judged.seconds[case.name, name],
+            note=f"{evaluations(case)} evaluations",
+        )
+        for case in chosen
+        for name in methods_of(case)
+    ]
