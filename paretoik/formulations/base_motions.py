@@ -92,7 +92,7 @@ def evaluate_motions(task: MotionTask, motions: Motion) -> tuple[Objectives, np.
     causes = np.full(len(motions), "", dtype=object)
     columns = [_isolate(f"objective {o.name}", o, motions, (), causes) * o.sign for o in task.objectives]
     limits = _isolate("a limit", task.violations, motions, (len(task.limit_names),), causes)
-    return np.stack(columns, axis=-1), limits, causes
+    return np.array(columns).reshape(len(columns), len(motions)).T, limits, causes
 
 
 def _isolate(
