@@ -93,7 +93,12 @@ def _staged(model: PolynomialEllipsoids, pieces: int) -> LookingAhead:
             rows.append(_slack(model, state[:2], step, state[2] / pieces))
             equality.append(False)
     program = {"x": ca.vertcat(*unknowns), "p": ends, "f": states[-1][2], "g": ca.vertcat(*rows)}
-    options = {"structure_detection": "auto", "equality": equality, "print_time": False, "error_on_fail": False}
+    options: dict[str, Any] = {
+        "structure_detection": "auto",
+        "equality": equality,
+        "print_time": False,
+        "error_on_fail": False,
+    }
     settings = {"print_level": 0, "tolerance": 1e-8, "mu_init": 1e-2, "max_iter": 200}
     stage_low, stage_high = np.append(model.lower / LENGTH, 1e-6), np.append(model.upper / LENGTH, np.inf)
     free, ends_free = np.full(2, np.inf), np.full(3, np.inf)  # given ends stand in rows
