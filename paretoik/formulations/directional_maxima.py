@@ -263,7 +263,7 @@ class DirectionalMaxima(DenseFormulation):
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         at = self.configuration(X)
-        own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(at.q))
+        own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(at.q), interruptible=False)
         failed = ~np.isfinite(own).all(axis=1, keepdims=True)
         invalid = failed | ~np.isfinite(at.power).all(axis=1, keepdims=True)
         power = at.power.max(axis=1, keepdims=True)[:, : int(self.power)]

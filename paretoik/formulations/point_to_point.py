@@ -290,7 +290,7 @@ class PointToPoint(DenseFormulation):
             timing = minimum_timing(self.arm, self.actuation, q, front)
             intervals = self._intervals(X, timing)
             joints, sliders = self.initial_paths.range_excess(q, front)
-        own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(q, intervals))
+        own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(q, intervals), interruptible=False)
         given = np.stack([intervals.sum(axis=1), timing.energy], axis=1)[:, : len(self.names) - own.shape[1]]
         F = np.concatenate([given, own], axis=1)
         excess = np.column_stack([joints, timing.overload, sliders, limits]) - LIMIT_TOLERANCE
