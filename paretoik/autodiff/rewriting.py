@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 from paretoik.autodiff.differentiation import dependencies
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.operations import NO_OPERAND, Op
 from paretoik.autodiff.tape import Tape
 
 
@@ -21,6 +21,20 @@ def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, in
         if changed != operands:
             new[i] = tape.apply(op, *changed)
     return [new.get(i, i) for i in outputs]
+
+
+def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Mapping[int, int]) -> list[int]:
+    """Return outputs of one tape as entries of another, where ``inputs`` are the entries that its inputs stand for."""
+    copies = dict(inputs)
+    for i in dependencies(source, outputs):
+        op, *operands = source.entries[i]
+        if i in copies:
+            continue
+        if op is Op.CONSTANT:
+            copies[i] = target.constant(source.values[i])
+        else:
+            copies[i] = target.apply(op, *(copies[k] if k != NO_OPERAND else k for k in operands))
+    return [copies[i] for i in outputs]
 
 
 def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:

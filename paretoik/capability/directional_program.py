@@ -19,6 +19,8 @@ from jaxtyping import Float
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.compiled.actuators import gears
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
+from paretoik.capability.smooth_functions import SmoothTerm
+from paretoik.capability.term_rows import Lanes, LanesOf
 from paretoik.nlp.traced import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
@@ -94,6 +96,18 @@ class DirectionalProgram:
             front = np.where(np.isnan(capacity), self.actuation.front_bounds.mean(axis=1), front)
             z[self.slices["front"]] = front / self.actuation.rod
         return z
+
+    def posture_lanes(self, samples: int) -> LanesOf:
+        """Return how users' functions of motions that stand still hang on the unknowns."""
+        joints = np.arange(self.slices["q"].start, self.slices["q"].stop)[None]
+
+        def lanes(_: SmoothTerm, __: list[int]) -> list[Lanes]:
+            rates = [0.0] * (3 * samples * self.arm.dof)
+            return [
+                Lanes(where=joints, parameters=np.zeros((1, 0)), inputs=lambda q, _: ([*(q * samples), *rates], 1.0))
+            ]
+
+        return lanes
 
     def program(
         self, position: Float[np.ndarray, " task"], directions: Float[np.ndarray, "directions task"], size: float

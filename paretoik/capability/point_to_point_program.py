@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from jaxtyping import Float
 
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import consecutive_slices, gear_ratios, ratios_and_slacks
+from paretoik.capability.smooth_functions import SmoothTerm
+from paretoik.capability.term_rows import Lanes
 from paretoik.nlp.traced import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
@@ -109,11 +112,81 @@ class PointToPointProgram:
             parts.append(Part(program=bounded, where=self._where(near), parameters=weights))
         return AssembledRows(unknowns=self.count, parts=tuple(parts))
 
+    def with_longest(self, longest: float) -> AssembledRows:
+        """Return the program in which no interval is longer than so many times the pace."""
+        times = np.arange(self.count)[self.slices["times"], None]
+        rows = trace_rows(1, 0, lambda z, _: ([], [1.0 - z[0] * (1 / longest)]))
+        part = Part(program=rows, where=times, parameters=np.zeros((len(times), 0)))
+        return AssembledRows(unknowns=self.count, parts=(*self.program.parts, part))
+
+    def lanes(self, term: SmoothTerm, samples: list[int]) -> list[Lanes]:
+        """Return how a user's function hangs on the unknowns: at samples, the first by itself, or of the whole motion.
+
+        Rates are backward differences, 0 at the first sample, as those of the motions that are shown.
+        """
+        if not term.local:
+            intervals = np.arange(self.slices["times"].start, self.slices["times"].stop)
+            coefficients = np.arange(self.spline.shape[1] * self.arm.dof)
+            where = np.concatenate([coefficients, intervals])[None]
+            return [Lanes(where=where, parameters=np.zeros((1, 0)), inputs=self._whole_inputs)]
+        first = [self._sample_lanes([0], 0)] if samples[0] == 0 else []
+        return [*first, self._sample_lanes(samples[len(first) :], term.orders)]
+
+    def _sample_lanes(self, samples: list[int], orders: int) -> Lanes:
+        """Return the lanes of functions of rates up to an order at samples: what those before them are counts too."""
+        window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
+        weights = self.spline[window]  # (lanes, window, coefficients)
+        used = np.any(weights > 0, axis=1)
+        first, last = used.argmax(axis=1), used.shape[1] - used[:, ::-1].argmax(axis=1)
+        reach, dof = int((last - first).max()), self.arm.dof
+        near = np.minimum(first, used.shape[1] - reach)[:, None] + np.arange(reach)
+        weights = np.take_along_axis(weights, near[:, None], axis=2)
+        count = max(orders, 1)
+        intervals = (window[:, :1] - 1 - np.arange(count)) % (len(self.spline) - 1)  # of those there are not, any other
+
+        def inputs(z: list[Any], p: list[Any]) -> tuple[list[Any], Any]:
+            table = np.array(z[: reach * dof], dtype=object).reshape(reach, dof)
+            rows = np.array(p, dtype=object).reshape(-1, reach)
+            q = [[sum(w * c for w, c in zip(row, table[:, j], strict=True)) for j in range(dof)] for row in rows]
+            steps = [step * self.pace for step in z[reach * dof :]]
+            rates = backward_rates(q[::-1], steps[: len(q) - 1][::-1])
+            return [x for order in rates for x in order[-1]], steps[0]
+
+        joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
+        where = np.concatenate([joints, self.slices["times"].start + intervals], axis=1)
+        return Lanes(where=where, parameters=weights.reshape(len(near), -1), inputs=inputs)
+
+    def _whole_inputs(self, z: list[Any], _: list[Any]) -> tuple[list[Any], Any]:
+        count, dof = self.spline.shape[1], self.arm.dof
+        table = np.array(z[: count * dof], dtype=object).reshape(count, dof)
+        q = [
+            [sum(float(w) * c for w, c in zip(row, table[:, j], strict=True)) for j in range(dof)]
+            for row in self.spline
+        ]
+        steps = [step * self.pace for step in z[count * dof :]]
+        return [x for order in backward_rates(q, steps) for row in order for x in row] + steps, 1.0
+
     def _where(self, near: np.ndarray) -> np.ndarray:
         """Return which unknowns hold coefficients (batch, reach) of all joints, then of all sliders."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
+
+
+def backward_rates(q: list[list[Any]], steps: list[Any]) -> list[list[list[Any]]]:
+    """Return positions at samples, and their first three derivatives by backward differences, 0 at the first sample.
+
+    ``steps`` are the intervals between the samples. Source: Tringali & Cocuzza 2020, as ``Motion``.
+    """
+    orders = [q]
+    for _ in range(3):
+        values = orders[-1]
+        differences = [
+            [(b - a) / step for a, b in zip(*pair, strict=True)]
+            for pair, step in zip(pairwise(values), steps, strict=True)
+        ]
+        orders.append([[0.0] * len(q[0]), *differences])
+    return orders
 
 
 @lru_cache(maxsize=32)

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
+from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 
@@ -47,6 +48,15 @@ class Timing:
         """The work of all motors, given or taken [J]: braking costs as much as driving, nothing is recovered."""
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
+    def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
+        """Return by how much coarser intervals [s], of as many of these each, are too short at most, over their mean.
+
+        An interval that no motor can bear does not count.
+        """
+        shortest = self.intervals.reshape(*allowed.shape, -1).sum(axis=-1)
+        late = np.nan_to_num(shortest - allowed, nan=0.0).max(axis=-1) / allowed.mean(axis=-1)
+        return np.asarray(late)
+
 
 def minimum_timing(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths, *, travel_tolerance: float = 1e-9
@@ -78,3 +88,12 @@ def minimum_timing(
         effort=effort,
         overload=np.stack(shares, axis=-1).max(axis=(-1, -2)) - 1.0,
     )
+
+
+def require_weight(arm: Arm) -> None:
+    """Raise InvalidInput where motors work against nothing, whatever the posture."""
+    if not gravity_torques(arm, np.random.default_rng(0).normal(size=(4, arm.dof))).any():
+        raise InvalidInput(
+            f"energy: an arm with weight for its motors to work against wanted, got {arm.name}: without masses, or "
+            "gravity in its plane, work is free; energy=False leaves it out"
+        )

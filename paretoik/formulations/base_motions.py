@@ -83,16 +83,19 @@ def require_values(task: MotionTask, q: JointPaths) -> None:
         raise EvaluationFailed(f"every evaluation failed, the first with: {causes[0]}")
 
 
-def evaluate_motions(task: MotionTask, motions: Motion) -> tuple[Objectives, np.ndarray, np.ndarray]:
+def evaluate_motions(
+    task: MotionTask, motions: Motion, *, interruptible: bool = True
+) -> tuple[Objectives, np.ndarray, np.ndarray]:
     """Return F, minimised, the violations of limits (points, limits), and causes of failure (points,).
 
-    What fails is NaN, and its cause says why.
+    What fails is NaN, and its cause says why. Raises Interrupted after a signal, unless it is not ``interruptible``.
     """
-    check_interruption()
+    if interruptible:
+        check_interruption()
     causes = np.full(len(motions), "", dtype=object)
-    columns = [_isolate(f"objective {o.name}", o, motions, (), causes) * o.sign for o in task.objectives]
-    limits = _isolate("a limit", task.violations, motions, (len(task.limit_names),), causes)
-    return np.stack(columns, axis=-1), limits, causes
+    columns = [_isolate(f"objective {o.name}", o, motions, (), causes, interruptible) * o.sign for o in task.objectives]
+    limits = _isolate("a limit", task.violations, motions, (len(task.limit_names),), causes, interruptible)
+    return np.array(columns).reshape(len(columns), len(motions)).T, limits, causes
 
 
 def _isolate(
@@ -101,9 +104,11 @@ def _isolate(
     motions: Motion,
     shape: tuple[int, ...],
     causes: np.ndarray,
+    interruptible: bool,
 ) -> np.ndarray:
     """Return a user's function of motions, one by one where the batch raises; NaN, with its cause, where it fails."""
-    check_interruption()
+    if interruptible:
+        check_interruption()
     try:
         values = function(motions)
     except InvalidInput:
@@ -112,7 +117,10 @@ def _isolate(
         if len(motions) == 1:
             causes[0] = causes[0] or f"{name} raised {type(error).__name__}: {error}"
             return np.full((1, *shape), np.nan)
-        parts = [_isolate(name, function, motions[i : i + 1], shape, causes[i : i + 1]) for i in range(len(motions))]
+        parts = [
+            _isolate(name, function, motions[i : i + 1], shape, causes[i : i + 1], interruptible)
+            for i in range(len(motions))
+        ]
         return np.concatenate(parts)
     for i, row in enumerate(values.reshape(len(values), -1)):
         if not np.isfinite(row).all():

@@ -19,6 +19,7 @@ from paretoik.pareto.cold_search import OPTIONS as COLD
 from paretoik.pareto.cold_search import StartSearch
 from paretoik.pareto.scalarisation import Observe
 from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
 
 OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
 
@@ -26,8 +27,32 @@ OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes
 class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     """A pymoo problem with a ``DenseProgram``: the first gene is a place among ``base_count`` bases.
 
-    Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``.
+    Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``. ``functions`` are
+    what users' own objectives and constraints see, and these.
     """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
+    constraint_names: tuple[str, ...]
+    constraint_units: tuple[str, ...]
+    functions: MotionTask
+
+    def add_functions(self, task: MotionTask) -> None:
+        """Add users' functions, the objectives and constraints of a task, to those that there are by name.
+
+        Raises InvalidInput for a name that is taken.
+        """
+        taken = (*self.names, *self.constraint_names)
+        own = [*(each.name for each in task.objectives), *task.limit_names]
+        for name in (name for name in own if name in taken):
+            raise InvalidInput(f"{name}: a name other than {', '.join(taken)} wanted")
+        self.functions = task
+        self.names += tuple(each.name for each in task.objectives)
+        self.units += tuple(each.unit for each in task.objectives)
+        self.maximised += tuple(each.maximise for each in task.objectives)
+        self.constraint_names += task.limit_names
+        self.constraint_units += ("of its range",) * len(task.limit_names)
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return the violation between samples; 0 where there are none."""
@@ -40,8 +65,8 @@ class DenseFormulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return self.points(np.array(front.genes))
 
     def motion_points(self, motions: Motion) -> Points:
-        """Raise InvalidInput: points of this problem are no motions."""
-        raise InvalidInput("initial: genes or a front wanted, as this problem has no motions")
+        """Raise InvalidInput: motions are not all that points of this problem are."""
+        raise InvalidInput("initial: genes or a front wanted, as motions do not say what motors of this problem do")
 
     def hold_between(
         self,

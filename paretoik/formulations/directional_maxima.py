@@ -9,6 +9,7 @@ posture serves several, and that power is weighed against speed, is new.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,13 +23,18 @@ from paretoik.capability.directional_program import DirectionalProgram
 from paretoik.capability.joint_capability import values_at
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.base_motions import evaluate_motions
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
-from paretoik.inputs import finite_array
+from paretoik.formulations.own_functions import WholeProgram, function_task
+from paretoik.inputs import check_flag, finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.self_motion.start_postures import wrap_difference
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
+from paretoik.task.motion import Motion
+from paretoik.task.objectives import Objective
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
 
 
@@ -48,8 +54,8 @@ class DirectionalMaxima(DenseFormulation):
 
     Objectives: ``speed_1``, ``speed_2``, ..., how fast the tool can go along each direction from one posture with its
     sliders where they are [m/s], maximised; with ``power``, ``joint_power``, the most power that joints give or take
-    meanwhile, the sum over them without signs [W]. ``pk.refine`` refines them by exact gradients over posture,
-    sliders and speeds.
+    meanwhile, the sum over them without signs [W]; then a user's own. ``pk.refine`` refines them by exact gradients
+    over posture, sliders and speeds. The motions of its fronts stand still in their postures.
 
     Parameters
     ----------
@@ -59,6 +65,10 @@ class DirectionalMaxima(DenseFormulation):
         Vectors (directions, task), or how many evenly around or over the sphere; at least one.
     power
         Whether power is an objective.
+    objectives, constraints
+        A user's own, decorated with ``@objective`` and ``@constraint``, of any form. They see the motion that the front
+        shows, three samples of an arm that stands in its posture for a second: velocities are 0, torques those of
+        gravity, an integral or a mean over time is what it is a second.
     starts, seed
         Postures that bases are taken from, and the seed of their chance; part of the problem.
 
@@ -71,8 +81,8 @@ class DirectionalMaxima(DenseFormulation):
         As ``directional_maxima`` does.
     """
 
-    constraint_names = ("position", "joint limits", "motors", "sliders", "shares of joints")
-    constraint_units = ("", "rad or m", "", "of the rod", "of the mean range of speeds")
+    constraint_names: tuple[str, ...] = ("position", "joint limits", "motors", "sliders", "shares of joints")
+    constraint_units: tuple[str, ...] = ("", "rad or m", "", "of the rod", "of the mean range of speeds")
 
     def __init__(
         self,
@@ -82,14 +92,15 @@ class DirectionalMaxima(DenseFormulation):
         directions: object,
         *,
         power: bool = True,
+        objectives: Sequence[Objective] = (),
+        constraints: Sequence[Constraint] = (),
         starts: int = 400,
         seed: int = 0,
     ) -> None:
         check_actuation(actuation, arm)
         check_size("starts", starts, 1)
         check_size("seed", seed, 0)
-        if not isinstance(power, bool):
-            raise InvalidInput(f"power: True or False wanted, got {power!r}")
+        check_flag("power", power)
         self.arm, self.actuation, self.power = arm, actuation, power
         task = 2 if arm.is_planar else 3
         self.position = finite_array("position", position, (task,))
@@ -99,6 +110,7 @@ class DirectionalMaxima(DenseFormulation):
         self.units = (*("m/s",) * count, *(("W",) if power else ()))
         self.maximised = (*(True,) * count, *((False,) if power else ()))
         self.stationary = stationary_task(arm, self.position)
+        self.add_functions(function_task(arm, self.stationary.tasks[0].path, objectives, constraints))
         self.configurations = Configurations(
             arm=arm, actuation=actuation, stationary=self.stationary, directions=self.directions
         )
@@ -113,6 +125,17 @@ class DirectionalMaxima(DenseFormulation):
         super().__init__(
             n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
         )
+        self._check_functions()
+
+    def _check_functions(self) -> None:
+        """Raise InvalidInput for a function that is the same in all postures."""
+        F, limits, _ = evaluate_motions(self.functions, self._motions(self.bases))
+        names = [*(each.name for each in self.functions.objectives), *self.functions.limit_names]
+        for name, values in zip(names, np.hstack([F, limits]).T, strict=True):
+            if len(values) > 1 and np.ptp(values) == 0:
+                raise InvalidInput(
+                    f"{name}: a function of the posture wanted, got one that is the same in all: the arm stands still"
+                )
 
     @cached_property
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
@@ -140,19 +163,33 @@ class DirectionalMaxima(DenseFormulation):
         off_path = retracted.error > ON_PATH_TOLERANCE
         return self.configurations.with_speeds(retracted.q, front, part["pace"], joint_shares, off_path)
 
+    def decode(self, genes: Genes) -> Motion:
+        """Return motions (points, 3, dof) that stand still in the postures of genes."""
+        return self._motions(self.configuration(genes).q)
+
+    def _motions(self, q: Float[np.ndarray, "points dof"]) -> Motion:
+        return self.functions.motion(np.repeat(q[:, None], len(self.functions.times), axis=1))
+
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
-        program = self._unscaled
-        costs = np.zeros((self.n_obj, program.unknowns))
-        count = len(self.directions)
+        divisors = np.ones(self.n_obj) if scales is None else scales
+        whole = self._whole_program
+        return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
+
+    @cached_property
+    def _whole_program(self) -> WholeProgram:
+        program, count = self._unscaled, len(self.directions)
+        costs = np.zeros((count + self.power, program.unknowns))
         costs[np.arange(count), np.arange(program.unknowns)[program.slices["values"]]] = -self.size
         if self.power:
             costs[count, program.slices["power"]] = 1.0
-        divisors = np.ones(self.n_obj) if scales is None else scales
-        return DenseProgram(
-            rows=program.program(self.position, self.directions, self.size),
-            costs=costs / divisors[:, None],
-            objective_names=tuple(self.names),
+        return WholeProgram(
+            given=program.program(self.position, self.directions, self.size),
+            given_costs=costs,
+            task=self.functions,
+            near=self._motions(self.bases),
+            lanes=program.posture_lanes(len(self.functions.times)),
+            intervals=np.arange(0),
         )
 
     @cached_property
@@ -177,11 +214,13 @@ class DirectionalMaxima(DenseFormulation):
             work = np.abs(torque[:, None] * at.dq)
             z[:, program.slices["work"]] = work.reshape(len(genes), -1)
             z[:, program.slices["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
-        return z / program.scale(self.size)
+        return np.concatenate(
+            [z / program.scale(self.size), self._whole_program.own.values(self._motions(at.q))], axis=1
+        )
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
-        parts = [self._unscaled.parts(one, self.size) for one in x]
+        parts = [self._unscaled.parts(one[: self._unscaled.unknowns], self.size) for one in x]
         q, speeds = (np.array([part[name] for part in parts]) for name in ("q", "values"))
         differences = wrap_difference(q[:, None] - self.bases, self.arm.periodic)
         which = np.linalg.norm(differences, axis=2).argmin(axis=1)
@@ -201,7 +240,7 @@ class DirectionalMaxima(DenseFormulation):
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, position, directions, bases."""
-        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names]
+        parts = [self.actuation.table, self.position, self.directions, self.bases, self.names, self.constraint_names]
         return [*parts, *self.arm_fingerprint()]
 
     @cached_property
@@ -224,7 +263,10 @@ class DirectionalMaxima(DenseFormulation):
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         at = self.configuration(X)
-        invalid = ~np.isfinite(at.power).all(axis=1)
-        values = [-at.speeds, at.power.max(axis=1, keepdims=True)] if self.power else [-at.speeds]
-        out["F"] = np.where(invalid[:, None], 0.0, np.concatenate(values, axis=1))
-        out["G"] = np.where(np.isnan(at.excess), 1.0, at.excess)
+        own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(at.q), interruptible=False)
+        failed = ~np.isfinite(own).all(axis=1, keepdims=True)
+        invalid = failed | ~np.isfinite(at.power).all(axis=1, keepdims=True)
+        power = at.power.max(axis=1, keepdims=True)[:, : int(self.power)]
+        G = np.concatenate([at.excess, limits - LIMIT_TOLERANCE], axis=1)
+        out["F"] = np.where(invalid, 0.0, np.concatenate([-at.speeds, power, own], axis=1))
+        out["G"] = np.where(np.isnan(G), 1.0, np.where(failed, np.maximum(G, 1e-3), G))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.interpolate import BSpline
 
+from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.joint_capability import joint_speeds, overload_error
 from paretoik.capability.posture_samples import restrict_to_rods, sample_holdable_postures
@@ -21,7 +23,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
 from paretoik.task.path_shapes import line, waypoints
-from paretoik.task.retraction import task_errors
+from paretoik.task.retraction import retract, task_errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +67,17 @@ class InitialPaths:
     def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
         """Return the spline at samples so many times finer."""
         return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
+
+    def retract_ends(
+        self, q: JointPaths, which: Int[np.ndarray, " points"], ends: Sequence[MotionTask]
+    ) -> Float[np.ndarray, " points"]:
+        """Move the ends of splines around bases ``which`` to where the tool must be; return how far they are off."""
+        error = np.zeros(len(q))
+        for end, stationary in zip((0, -1), ends, strict=True):
+            retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], self.across[which, end])
+            q[:, end] = retracted.q
+            error = np.maximum(error, retracted.error)
+        return error
 
     def range_excess(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return by how much joints, and sliders, are past their bounds at samples (points, time, dof) at most.

@@ -10,6 +10,7 @@ weighed against energy is new.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,17 +22,21 @@ from paretoik.arrays import Genes, JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
 from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
-from paretoik.capability.timing import Timing, minimum_timing
+from paretoik.capability.timing import Timing, minimum_timing, require_weight
 from paretoik.errors import InvalidInput, check_size
+from paretoik.formulations.base_motions import evaluate_motions
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
-from paretoik.inputs import finite_array
+from paretoik.formulations.own_functions import WholeProgram, function_task, read_times
+from paretoik.inputs import check_flag, finite_array
 from paretoik.nlp.dense import DenseProgram
 from paretoik.robot.arm import Arm
-from paretoik.task.limits import LIMIT_TOLERANCE
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.retraction import ON_PATH_TOLERANCE, retract
+from paretoik.task.objectives import Objective
+from paretoik.task.path_shapes import line
+from paretoik.task.retraction import ON_PATH_TOLERANCE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +46,7 @@ class PointToPointOptions:
     coefficient_range: float = 1.5  # rad or m: of a coefficient from its base
     slider_overshoot: float = 0.5  # share of a slider's range that a coefficient may be past it, samples being within
     shortest_interval: float = 1e-6  # s: in which nothing moves
+    longest_interval: float = 10.0  # mean intervals of the quickest initial path, where functions look at times
     refinement: int = 8  # times that the check between samples is finer than these
 
 
@@ -51,8 +57,8 @@ class PointToPoint(DenseFormulation):
     """Bring the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 
     Objectives: ``duration`` [s], the least time in which motors can follow, each within its curve under the load of
-    gravity; ``energy`` [J], the work of all motors, given or taken. Inertia is not counted (quasi-static). Every
-    motion of the front has its own times. ``pk.refine`` refines them by exact gradients.
+    gravity; with ``energy`` [J], the work of all motors, given or taken; then a user's own. Inertia is not counted
+    (quasi-static). Every motion of the front has its own times. ``pk.refine`` refines them by exact gradients.
 
     Parameters
     ----------
@@ -62,6 +68,13 @@ class PointToPoint(DenseFormulation):
         Positions of the tool, (2,) for planar arms, else (3,) [m], any posture at either.
     samples, coefficients
         Of a motion, and of its spline for each joint and slider.
+    energy
+        Whether the work of motors is an objective. It needs an arm that weighs something: in a plane without gravity
+        work is free.
+    objectives, constraints
+        A user's own, decorated with ``@objective`` and ``@constraint``, of any form. They see the motions that the
+        front shows: at the samples, each in its own time, rates by backward differences, torques with inertia. Where
+        they depend on times motions may be slower than motors allow: ten times as slow as the quickest initial path.
     bases, seed
         The most initial paths, straight (or bowed, where that is out of reach) in different postures, and the seed of
         their chance; part of the problem.
@@ -77,11 +90,8 @@ class PointToPoint(DenseFormulation):
         Where motors can hold the arm along no path, naming joint, torque and limit.
     """
 
-    names = ("duration", "energy")
-    units = ("s", "J")
-    maximised = (False, False)
-    constraint_names = ("ends", "joint limits", "motors", "sliders")
-    constraint_units = ("times what is accepted", "rad or m", "of what they can bear", "of the rod")
+    constraint_names: tuple[str, ...] = ("ends", "joint limits", "motors", "sliders")
+    constraint_units: tuple[str, ...] = ("times what is accepted", "rad or m", "of what they can bear", "of the rod")
 
     def __init__(
         self,
@@ -92,48 +102,53 @@ class PointToPoint(DenseFormulation):
         *,
         samples: int = 17,
         coefficients: int = 6,
+        energy: bool = True,
+        objectives: Sequence[Objective] = (),
+        constraints: Sequence[Constraint] = (),
         bases: int = 12,
         seed: int = 0,
     ) -> None:
         check_actuation(actuation, arm)
-        check_size("samples", samples, 5)
-        check_size("coefficients", coefficients, 4)
-        check_size("bases", bases, 1)
-        check_size("seed", seed, 0)
+        counts = {"samples": (samples, 5), "coefficients": (coefficients, 4), "bases": (bases, 1), "seed": (seed, 0)}
+        for name, (value, least) in counts.items():
+            check_size(name, value, least)
         if coefficients > samples:
             raise InvalidInput(f"coefficients: at most {samples} wanted, one a sample, got {coefficients}")
         task = 2 if arm.is_planar else 3
         if arm.dof <= task:
-            raise InvalidInput(
-                f"{arm.name}: more than {task} joints wanted, so that there are paths to choose, got {arm.dof}"
-            )
+            raise InvalidInput(f"{arm.name}: more than {task} joints wanted, to choose among paths, got {arm.dof}")
         ends = [finite_array(name, place, (task,)) for name, place in (("start", start), ("target", target))]
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
             raise InvalidInput(f"target: another place than the start wanted, got {ends[1].tolist()} m twice")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
+        check_flag("energy", energy)
+        if energy:
+            require_weight(arm)
+        given, path = 1 + energy, line(*ends, duration=1.0, samples=samples, timing="uniform")
+        self.names, self.units, self.maximised = ("duration", "energy")[:given], ("s", "J")[:given], (False,) * given
+        self.add_functions(function_task(arm, path, objectives, constraints))
         self.initial_paths: InitialPaths = find_initial_paths(
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
-        self.base_count = len(self.initial_paths.q)
-        size, overshoot = self.initial_paths.size, OPTIONS.slider_overshoot
-        slides = size * isinstance(actuation, DistributedActuation)
-        low = np.concatenate([[0.0], np.full(size, -OPTIONS.coefficient_range), np.full(slides, -overshoot)])
-        high = np.concatenate([[1.0], np.full(size, OPTIONS.coefficient_range), np.full(slides, 1.0 + overshoot)])
-        super().__init__(n_var=len(low), n_obj=2, n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
+        self.base_count, size = len(self.initial_paths.q), self.initial_paths.size
+        self.own_times = read_times(self.functions, self._base_motions)
+        sizes = [1, size, size * isinstance(actuation, DistributedActuation), (samples - 1) * self.own_times]
+        super().__init__(
+            n_var=sum(sizes),
+            n_obj=len(self.names),
+            n_ieq_constr=len(self.constraint_names),
+            xl=np.repeat([0.0, -OPTIONS.coefficient_range, -OPTIONS.slider_overshoot, 0.0], sizes),
+            xu=np.repeat([1.0, OPTIONS.coefficient_range, 1.0 + OPTIONS.slider_overshoot, 1.0], sizes),
+        )
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
         """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off."""
-        paths, count = self.initial_paths, len(genes)
-        which = self.base_indices(genes)
-        q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(count, *paths.q.shape[1:])
-        error = np.zeros(count)
-        for end, stationary in zip((0, -1), self._ends, strict=True):
-            retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], paths.across[which, end])
-            q[:, end] = retracted.q
-            error = np.maximum(error, retracted.error)
+        paths, which = self.initial_paths, self.base_indices(genes)
+        q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(len(genes), *paths.q.shape[1:])
+        error = paths.retract_ends(q, which, self._ends)
         if not isinstance(self.actuation, DistributedActuation):
             return q, np.zeros_like(q), error
-        return q, front_sliders(self.actuation, genes[:, 1 + paths.size :].reshape(q.shape)), error
+        return q, front_sliders(self.actuation, genes[:, 1 + paths.size : 1 + 2 * paths.size].reshape(q.shape)), error
 
     def timing(self, genes: Genes) -> Timing:
         """Return the least times and the work of genes (points, n_var)."""
@@ -154,22 +169,34 @@ class PointToPoint(DenseFormulation):
     def decode(self, genes: Genes) -> Motion:
         """Return the motions (points, time, dof) of genes, each with its own times."""
         q, front, _ = self._samples(genes)
-        steps = np.nan_to_num(minimum_timing(self.arm, self.actuation, q, front).intervals, nan=1.0)
-        ends = np.cumsum(np.maximum(steps, OPTIONS.shortest_interval), axis=1)
-        return Motion(arm=self.arm, time=np.concatenate([np.zeros((len(q), 1)), ends], axis=1), q=q)
+        return self._motions(q, self._intervals(genes, minimum_timing(self.arm, self.actuation, q, front)))
+
+    def _intervals(self, genes: Genes, timing: Timing) -> Float[np.ndarray, "points intervals"]:
+        """Return the intervals of genes [s]: the least, or longer ones that they wish for."""
+        if not self.own_times:
+            return timing.intervals
+        wishes = genes[:, -timing.intervals.shape[1] :] * (OPTIONS.longest_interval * self.initial_paths.pace)
+        return np.maximum(timing.intervals, wishes)
+
+    def _motions(self, q: JointPaths, intervals: Float[np.ndarray, "points intervals"]) -> Motion:
+        steps = np.maximum(np.nan_to_num(intervals, nan=1.0), OPTIONS.shortest_interval)
+        time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(steps, axis=1)], axis=1)
+        return Motion(arm=self.arm, time=time, q=q)
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program of coefficients, intervals and work, its objectives divided by ``scales``."""
         divisors = np.ones(self.n_obj) if scales is None else scales
-        costs = self._unscaled.costs / divisors[:, None]
-        return DenseProgram(rows=self._unscaled.program, costs=costs, objective_names=tuple(self.names))
+        whole = self._whole_program
+        return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
         paths = self.initial_paths
         q, front, _ = self.profiles(genes)
         timing = minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
-        return self._unscaled.unknowns(q, front, timing.intervals, timing.work)
+        intervals = self._intervals(genes, timing)
+        own = self._whole_program.own.values(self._motions(paths.spline @ q, intervals))
+        return np.concatenate([self._unscaled.unknowns(q, front, intervals, timing.work), own], axis=1)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
         """Return the genes of unknowns, or the nearest within their bounds."""
@@ -180,22 +207,22 @@ class PointToPoint(DenseFormulation):
         genes = [((which + 0.5) / len(paths.q))[:, None], difference[np.arange(len(q)), which].reshape(len(q), -1)]
         if isinstance(self.actuation, DistributedActuation):
             genes.append(slider_shares(self.actuation, front).reshape(len(q), -1))
-        clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
-        return clipped
+        if self.own_times:
+            genes.append(x[:, self._unscaled.slices["times"]] / OPTIONS.longest_interval)
+        return np.asarray(np.clip(np.concatenate(genes, axis=1), self.xl, self.xu))
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
         """Return how much longer than an interval motors need for it, over the mean one, or how overloaded they are.
 
-        The most of both, intervals cut in eight and timed anew; 0 (points,) where motors can do it all.
+        The most of both, and of constraints, intervals cut in eight and timed anew; 0 (points,) where all hold.
         """
         q, front, _ = self.profiles(genes)
-        spline = self.initial_paths.finer(OPTIONS.refinement)
-        intervals = self.timing(genes).intervals
+        spline, times = self.initial_paths.finer(OPTIONS.refinement), OPTIONS.refinement
+        intervals = self._intervals(genes, self.timing(genes))
         retimed = minimum_timing(self.arm, self.actuation, spline @ q, spline @ front)
-        shortest = retimed.intervals.reshape(*intervals.shape, OPTIONS.refinement).sum(axis=2)
-        late = np.nan_to_num(shortest - intervals, nan=0.0).max(axis=1) / intervals.mean(axis=1)
-        violation: np.ndarray = np.maximum(np.maximum(late, retimed.overload), 0.0)
-        return violation
+        finer = self._motions(spline @ q, np.repeat(intervals / times, times, axis=1))
+        own = self.functions.violations(finer).max(axis=1, initial=0.0)
+        return np.maximum(np.maximum(retimed.lateness(intervals), retimed.overload), own)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
         """Return genes of the bases, as they are and at a small distance."""
@@ -207,13 +234,18 @@ class PointToPoint(DenseFormulation):
         rows[:, 1 : 1 + paths.size] = distance * rng.normal(size=(count, paths.size))
         if isinstance(self.actuation, DistributedActuation):
             shares = paths.shares[which].reshape(count, -1)
-            rows[:, 1 + paths.size :] = np.clip(shares + distance * rng.normal(size=shares.shape), 0.0, 1.0)
+            shares = np.clip(shares + distance * rng.normal(size=shares.shape), 0.0, 1.0)
+            rows[:, 1 + paths.size : 1 + 2 * paths.size] = shares
+        if self.own_times:  # half of them as quick as they can be
+            longest, steps = OPTIONS.longest_interval, len(paths.spline) - 1
+            rows[::2, -steps:] = longest ** rng.uniform(-1.0, 0.0, (len(rows[::2]), 1))
         return np.clip(rows, self.xl, self.xu)
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: arm, motors, ends and bases."""
-        parts = [self.actuation.table, self.start, self.target, self.initial_paths.q, self.initial_paths.spline]
-        return [*parts, *self.arm_fingerprint()]
+        paths = self.initial_paths
+        parts = [self.actuation.table, self.start, self.target, paths.q, paths.spline, self.names, self.maximised]
+        return [*parts, self.constraint_names, *self.arm_fingerprint()]
 
     @cached_property
     def _ends(self) -> tuple[MotionTask, MotionTask]:
@@ -232,16 +264,37 @@ class PointToPoint(DenseFormulation):
             work_unit=paths.work_unit,
         )
 
+    @cached_property
+    def _base_motions(self) -> Motion:
+        """The initial paths in their least times."""
+        paths = self.initial_paths
+        q, front = paths.spline @ paths.q, front_sliders(self.actuation, paths.spline @ paths.shares)
+        return self._motions(q, minimum_timing(self.arm, self.actuation, q, front).intervals)
+
+    @cached_property
+    def _whole_program(self) -> WholeProgram:
+        program = self._unscaled
+        return WholeProgram(
+            given=program.with_longest(OPTIONS.longest_interval) if self.own_times else program.program,
+            given_costs=program.costs[: len(self.names) - len(self.functions.objectives)],
+            task=self.functions,
+            near=self._base_motions,
+            lanes=program.lanes,
+            intervals=np.arange(program.count)[program.slices["times"]],
+            pace=program.pace,
+        )
+
     def _evaluate(self, X: Genes, out: dict[str, Any], *args: object, **kwargs: object) -> None:
         q, front, error = self._samples(X)
         with np.errstate(invalid="ignore"):
             timing = minimum_timing(self.arm, self.actuation, q, front)
-            excess = self.initial_paths.range_excess(q, front)
-        F = np.stack([timing.duration, timing.energy], axis=1)
-        G = np.stack(
-            [error / ON_PATH_TOLERANCE - 1.0, *(np.stack([excess[0], timing.overload, excess[1]]) - LIMIT_TOLERANCE)],
-            axis=1,
-        )
+            intervals = self._intervals(X, timing)
+            joints, sliders = self.initial_paths.range_excess(q, front)
+        own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(q, intervals), interruptible=False)
+        given = np.stack([intervals.sum(axis=1), timing.energy], axis=1)[:, : len(self.names) - own.shape[1]]
+        F = np.concatenate([given, own], axis=1)
+        excess = np.column_stack([joints, timing.overload, sliders, limits]) - LIMIT_TOLERANCE
+        G = np.column_stack([error / ON_PATH_TOLERANCE - 1.0, excess])
         invalid = ~np.isfinite(F).all(axis=1)
         out["F"] = np.where(invalid[:, None], 1e6, F)
         out["G"] = np.where(np.isnan(G), 1.0, np.where(invalid[:, None], np.maximum(G, 1e-3), G))

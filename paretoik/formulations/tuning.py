@@ -25,6 +25,7 @@ from paretoik.resolution.method import Method, Parameter
 from paretoik.resolution.traces import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.self_motion.start_postures import order_by_neighbour, reach_error, sample_postures, wrap_difference
+from paretoik.task.limits import Constraint
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, jerk
@@ -71,6 +72,9 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         evenly. By default 5, without "start" all that are given.
     judged_by
         Whether an objective is its "worst" over the starts or its "mean".
+    constraints
+        A user's own, decorated with ``@constraint``: an individual is infeasible where the motion from any of its
+        starts violates one.
     tolerance
         Distance [m, rad] from the path past which an individual is infeasible, by any of its starts; None for none.
     obstacles, link_radius
@@ -94,6 +98,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         *,
         parameters: Sequence[str | Parameter] | None = None,
         objectives: Sequence[Objective] = (tracking_error, limit_margin, speed_ratio, jerk),
+        constraints: Sequence[Constraint] = (),
         starts: ArrayLike | Sequence[ArrayLike] | None = None,
         judged_starts: int | None = None,
         judged_by: JudgedBy = "worst",
@@ -110,12 +115,14 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
             raise InvalidInput(f"tolerance: None or a positive distance in m or rad wanted, got {tolerance}")
         check_size("seed", seed, 0)
         self.task: MotionTask = motion_task(
-            arm, path, objectives=objectives, obstacles=obstacles, link_radius=link_radius
+            arm, path, objectives=objectives, constraints=constraints, obstacles=obstacles, link_radius=link_radius
         )
         self.names = tuple(each.name for each in objectives)
         self.units = tuple(each.unit for each in objectives)
         self.maximised = tuple(each.maximise for each in objectives)
-        self.constraint_names = () if tolerance is None else ("tracking",)
+        self.constraint_names = (*(("tracking",) if tolerance is not None else ()), *(c.name for c in constraints))
+        if tolerance is not None and "tracking" in self.constraint_names[1:]:
+            raise InvalidInput("constraints: a name other than tracking wanted, got tracking")
         self.resolver, self.judged_by, self.tolerance = method, judged_by, tolerance
         self.parameters = _checked_parameters(method, parameters, self.task.times)
         self.starts = sample_starts(self.task, seed) if starts is None else _checked_starts(arm, starts)
@@ -127,8 +134,8 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         if self.judged_starts > len(self.starts):
             raise InvalidInput(f"judged_starts: 1 to {len(self.starts)} wanted, got {judged_starts!r}")
         lower, upper = np.array([each.gene_bounds for each in self.parameters]).T
-        constraints = len(self.constraint_names)
-        super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=constraints, xl=lower, xu=upper)
+        limits = len(self.constraint_names)
+        super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=limits, xl=lower, xu=upper)
         self._check_trial()
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
@@ -157,10 +164,14 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
 
     def explain(self, genes: Genes) -> list[str]:
         """Return for each individual why it is infeasible, in words; "" where it is feasible."""
-        if self.tolerance is None:
-            return [""] * len(genes)
-        errors = self._worst_errors(self._follow(genes, self.start_indices(genes)), len(genes))
-        return [f"{error:.3g} m or rad off the path" if error > self.tolerance else "" for error in errors]
+        violations = self._violations(self._follow(genes, self.start_indices(genes)), len(genes))
+        return [self._explain(row) if (row > 0).any() else "" for row in violations]
+
+    def _explain(self, violations: Float[np.ndarray, " limits"]) -> str:
+        worst = int(np.argmax(violations))
+        if self.tolerance is not None and worst == 0:
+            return f"{(1 + violations[0]) * self.tolerance:.3g} m or rad off the path"
+        return f"{self.constraint_names[worst]} is violated by {100 * violations[worst]:.3g} % of its range"
 
     def fingerprint_parts(self) -> list[object]:
         """Return what makes genes mean what they mean: the starts, the task, the method, its ranges, the judging."""
@@ -168,16 +179,20 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         parts: list[object] = [self.starts, task.targets, task.times, arm.joint_names, self.names, self.maximised]
         parts += [arm.position_limits, arm.velocity_limits, task.link_radius, *task.obstacles, *self.parameters]
         parts += [self.judged_starts, self.judged_by, self.tolerance]
-        return parts + _identity_parts(self.resolver) + _identity_parts(task.objectives)
+        return parts + _identity_parts([self.resolver, *task.objectives, *task.constraints])
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""
         method = self.method(np.repeat(genes, indices.shape[1], axis=0))
         return method.follow(self.task, self.starts[indices.ravel()], tolerance=self.tolerance)
 
-    def _worst_errors(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, " points"]:
-        worst: np.ndarray = np.abs(motion.traces.errors).max(axis=(-2, -1)).reshape(points, -1).max(axis=1)
-        return worst
+    def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
+        """Return by how much individuals violate each limit at most from any of their starts, over its range."""
+        columns = [each.violation(motion) for each in self.task.constraints]
+        if self.tolerance is not None:
+            columns.insert(0, np.abs(motion.traces.errors).max(axis=(-2, -1)) / self.tolerance - 1.0)
+        each = np.array(columns).reshape(len(columns), points, len(motion) // points)
+        return np.where(np.isnan(each), 1.0, each).max(axis=2).T
 
     def _check_trial(self) -> None:
         """Raise what the method and the objectives raise for the first start, before any search."""
@@ -185,6 +200,7 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         motion = self._follow(genes, np.zeros((1, 1), dtype=int))
         for each in self.task.objectives:
             each(motion)
+        self._violations(motion, 1)
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         motion = self._follow(X, self.start_indices(X))
@@ -192,8 +208,8 @@ class Tuning(Problem):  # type: ignore[misc]  # pymoo is not typed
         values = values.reshape(len(X), self.judged_starts, len(self.task.objectives))
         judged = values.max(axis=1) if self.judged_by == "worst" else values.mean(axis=1)
         out["F"] = np.where(np.isfinite(judged), judged, np.inf)
-        if self.tolerance is not None:
-            out["G"] = (self._worst_errors(motion, len(X)) / self.tolerance - 1.0)[:, None]
+        if self.constraint_names:
+            out["G"] = self._violations(motion, len(X))
 
 
 def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:

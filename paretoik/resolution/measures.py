@@ -55,7 +55,7 @@ def evaluations(motion: Motion) -> np.ndarray:
 @objective(unit="s", form="general")
 def duration(motion: Motion) -> np.ndarray:
     """Time from the first to the last sample."""
-    return np.asarray(motion.duration)
+    return motion.duration
 
 
 def distance_to(reference: Motion) -> Objective:

@@ -159,7 +159,7 @@ def joint_limit_distance(motion: AnyMotion) -> AnyValues:
     """
     limited, lower, upper = _limited_joints("joint_limit_distance", "position", *motion.arm.position_limits.T)
     ratio = (motion.q[..., limited] - (lower + upper) / 2) / (upper - lower)
-    return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / _duration(motion)
+    return np.sum(ratio**2, axis=-1) / (2 * motion.arm.dof) / motion.duration[..., None]
 
 
 @objective(unit="s", form="integral")
@@ -182,7 +182,7 @@ def velocity_limit_nearness(motion: AnyMotion) -> AnyValues:
 @objective(unit="", form="integral", maximise=True)
 def manipulability(motion: AnyMotion) -> AnyValues:
     """Mean over time of Yoshikawa's √det(J Jᵀ), J the Jacobian of the tasks; maximised. Source: Yoshikawa 1985."""
-    return motion.manipulability / _duration(motion)
+    return motion.manipulability / motion.duration[..., None]
 
 
 @objective(unit="rad/s", form="peak")
@@ -214,10 +214,6 @@ def obstacle_clearance(motion: AnyMotion) -> AnyValues:
             "obstacle_clearance wants obstacles, but the problem has none (Tracking(..., obstacles=[...]))"
         )
     return motion.clearance
-
-
-def _duration(motion: AnyMotion) -> np.ndarray:
-    return np.asarray(motion.duration)[..., None]
 
 
 def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> AnyValues:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -20,17 +21,18 @@ from paretoik.autodiff.tracing import NotLocal, Trace, TracedArray
 from paretoik.errors import InvalidInput
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
-from paretoik.robot.kinematics import frame_components, link_frames, node_components
+from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
 from paretoik.task.distances import distance_components
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.task import path_jacobian
+from paretoik.task.task import Task, path_jacobian
 
 
 @dataclass(frozen=True, eq=False)
 class TracedMotion:
     """The attributes of ``Motion``, made of expressions; functions get it where derivatives are taken.
 
-    ``duration`` [s] is that of the motion.
+    ``seconds`` is the duration [s]; None that of a motion with times of its own, which follows no task: ``steps`` [s]
+    are its intervals (time − 1,), of one sample their sum.
     """
 
     task: MotionTask
@@ -39,10 +41,11 @@ class TracedMotion:
     dq: TracedArray
     ddq: TracedArray
     jerk: TracedArray
-    duration: float
+    seconds: float | None
+    steps: TracedArray | None = None
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic", "weights"):
+        if name in ("arm", "obstacles", "link_radius", "differences", "cyclic"):
             return getattr(self.task, name)
         if name.startswith("__"):  # protocols that Python probes
             raise AttributeError(name)
@@ -55,9 +58,31 @@ class TracedMotion:
         raise InvalidInput("motion[...] has no derivative here: functions must take all motions of a batch at once")
 
     @property
-    def time(self) -> np.ndarray:
-        """Times [s] at which functions are evaluated: the task's instants."""
-        return self.task.instants
+    def tasks(self) -> tuple[Task, ...]:
+        """The tasks that the motion follows."""
+        return () if self.seconds is None else self.task.tasks
+
+    @cached_property
+    def time(self) -> Any:
+        """Times [s] at which functions are evaluated: the task's instants, or the motion's own."""
+        if self.seconds is not None:
+            return self.task.instants
+        times: list[Any] = list(accumulate(self._own_steps, initial=0.0))
+        return TracedArray(self.trace, np.array(times, dtype=object), shared=True)
+
+    @property
+    def weights(self) -> Any:
+        """As ``Motion.weights``."""
+        if self.seconds is not None:
+            return self.task.weights
+        return TracedArray(self.trace, np.array([0.0, *self._own_steps], dtype=object), shared=True)
+
+    @property
+    def duration(self) -> Any:
+        """As ``Motion.duration``."""
+        if self.seconds is not None:
+            return np.float64(self.seconds)
+        return self.time[-1] if self.trace.samples is None else OwnDuration(self.steps)
 
     @cached_property
     def torque(self) -> TracedArray:
@@ -95,8 +120,8 @@ class TracedMotion:
     @cached_property
     def manipulability(self) -> TracedArray:
         """As ``Motion.manipulability``."""
-        flat = self._by_sample(lambda q, *_: path_jacobian(self.arm, self.tasks, q))
-        jacobian = self._reshape(flat, self.task.rows, self.arm.dof)
+        flat = self._by_sample(lambda q, *_: path_jacobian(self.arm, self.tasks, q) or self._tool_jacobian(q))
+        jacobian = self._reshape(flat, -1, self.arm.dof)
         measure: TracedArray = np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)), 0.0))
         return measure
 
@@ -120,7 +145,20 @@ class TracedMotion:
         """As ``Motion.integral``."""
         if self.trace.samples is not None:
             raise NotLocal("integrates over time")
-        return (series * self.task.weights).sum(-1)
+        return (series * self.weights).sum(-1)
+
+    @property
+    def _own_steps(self) -> list[Any]:
+        if self.steps is None or self.trace.samples is not None:
+            raise NotLocal("looks at times, which depend on all samples")
+        return list(self.steps.entries)
+
+    def _tool_jacobian(self, q: list[Component]) -> list[Component]:
+        """Return the rows of the tool's Jacobian one after the other: those of its position in the plane, else all."""
+        links, frame = link_frames(self.arm, q), self.arm.frame("tool")
+        columns = jacobian_components(self.arm, links, frame, frame_components(self.arm, links, frame)[1])
+        rows = [(0, 0), (0, 1)] if self.arm.is_planar else [(part, axis) for part in (0, 1) for axis in range(3)]
+        return [column[part][axis] for part, axis in rows for column in columns]
 
     def _tool(self, q: list[Component]) -> Any:
         return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame("tool"))
@@ -137,24 +175,56 @@ class TracedMotion:
         return flat.reshape(*flat.shape[:-1], *shape)
 
 
+@dataclass(frozen=True, eq=False)
+class OwnDuration:
+    """The duration of motions with times of their own, traced at one sample: a number a motion, not one a sample."""
+
+    number: TracedArray | None
+
+    def __getitem__(self, key: Any) -> Any:
+        if key != (..., None):
+            raise NotLocal("looks at the duration")
+        return self.number
+
+    def __array__(self, *args: Any, **settings: Any) -> np.ndarray:
+        raise NotLocal("looks at the duration")
+
+    def __array_ufunc__(self, *args: Any, **settings: Any) -> Any:
+        raise NotLocal("looks at the duration")
+
+
 def trace_sample(
-    task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0, duration: float | None = None
+    task: MotionTask,
+    *,
+    scales: Float[np.ndarray, " dof"] | float = 1.0,
+    duration: float | None = None,
+    own_times: bool = False,
 ) -> TracedMotion:
     """Return one sample of a motion of a task, for functions that depend on one sample at a time.
 
     Its inputs are joints and their rates divided by ``scales``. ``duration`` [s] is what means over time divide by; by
-    default the task's own.
+    default the task's own. With ``own_times`` motions have the task's arm and number of samples alone, and the duration
+    is the last input.
     """
     trace = Trace(len(task.instants))
     seconds = float(np.ptp(task.times)) if duration is None else duration
     q, dq, ddq, jerk = (_inputs(trace, scales, task.arm.dof) for _ in range(4))
+    if own_times:
+        return TracedMotion(task, trace, q, dq, ddq, jerk, None, _inputs(trace, 1.0))
     return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
 
 
-def trace_motion(task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return a whole motion of a task, for functions that combine several samples; see ``trace_sample``."""
+def trace_motion(
+    task: MotionTask, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
+) -> TracedMotion:
+    """Return a whole motion of a task, for functions that combine several samples; see ``trace_sample``.
+
+    With ``own_times`` its intervals are the last inputs.
+    """
     trace = Trace(None)
     q, dq, ddq, jerk = (_inputs(trace, scales, len(task.instants), task.arm.dof) for _ in range(4))
+    if own_times:
+        return TracedMotion(task, trace, q, dq, ddq, jerk, None, _inputs(trace, 1.0, len(task.instants) - 1))
     return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
 
 
@@ -203,6 +273,6 @@ def _sample_value(motion: TracedMotion, value: Any) -> Expression | float:
         raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
     if isinstance(array, TracedArray) and array.entries.shape == ():
         return Expression(tape, as_entry(tape, array.entries))
-    if isinstance(array, np.ndarray) and array.shape in ((), motion.time.shape):
+    if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
         return motion.trace.parameter(array) if array.ndim else float(array)
     raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class Effort:
 
 
 QUICK = Effort(
-    angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=12, cell=0.3, random=100, paths=50, starts=2, positions=1,
+    angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=8, cell=0.6, random=100, paths=50, starts=2, positions=1,
     rounds=16, steps=20, points=3, moments=9, searches=8,
 )  # fmt: skip
 
@@ -60,28 +61,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
-    """Return all rows, and the pictures drawn into a folder."""
+    """Return all rows, and the pictures drawn into a folder; what is under way is told on stderr."""
+    started = perf_counter()
+
+    def begin(what: str) -> None:
+        print(f"{perf_counter() - started:4.0f} s: {what}", file=sys.stderr, flush=True)
+
+    begin("Figures 5 and 6, and what they hang on")
     angles = [float(angle) for angle in range(-180, 180, effort.angle)]
     corners = polygons()
     rows = polygon_rows(corners) + sensitivity_rows(angles=angles) + floor_rows()
     rows += nearest_rows(angles=angles, masses=effort.masses)
+    begin("Equation 5")
     models = all_surrogates(count=effort.grid)
     rows += [row for found in models.values() for row in surrogate_rows(found)]
+    begin("Figure 8")
     trajectories = {name: trajectory(found, samples=effort.samples) for name, found in models.items()}
     rows += figure_8(trajectories) + cheating(trajectories)
+    begin("Figure 9 and Table 4")
     ways = {name: postures(one, pieces=effort.pieces, cell=effort.cell) for name, one in trajectories.items()}
     rows += posture_rows(ways, trajectories) + table_4(ways)
     rows += straight_rows(changes(angles=angles), pieces=effort.pieces // 2, cell=2 * effort.cell)
+    begin("exactness")
     rng = np.random.default_rng(0)
     rows += linear_programs(effort.random, rng) + symmetries(effort.random, rng)
     rows += many_starts(effort.starts, rng, positions=effort.positions)
     rows += random_paths(trajectories, effort.paths, rng)
+    begin("time against energy")
     fronts = [
         time_energy(name, points=effort.points, starts=effort.searches, samples=effort.moments) for name in MECHANISMS
     ]
     rows += [row for one in fronts for row in time_energy_rows(one)]
+    begin("the same beside IPOPT")
     races = [race_fronts(one, starts=effort.searches // 4, samples=effort.moments) for one in fronts]
     rows += [row for one in races for row in race_rows(one)]
+    begin("what maxima and steps take")
     rows += polygon_race(rounds=effort.rounds)
     for one in trajectories.values():
         rows += step_race(one, steps=effort.steps)

@@ -1,7 +1,8 @@
-"""How long maxima and steps take, ours and by CasADi and IPOPT, in turn in one run."""
+"""How long maxima and steps take, ours and by CasADi with IPOPT and FATROP, in turn in one run."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
@@ -11,7 +12,7 @@ from paretoik.capability.directional import unit_directions
 from paretoik.capability.planner import Planner
 from paretoik.capability.speed_models import PolynomialEllipsoids
 from studies.kim_2021.full_program import full_program
-from studies.kim_2021.looking_ahead import looking_ahead
+from studies.kim_2021.looking_ahead import Peer, looking_ahead
 from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, speeds
 from studies.kim_2021.trajectories import HORIZON, PERIOD, Trajectory
 from studies.reporting import Row
@@ -19,6 +20,7 @@ from studies.reporting import Row
 TABLE = "seconds: medians of one run, in turn"
 GOALS = {"JAM": 3.0, "DAM": 15.0}  # ms, for 16 directions
 STEP_GOAL = 1.0
+PEERS: tuple[Peer, ...] = ("IPOPT, warm", "FATROP")
 TOLERANCE = 1e-8  # IPOPT's own
 
 
@@ -57,35 +59,56 @@ def polygon_race(*, rounds: int) -> list[Row]:
 
 
 def step_race(one: Trajectory, *, steps: int) -> list[Row]:
-    """Return the milliseconds of a step along the trajectory, ours and IPOPT's, both from what the step before left."""
+    """Return the milliseconds of a step along the trajectory, ours and peers', all from what the step before left."""
     model = one.found.models["ellipsoids"]
     assert isinstance(model, PolynomialEllipsoids)
     planner, target = Planner(model, horizon=HORIZON, formulation="midpoint"), one.path[-1]
-    ours, theirs, above, failed = list[float](), list[float](), -np.inf, 0
+    ours, beside = list[float](), {peer: Beside() for peer in PEERS}
     third = max(1, len(one.path) // 4)
     for begun_at in (0, third, 2 * third):  # three stretches of consecutive steps
-        program = looking_ahead(model, HORIZON)
+        programs = {peer: looking_ahead(model, HORIZON, peer) for peer in PEERS}
         plan = planner.plan(planner.initial_points(one.path[begun_at], target))
-        program.solved(plan.points, plan.time_to_go)
+        for program in programs.values():
+            program.solved(plan.points, plan.time_to_go)
         for position in one.path[begun_at + 1 : begun_at + 1 + steps]:
             begun = perf_counter()
             guess = planner.shift(plan, position, PERIOD)
             after = planner.plan(guess)
-            middle = perf_counter()
-            found, success = program.solved(guess, plan.time_to_go - PERIOD)
-            theirs.append(perf_counter() - middle)
-            ours.append(middle - begun)
-            failed += not success
-            above = max(above, after.time_to_go / found - 1.0) if success else above
+            ours.append(perf_counter() - begun)
+            for peer, program in programs.items():
+                begun = perf_counter()
+                found, success = program.solved(guess, plan.time_to_go - PERIOD)
+                beside[peer].add(perf_counter() - begun, after.time_to_go / found - 1.0 if success else None)
             plan = after
-    mine, other, whole = (1e3 * float(np.median(each)) for each in (ours, theirs, one.run.seconds))
+    mine, whole = (1e3 * float(np.median(each)) for each in (ours, one.run.seconds))
     place = f"{one.mechanism}, one step of ten pieces"
     lost, worst = "LOSS: " if mine > STEP_GOAL else "", np.quantile(one.run.seconds, 0.99)
     note = f"{lost}goal {STEP_GOAL:g} ms; in the whole trajectory {whole:.3f} ms, 99 % within {1e3 * worst:.3f} ms"
     over = f", {np.count_nonzero(one.run.seconds > PERIOD)} of {len(one.run.seconds)} over 1 ms"
-    lost = "LOSS: " if other < mine else ""
-    beside = f"{lost}{other / mine:.1f} times ours; {failed} fail; our times to go are at most {above:.1e} above its"
-    return [_row(place, "ours", mine, note + over), _row(place, "CasADi + IPOPT, warm", other, beside)]
+    rows = [_row(place, "ours", mine, note + over)]
+    return rows + [_row(place, f"CasADi + {peer}", *each.told(mine)) for peer, each in beside.items()]
+
+
+@dataclass(kw_only=True)
+class Beside:
+    """What a peer's steps take [s], how far our times to go are above its at most, and how many steps it failed."""
+
+    seconds: list[float] = field(default_factory=list)
+    above: float = -np.inf
+    failed: int = 0
+
+    def add(self, seconds: float, above: float | None) -> None:
+        """Count a step; None above one that failed."""
+        self.seconds.append(seconds)
+        self.failed += above is None
+        self.above = self.above if above is None else max(self.above, above)
+
+    def told(self, ours: float) -> tuple[float, str]:
+        """Return the median milliseconds, and a note."""
+        median = 1e3 * float(np.median(self.seconds))
+        lost = "LOSS: " if median < ours else ""
+        note = f"{lost}{median / ours:.1f} times ours; {self.failed} fail; our times to go are at most"
+        return median, f"{note} {self.above:.1e} above its"
 
 
 def _row(row: str, column: str, ours: float, note: str) -> Row:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 
 from paretoik.autodiff.operations import Op
-from paretoik.autodiff.rewriting import norm_terms, smooth_pieces, substitute, summands
+from paretoik.autodiff.rewriting import copy_entries, norm_terms, smooth_pieces, substitute, summands
+from paretoik.autodiff.tape import Tape
 from tests.autodiff.trees import KINKED, SMOOTH, evaluated, points, seeds, taped, trees
 
 LINEAR = {name: SMOOTH[name] for name in ("add", "subtract", "negative")} | {
@@ -26,6 +27,21 @@ def test_an_input_replaced_by_an_expression_gives_the_value_there(tree, seed):
     at = points(seed)
     there = np.vstack([at[1] * at[2], at[1:]])
     np.testing.assert_allclose(evaluated(tape, [changed], at), evaluated(tape, [value], there), rtol=1e-12, atol=1e-12)
+
+
+@settings(max_examples=30)
+@given(trees({**SMOOTH, **KINKED}), seeds)
+def test_a_copy_on_another_tape_has_the_value_where_its_inputs_are(tree, seed):
+    tape, value, variables = taped(tree)
+    target = Tape()
+    first, second = target.input().index, target.input().index
+    stand_ins = [target.apply(Op.MULTIPLY, first, second), second, first]
+    (copied,) = copy_entries(tape, [value], target, dict(zip(variables, stand_ins, strict=True)))
+    at = points(seed)
+    there = np.stack([at[0] * at[1], at[1], at[0]])
+    np.testing.assert_allclose(
+        evaluated(target, [copied], at[:2]), evaluated(tape, [value], there), rtol=1e-12, atol=1e-12
+    )
 
 
 def test_what_does_not_contain_the_entry_stays_the_same_entry():

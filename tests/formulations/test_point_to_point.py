@@ -168,6 +168,7 @@ def test_spatial_arms_are_served():
         samples=9,
         coefficients=4,
         bases=4,
+        energy=False,
     )
     front = pk.solve(problem, population=20, generations=5, seed=0, points=2)
     tool = kinematics.forward_kinematics(arm, front.motions.q)[1]
@@ -188,3 +189,11 @@ def test_what_cannot_be_is_refused_by_name():
         pk.PointToPoint(arm, motors, START, [0.5, -0.15])
     with pytest.raises(Infeasible, match=r"joint\d: a torque of at most 3\.5 N m wanted"):
         pk.PointToPoint(arm.with_payload(20.0), motors, START, TARGET)
+
+
+def test_where_nothing_weighs_work_is_free_and_no_objective():
+    level = pk.arms.kim_3r().mounted(gravity=[0.0, 0.0, -9.81])  # its plane lies flat
+    with pytest.raises(InvalidInput, match="without masses, or gravity in its plane, work is free; energy=False"):
+        pk.PointToPoint(level, pk.capability.kim_joint_motors(), START, TARGET)
+    problem = pk.PointToPoint(level, pk.capability.kim_joint_motors(), START, TARGET, energy=False, bases=2)
+    assert problem.names == ("duration",)

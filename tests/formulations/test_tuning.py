@@ -345,6 +345,33 @@ def test_the_margin_of_a_joint_with_one_limit_counts():
     assert margins == pytest.approx(nearest, rel=1e-12)
 
 
+def test_a_users_constraint_holds_from_every_start_or_the_individual_is_infeasible():
+    @pk.constraint(unit="rad/s", upper=1.5)
+    def slow_wrist(motion):
+        return np.abs(motion.dq[..., -1])
+
+    problem, free = tuning(constraints=[slow_wrist], tolerance=0.05), tuning(tolerance=0.05)
+    genes = genes_of(problem, 6)
+    G, motion = problem.evaluate(genes, return_values_of=["G"]), problem._follow(genes, problem.start_indices(genes))
+    worst = slow_wrist.violation(motion).reshape(6, problem.judged_starts).max(axis=1)
+    assert problem.constraint_names == ("tracking", "slow_wrist")
+    assert G[:, 0] == pytest.approx(free.evaluate(genes, return_values_of=["G"])[:, 0])
+    assert G[:, 1] == pytest.approx(worst)
+    assert (worst > 0).any()
+    for words, row in zip(problem.explain(genes), G, strict=True):
+        assert bool(words) == (row.max() > 0)
+        assert ("slow_wrist is violated by" in words) == (row[1] > max(row[0], 0.0))
+
+
+def test_a_users_constraint_alone_makes_individuals_infeasible():
+    @pk.constraint(unit="rad", form="terminal", upper=-10.0)
+    def impossible(motion):
+        return motion.q[..., -1, 0]
+
+    problem = tuning(constraints=[impossible], tolerance=None)
+    assert (problem.evaluate(genes_of(problem, 3), return_values_of=["G"]) > 0).all()
+
+
 def test_fingerprints_tell_problems_from_each_other():
     same = [fingerprint(tuning()), fingerprint(tuning())]
     others = [
@@ -379,6 +406,7 @@ def test_fingerprints_tell_problems_from_each_other():
         ({"seed": -1}, "seed: an integer of at least 0 wanted, got -1"),
         ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
         ({"objectives": []}, "objectives: wants at least one, got none"),
+        ({"constraints": [pk.kinetic_energy]}, "constraints: wants functions decorated with @constraint"),
         ({"objectives": [measures.evaluations]}, "evaluations: wants a method that looks ahead"),
         (
             {"parameters": ["feed"]},

@@ -22,11 +22,11 @@ from studies.kim_2021.looking_ahead import looking_ahead, root
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.profiles import Mechanism, evenly, minimum_timing, refine_profile
-from studies.kim_2021.racing import polygon_race, step_race
+from studies.kim_2021.racing import PEERS, polygon_race, step_race
 from studies.kim_2021.sensitivity import Assumptions, floor_rows, gains, nearest_rows, sensitivity_rows
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
-from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
-from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, trajectory
+from studies.kim_2021.surrogates import AS_PAPER, all_surrogates, surrogate_rows
+from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, references, trajectory
 from studies.kim_2021.without_jumps import straight_rows
 
 
@@ -198,6 +198,15 @@ def test_motors_do_the_joints_work(name, ways):
         assert np.abs(one.driven.speeds).max() <= 7.1e-3 * 1.05  # in the middles of pieces, whose ends have the limit
 
 
+def test_the_papers_own_pipeline_has_its_rows_beside_the_printed_ones(trajectories):
+    rows = {(row.row, row.column): row for row in figure_8(trajectories)}
+    for name in MECHANISMS:
+        run, row = trajectories[name].paper_model, rows[f"{name}, {AS_PAPER}", "arrival"]
+        assert row.reference == paper()["Figure 8", name, "arrival"]
+        assert row.ours == run.arrival
+        assert np.linalg.norm(references(run)[-1] - TARGET) <= 1e-9
+
+
 def test_losses_are_said(ways, trajectories):
     rows = {(row.table, row.row, row.column): row for row in posture_rows(ways, trajectories) + table_4(ways)}
     assert rows["Table 4", "JAM", "total"].reference == 575.3
@@ -224,13 +233,14 @@ def test_the_whole_program_finds_nothing_better(name):
     assert best == pytest.approx(speeds(name, place, way[None])[0], rel=1e-6)
 
 
-def test_a_step_by_ipopt_is_the_same_program(models):
+@pytest.mark.parametrize("peer", PEERS)
+def test_a_step_by_peers_is_the_same_program(models, peer):
     model = models["DAM"].models["ellipsoids"]
     position = ca.SX.sym("p", 2)
     written = ca.Function("root", [position], [root(model.polynomials, position)])
     np.testing.assert_allclose(written(POSITIONS["p2"]), model.roots(POSITIONS["p2"])[0], rtol=1e-9)
     plan = fastest_plan(model, START, TARGET)
-    time, success = looking_ahead(model, 10).solved(plan.points, plan.time_to_go)
+    time, success = looking_ahead(model, 10, peer).solved(plan.points, plan.time_to_go)
     assert success
     assert time == pytest.approx(plan.time_to_go, rel=1e-5)
     assert path_time(model, plan.points) == pytest.approx(time, rel=0.01)
@@ -245,7 +255,7 @@ def test_closed_forms_are_exact(trajectories):
 
 def test_races_have_both_sides(trajectories):
     rows = polygon_race(rounds=2) + step_race(trajectories["DAM"], steps=3)
-    assert {row.column for row in rows} == {"ours", "CasADi + IPOPT", "CasADi + IPOPT, warm"}
+    assert {row.column for row in rows} == {"ours", "CasADi + IPOPT", "CasADi + IPOPT, warm", "CasADi + FATROP"}
     assert all(row.ours > 0 for row in rows)
 
 

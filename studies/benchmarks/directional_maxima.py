@@ -1,0 +1,155 @@
+"""Postures that are fast in several directions: MaxiMin beside pymoo, refined and certified; losses first.
+
+    python -m studies.benchmarks.directional_maxima [--quick] [--seeds N] [--refined N] [--json FILE]
+
+``DirectionalMaxima`` by joint motors and by sliders, with power or a user's objective against speeds, and an arm of
+seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA as they ship, from the same first genes, with
+equal evaluations. Fronts are judged as those of ``benchmarks.maximin``: hypervolume (reference 1.1), IGD+ and additive
+epsilon after normalising by the union of all fronts, certified ones among them. ``pk.solve(refine=True)`` stands beside
+the best of these, with fewer seeds, since it takes longer; of its points is told how many are certified minima, and how
+far their greatest speeds are from directional maxima, which bound them.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.algorithms.moo.nsga3 import NSGA3
+from pymoo.algorithms.moo.sms import SMSEMOA
+from pymoo.optimize import minimize
+from pymoo.util.ref_dirs import get_reference_directions
+from rich.console import Console
+
+import paretoik as pk
+from paretoik.arrays import Objectives
+from paretoik.search.seeding import seeded_population
+from problems import kim_2021
+from studies.benchmarks.maximin import OURS, PARTITIONS, POPULATION
+from studies.benchmarks.significance import MARGIN, compare, comparison_row, decide, scores
+from studies.reporting import Row, report, study_parser
+
+REFINED, GENERATIONS = "MaxiMin, refined", 26
+PEERS = ("NSGA-II", "NSGA-III", "SMS-EMOA")
+TABLE, CERTIFIED, COST = "MaxiMin beside pymoo, medians", "fronts that are refined", "median CPU time of a run"
+WAN = ([0.5, 0.3, -0.2], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # m, and directions
+
+
+def _manipulable() -> pk.DirectionalMaxima:
+    return pk.DirectionalMaxima(
+        pk.arms.kim_3r(),
+        pk.capability.kim_sliders(),
+        kim_2021.PLACE,
+        kim_2021.WAYS,
+        power=False,
+        objectives=[pk.manipulability],
+    )
+
+
+def _spatial() -> pk.DirectionalMaxima:
+    arm = pk.arms.wan_7r()
+    return pk.DirectionalMaxima(arm, pk.capability.JointActuation.of(arm), *WAN, power=False)
+
+
+CASES: dict[str, Callable[[], pk.DirectionalMaxima]] = {
+    "joint motors: speeds, power": kim_2021.directions_jam,
+    "sliders: speeds, power": kim_2021.directions_dam,
+    "sliders: speeds, manipulability": _manipulable,
+    "seven joints in space: speeds": _spatial,
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """The final front of a method with one seed, minimised, its CPU seconds, and the front itself if it is refined."""
+
+    F: Objectives
+    seconds: float
+    front: pk.Front | None = None
+
+
+def run(name: str, problem: pk.DirectionalMaxima, seed: int) -> Run:
+    """Return what a method makes of a problem."""
+    size, begun = POPULATION[problem.n_obj], time.process_time()
+    if name == REFINED:
+        front = pk.solve(problem, population=size, generations=GENERATIONS, seed=seed, refine=True)
+        return Run(F=front.minimised, seconds=time.process_time() - begun, front=front)
+    first = seeded_population(problem, size, rng=np.random.default_rng([seed, size]))
+    begun = time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the peers' own, about divisions
+        result = minimize(problem, _algorithm(name, problem.n_obj, first), ("n_gen", GENERATIONS), seed=seed)
+    F = np.empty((0, problem.n_obj)) if result.F is None else np.atleast_2d(result.F)
+    return Run(F=F, seconds=time.process_time() - begun)
+
+
+def _algorithm(name: str, n_obj: int, first: np.ndarray) -> object:
+    if name == "NSGA-III":
+        directions = get_reference_directions("das-dennis", n_obj, n_partitions=PARTITIONS[n_obj])
+        return NSGA3(directions, pop_size=len(first), sampling=first)
+    algorithm = {OURS: pk.MaxiMinNSGA2, "NSGA-II": NSGA2, "SMS-EMOA": SMSEMOA}[name]
+    return algorithm(pop_size=len(first), sampling=first)
+
+
+def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[Row]:
+    """Return ours beside every peer's, losses first."""
+    compared = []
+    for case in cases:
+        union = np.concatenate([one.F for (name, _), members in runs.items() if name == case for one in members])
+        table = {name: [scores(one.F, union) for one in runs[case, name]] for name in (OURS, REFINED, *PEERS)}
+        for indicator in MARGIN:
+            values = {name: np.array([each[indicator] for each in scored]) for name, scored in table.items()}
+            compared += [compare(case, indicator, peer, values[OURS], values[peer]) for peer in PEERS]
+            best = max if indicator == "hypervolume" else min
+            peer = best(PEERS, key=lambda name: float(np.median(values[name])))
+            compared.append(compare(f"{case}, refined", indicator, peer, values[REFINED], values[peer]))
+    return [comparison_row(TABLE, one, one.verdict) for one in decide(compared)]
+
+
+def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[Run]) -> list[Row]:
+    """Return how many refined points are minima, their worst residual, and their greatest speeds beside the bound."""
+    fronts = [one.front for one in members if one.front is not None]
+    certificates = [front.certificates for front in fronts if front.certificates is not None]
+    minima = np.concatenate([each.status == "minimum" for each in certificates])
+    residual = np.concatenate([each.kkt_residual for each in certificates])
+    count = len(problem.directions)
+    bound = pk.directional_maxima(problem.arm, problem.actuation, problem.position, problem.directions).values
+    shares = np.array([front.objectives[:, :count].max(axis=0) for front in fronts]) / bound
+    over = "LOSS: above the bound; " if shares.max() > 1 + 1e-6 else ""
+    note = f"{over}medians by direction {', '.join(f'{share:.6f}' for share in np.median(shares, axis=0))}"
+    rows = [
+        ("points that are certified minima", "%", 100 * minima.mean(), f"of {len(minima)}"),
+        ("stationarity, median", "", float(np.median(residual)), f"largest {residual.max():.1e}"),
+        ("greatest speed beside its directional maximum, least of all seeds", "", float(shares.min()), note),
+    ]
+    return [Row(table=CERTIFIED, row=case, column=name, unit=unit, ours=float(v), note=n) for name, unit, v, n in rows]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run all methods, seeds interleaved, and report."""
+    parser = study_parser(__doc__, quick="two seeds of the planar cases")
+    parser.add_argument("--seeds", type=int, default=31)
+    parser.add_argument("--refined", type=int, default=5, help="of these seeds fronts are refined too")
+    options = parser.parse_args(arguments)
+    cases, seeds = (list(CASES)[:3], 2) if options.quick else (list(CASES), options.seeds)
+    problems, console = {case: CASES[case]() for case in cases}, Console(stderr=True)
+    runs = {(case, name): list[Run]() for case in cases for name in (OURS, REFINED, *PEERS)}
+    for seed in range(seeds):
+        for case, name in runs:
+            if name != REFINED or seed < options.refined:
+                runs[case, name].append(run(name, problems[case], seed))
+        console.print(f"{seed + 1} of {seeds} seeds")
+    rows = judge(runs, cases)
+    rows += [row for case in cases for row in certified_rows(case, problems[case], runs[case, REFINED])]
+    for (case, name), members in runs.items():
+        seconds = float(np.median([one.seconds for one in members]))
+        rows.append(Row(table=COST, row=case, column=name, unit="s", ours=seconds))
+    report(rows, json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
