@@ -31,8 +31,11 @@ class ExactStepOptions(NamedTuple):
     smallest: float = 1e-9  # rad: cells whose steps are not told admissible or not are halved down to this
     cells: int = 30_000  # that one minimisation looks at, at most
     newton_iterations: int = 8
+    rounding: float = 1e-15  # of the arm's length: the error of the tool is not known better
     boundary_factor: float = 1e4  # of the tolerance: as much in cells across the boundary of an obstacle
     boundary_span: float = 0.03  # of the radius of steps: so far along a boundary its best step is sought at first
+    narrowest_span: float = 3e-6  # and at last
+    boundary_rounds: int = 30
     boundary_iterations: int = 32
 
 

@@ -25,8 +25,6 @@ from paretoik.closed_loop.step_cells import ADMISSIBLE, BOUND, contains, halve, 
 from paretoik.compilation import compiled
 from paretoik.compilation_references import refer
 
-ROUNDING = 1e-15  # of the arm's length: the error of the tool is not known better
-
 
 @compiled(what="the exact control step", seconds=20)
 def best_steps(targets, moves, positions, home, weight, options, s, q):
@@ -51,7 +49,7 @@ def best_step(home, target, weight, options, s, q):
     linearise(home, target, s)
     s.clearance[0] = clearance_at_start(s.start, s.constraints, s.workspace)
     corners, place = write_region(options.farthest, s), np.zeros(2)
-    rounding = ROUNDING * s.lengths.sum()
+    rounding = options.rounding * s.lengths.sum()
     nearest = minimise(1.0, 0.0, 0.0, corners, options, s, place)
     if not nearest < np.inf:
         return False

@@ -15,8 +15,6 @@ from paretoik.closed_loop.admissible_steps import find_inadmissible
 from paretoik.closed_loop.workspace import EngineOptions, StepConstraints, StepStart, Workspace
 from paretoik.compilation import compiled
 
-TINY = 1e-300  # m: an error of 0 has no direction
-
 
 class PlanarSteps(NamedTuple):
     """The steps of an arm with links of these ``lengths`` [m] from one configuration, to be written by ``linearise``.
@@ -123,19 +121,17 @@ def weighted_sum(square_weight, error_weight, u, v, s):
     With one redundant degree it counts as square_weight v² in v.
     """
     x, y, (xu, xv, yu, yv), (xuu, xuv, xvv, yuu, yuv, yvv) = tool_error(u, v, s)
-    error = max(np.hypot(x, y), TINY)
-    nx, ny = x / error, y / error
+    error = np.hypot(x, y)
+    share = 1.0 / error if error > 0.0 else 0.0  # an error of 0 has no direction
+    nx, ny = x * share, y * share
     eu, ev = nx * xu + ny * yu, nx * xv + ny * yv
     pu, pv = nx * yu - ny * xu, nx * yv - ny * xv  # across the error
     euu, euv, evv = nx * xuu + ny * yuu, nx * xuv + ny * yuv, nx * xvv + ny * yvv
     w, z = 2.0 * square_weight, error_weight
     value = square_weight * (u * u + v * v) + z * error
     gradient = w * u + z * eu, w * v + z * ev
-    return (
-        value,
-        gradient,
-        (w + z * (pu * pu / error + euu), z * (pu * pv / error + euv), w + z * (pv * pv / error + evv)),
-    )
+    across = z * share
+    return value, gradient, (w + across * pu * pu + z * euu, across * pu * pv + z * euv, w + across * pv * pv + z * evv)
 
 
 @compiled

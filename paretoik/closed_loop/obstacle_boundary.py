@@ -12,17 +12,15 @@ from paretoik.closed_loop.null_space_steps import is_admissible, weighted_sum
 from paretoik.compilation import compiled, inlined
 from paretoik.nlp.compiled.scalar_search import bisect, golden_section
 
-ROUNDS = 30
 NARROWER, WIDER = 0.2, 2.0  # the span of a round, as a share of the one before: that had the least value within, or not
-NARROWEST = 1e-4  # of the first span: the last
 
 
 @compiled
 def follow_boundary(best, weights, options, s, place):
     """Return the least value on the boundary about a step with the ``best`` one; write the step to ``place``."""
     radius = np.sqrt(best / weights[0]) if weights[0] > 0.0 else np.hypot(place[0], place[1])
-    span, narrowest = options.boundary_span * radius, NARROWEST * options.boundary_span * radius
-    for _ in range(ROUNDS):
+    span, narrowest = options.boundary_span * radius, options.narrowest_span * radius
+    for _ in range(options.boundary_rounds):
         u, v = place[0], place[1]
         _, (fu, fv), _ = weighted_sum(weights[0], weights[1], u, v, s)
         steepness = np.hypot(fu, fv)

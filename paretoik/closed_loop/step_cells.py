@@ -16,7 +16,6 @@ from paretoik.closed_loop.null_space_steps import tool_error
 from paretoik.compilation import compiled
 
 BOUND, ADMISSIBLE = 6, 7  # columns of a cell after its three corners: its lower bound, whether all is admissible
-SLACK = 1e-9  # of a triangle's size: a point so far outside is on its edge
 
 
 class CellModel(NamedTuple):
@@ -187,7 +186,7 @@ def halve(i, j, s):
 
 @compiled
 def contains(cell, u, v, s):
-    """Return whether a cell has a point, within rounding."""
+    """Return whether a cell has a point."""
     if s.lengths.shape[0] == 3:
         return min(cell[0], cell[2]) <= u <= max(cell[0], cell[2])
     left, right = 0, 0
@@ -195,6 +194,5 @@ def contains(cell, u, v, s):
         j = (i + 1) % 3
         du, dv = cell[2 * j] - cell[2 * i], cell[2 * j + 1] - cell[2 * i + 1]
         turn = du * (v - cell[2 * i + 1]) - dv * (u - cell[2 * i])
-        slack = SLACK * (du * du + dv * dv)
-        left, right = left + int(turn > slack), right + int(turn < -slack)
+        left, right = left + int(turn > 0.0), right + int(turn < 0.0)
     return left == 0 or right == 0

@@ -18,18 +18,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.algorithms.moo.nsga3 import NSGA3
-from pymoo.algorithms.moo.sms import SMSEMOA
 from pymoo.optimize import minimize
-from pymoo.util.ref_dirs import get_reference_directions
 from rich.console import Console
 
 import paretoik as pk
 from paretoik.arrays import Objectives
 from paretoik.search.seeding import seeded_population
 from problems import kim_2021
-from studies.benchmarks.maximin import OURS, PARTITIONS, POPULATION
+from studies.benchmarks.maximin.cases import POPULATION
+from studies.benchmarks.maximin.methods import OURS
+from studies.benchmarks.pymoo_peers import pymoo_algorithm
 from studies.benchmarks.significance import MARGIN, compare, comparison_row, decide, scores
 from studies.reporting import Row, report, study_parser
 
@@ -88,11 +86,9 @@ def run(name: str, problem: pk.DirectionalMaxima, seed: int) -> Run:
 
 
 def _algorithm(name: str, n_obj: int, first: np.ndarray) -> object:
-    if name == "NSGA-III":
-        directions = get_reference_directions("das-dennis", n_obj, n_partitions=PARTITIONS[n_obj])
-        return NSGA3(directions, pop_size=len(first), sampling=first)
-    algorithm = {OURS: pk.MaxiMinNSGA2, "NSGA-II": NSGA2, "SMS-EMOA": SMSEMOA}[name]
-    return algorithm(pop_size=len(first), sampling=first)
+    if name == OURS:
+        return pk.MaxiMinNSGA2(pop_size=len(first), sampling=first)
+    return pymoo_algorithm(name, n_obj, first)
 
 
 def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[Row]:
