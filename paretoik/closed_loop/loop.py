@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from paretoik.arrays import Objectives
 from paretoik.closed_loop.control_step import (
@@ -19,6 +19,7 @@ from paretoik.closed_loop.control_step import (
 from paretoik.closed_loop.step_evolution import Population, StepEvolution
 from paretoik.closed_loop.workspace import OPTIONS, EngineOptions
 from paretoik.errors import Infeasible
+from paretoik.nlp.linear_program import furthest
 from paretoik.task.limits import Bounds
 from paretoik.task.motion_task import MotionTask
 
@@ -109,16 +110,22 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
 def _explain_no_step(step: ControlStep) -> str:
     task = step.task
     reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): a free configuration wanted, none found"
-    error, jacobian = step.linearise()
-    shortest = np.linalg.pinv(jacobian) @ error
-    excess = np.maximum(step.lower - shortest, shortest - step.upper)
-    if excess.max() > 0:
-        k = int(np.argmax(excess))
-        return (
-            f"{reason}; {task.arm.joint_names[k]} would have to move {shortest[k]:.3g} rad or m at least, but may move "
-            f"from {step.lower[k]:.3g} to {step.upper[k]:.3g}"
-        )
+    share, limited = _reachable_share(step)
+    if share < 1:
+        joints = ", ".join(task.arm.joint_names[k] for k in limited)
+        return f"{reason}; joints would have to move at least {1 / share:.3g} times as far as they may: {joints}"
     if not task.obstacles:
-        return reason
+        return f"{reason}, though joints may move far enough; a larger population or longest_step may find one"
     distance = excess_clearance(task, step.previous)
     return f"{reason}; the arm is {distance:.3g} m from {describe_nearest_obstacle(task, step.previous)}"
+
+
+def _reachable_share(step: ControlStep, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
+    """Return the most of Δx that joints within their bounds make, as a share, by a linear program (Eq. 8).
+
+    Also which joints are at their bounds then. Bounds beyond ``farthest`` [rad, m] count as that.
+    """
+    error, jacobian = step.linearise()
+    low, high = np.clip(step.lower, -farthest, 0.0), np.clip(step.upper, 0.0, farthest)
+    share, moved = furthest(jacobian, low, high, error)
+    return max(share, np.finfo(float).tiny), np.flatnonzero((moved <= low) | (moved >= high))

@@ -1,7 +1,15 @@
+import re
+
 import numpy as np
+import pytest
 
 from paretoik.closed_loop.loop import choose, nondominated
 from paretoik.closed_loop.step_evolution import Population
+from paretoik.errors import Infeasible
+from paretoik.formulations.closed_loop import ClosedLoop
+from paretoik.robot.arms import marcos_nr
+from problems import marcos_2012
+from tests.closed_loop.postures import posture
 
 
 def test_the_least_weighted_sum_is_chosen_of_objectives_scaled_to_the_front():
@@ -17,3 +25,22 @@ def test_fronts_are_non_dominated_and_sorted_by_the_first_objective():
     F = np.array([[3.0, 0.0], [1.0, 1.0], [0.0, 3.0], [1.0, 2.0], [3.0, 0.0]])
     front = nondominated(Population(genes=np.arange(5.0)[:, None], F=F, q=np.zeros((5, 3))))
     np.testing.assert_array_equal(front.F, [[0.0, 3.0], [1.0, 1.0], [3.0, 0.0]])
+
+
+@pytest.mark.parametrize("links", [3, 4])
+def test_a_refusal_says_how_much_farther_joints_would_have_to_move(links):
+    def refusal(longest):
+        loop = ClosedLoop(
+            marcos_nr(links), marcos_2012.round_trip(0.7, 25), start=posture(links), longest_step=longest, population=8
+        )
+        try:
+            next(loop.steps())
+        except Infeasible as error:
+            return str(error)
+        return ""
+
+    times = re.search(r"at least (\S+) times as far as they may: joint\d", refusal(1e-3))
+    assert times is not None
+    least = 1e-3 * float(times.group(1))
+    assert "times as far" not in refusal(1.01 * least)
+    assert "at least 1.02 times as far" in refusal(least / 1.02)

@@ -2,8 +2,8 @@
 
 Processor time a generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled evaluation,
 pygmo's NSGA-II with the same compiled evaluation of whole populations (its own operators), all on one step, in turn;
-of several rounds the least. What an exact step takes, and whether dense searches find a better one. What the first call
-takes, compiled and from the cache. And whether our fronts are those of the readable path in pymoo.
+of several rounds the least. What an exact step takes. What the first call takes, compiled and from the cache. And
+whether our fronts are those of the readable path in pymoo.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from studies.benchmarks.closed_loop.contestants import (
     seconds,
 )
 from studies.benchmarks.closed_loop.equivalence import STEPS, equivalence_rows
-from studies.benchmarks.closed_loop.exactness import exactness_rows
 from studies.reporting import Row, report, study_parser
 
 ARMS: tuple[Links, ...] = (3, 4)
@@ -130,7 +129,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rounds, slow = (3, 20) if options.quick else (9, 60)
     rows = [row for links in ARMS for row in speed_rows(links, rounds, slow)]
     rows += exact_rows(rounds)
-    rows += exactness_rows(2, 3) if options.quick else exactness_rows(20, 13)
     rows += first_call_rows()
     rows += equivalence_rows(5, STEPS[:1]) if options.quick else equivalence_rows(31)
     report(rows, json_file=options.json)

@@ -1,4 +1,6 @@
-"""Whether the exact step is exact: beside dense searches by NumPy, on steps of random arms.
+"""Whether the exact step is exact: ``python -m studies.benchmarks.closed_loop.exactness [--quick] [--json FILE]``.
+
+It stands beside dense searches by NumPy, on steps of random arms.
 
 Arms have three or four links of random lengths, and stand, or do not stand, beside obstacles; their joints move freely
 or, as in the default loop, by a longest step and clear of obstacles all the way. A dense search evaluates steps at all
@@ -7,7 +9,7 @@ distances from the one of least displacement, and then finer and finer about the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,13 +20,13 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.task.obstacles import Obstacle
 from studies.benchmarks.closed_loop.step_problem import is_admissible
-from studies.reporting import Row
+from studies.reporting import Row, report, study_parser, tell
 
 WEIGHTS = (1.0, 0.9, 0.5, 0.1, 0.0)  # of the displacement
 GOAL = 1e-6
 DRAWN = {3: 6000, 4: 30_000}
 TINY = 1e-12  # a range that is no larger is rounding
-ZOOMS, KEPT, POINTS = 16, 5, 150  # of a dense search: rounds, steps that are looked around, steps about each
+ZOOMS, KEPT, POINTS = 11, 5, 150  # of a dense search: rounds, steps that are looked around, steps about each
 
 
 def exactness_rows(each: int, steps: int) -> list[Row]:
@@ -34,6 +36,7 @@ def exactness_rows(each: int, steps: int) -> list[Row]:
         for longest in (np.inf, 0.1):
             for blocked in (False, True):
                 steps_of = [step for seed in range(each) for step in random_steps(links, seed, steps, longest, blocked)]
+                tell(f"{links}R, longest step {longest:g}{', obstacles' if blocked else ''}: {len(steps_of)} steps")
                 worst = max(advantage(step, k) for k, step in enumerate(steps_of))
                 kind = "of any length" if np.isinf(longest) else "swept"
                 rows.append(
@@ -83,12 +86,12 @@ def advantage(step: ControlStep, seed: int) -> float:
     try:
         exact = np.stack([exact_step(step, weight=weight) for weight in WEIGHTS])
     except Infeasible:
-        return np.inf if dense_search(step, weights[0], seed) < np.inf else -np.inf
+        return np.inf if dense_search(step, weights[:1], seed)[0] < np.inf else -np.inf
     if not is_admissible(step, exact).all():
         return np.inf
     F = objectives(step, exact)
     scaled = weights / np.maximum(np.abs(F[0] - F[-1]), TINY)
-    return max(float(f @ w) - dense_search(step, w, seed) for f, w in zip(F, scaled, strict=True))
+    return max(np.einsum("wk,wk->w", F, scaled) - dense_search(step, scaled, seed))
 
 
 def objectives(step: ControlStep, q: np.ndarray) -> np.ndarray:
@@ -99,28 +102,43 @@ def objectives(step: ControlStep, q: np.ndarray) -> np.ndarray:
     return np.stack([moved, np.abs(tool - step.target[0] - 1j * step.target[1])], axis=1)
 
 
-def dense_search(step: ControlStep, weights: np.ndarray, seed: int) -> float:
-    """Return the least weighted sum of steps drawn at all distances, then about the best, nearer and nearer."""
+def dense_search(step: ControlStep, weights: np.ndarray, seed: int) -> np.ndarray:
+    """Return the least weighted sums (of each row of weights) of steps drawn at all distances, then about the best."""
     rng, links = np.random.default_rng(seed), len(step.home)
     error, jacobian = step.linearise()
     null = np.linalg.svd(jacobian)[2][2:].T
     shortest = step.previous + np.linalg.pinv(jacobian) @ error
     center = shortest - 0.5 * null @ null.T @ (shortest - step.home)
+
+    def values(y: np.ndarray) -> np.ndarray:
+        q = center + y @ null.T
+        admissible = is_admissible(step, q) & (np.abs(y).max(axis=1) <= OPTIONS.farthest)
+        return np.where(admissible[:, None], objectives(step, q) @ weights.T, np.inf)
+
     farthest = min(OPTIONS.farthest, 2.0 * links * float(np.max(step.upper)))
     half = DRAWN[links] // 2
-    radius = np.concatenate([farthest * 10 ** rng.uniform(-8, 0, half), farthest * rng.uniform(0, 1, half)])
-    direction = rng.normal(size=(2 * half, links - 2))
-    y = radius[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    y[0] = 0.0
-    best, spread = np.inf, 0.3
-    for _ in range(ZOOMS):
-        y = y[np.abs(y).max(axis=1) <= OPTIONS.farthest]
-        q = center + y @ null.T
-        values = objectives(step, q) @ weights
-        values[~is_admissible(step, q)] = np.inf
-        order = np.argsort(values)[:KEPT]
-        best, kept = min(best, values[order[0]]), y[order]
-        about = rng.normal(size=(len(kept), POINTS, links - 2)) * spread * np.linalg.norm(kept, axis=1)[:, None, None]
-        y = np.concatenate([kept, (kept[:, None] + about).reshape(-1, links - 2)])
-        spread *= 0.45
-    return float(best)
+    radius = np.concatenate([[0.0], farthest * 10 ** rng.uniform(-8, 0, half), farthest * rng.uniform(0, 1, half)])
+    direction = rng.normal(size=(len(radius), links - 2))
+    first = radius[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    drawn = values(first)
+    best = drawn.min(axis=0)
+    for k in range(len(weights)):
+        kept, spread = first[np.argsort(drawn[:, k])[:KEPT]], 0.3
+        for _ in range(ZOOMS):
+            about = rng.normal(size=(KEPT, POINTS, links - 2)) * spread * np.linalg.norm(kept, axis=1)[:, None, None]
+            y = np.concatenate([kept, (kept[:, None] + about).reshape(-1, links - 2)])
+            found = values(y)[:, k]
+            kept, spread = y[np.argsort(found)[:KEPT]], 0.4 * spread
+            best[k] = min(best[k], found.min())
+    least: np.ndarray = best
+    return least
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the comparison from the command line."""
+    options = study_parser(__doc__, quick="2 arms of each kind, 3 steps of each").parse_args(arguments)
+    report(exactness_rows(2, 3) if options.quick else exactness_rows(40, 7), json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
