@@ -103,8 +103,8 @@ def nondominated(population: Population) -> Population:
 def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
     """Return the point with the least weighted sum of objectives, scaled to the range of the front (Eqs. 19, 20)."""
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
-    z = np.where(width > 0, (F - ideal) / np.where(width > 0, width, 1.0), 0.0)  # Eq. 20
-    return int(np.argmin(z @ weights))  # Eq. 19
+    z = np.where(width > 0, (F - ideal) / np.where(width > 0, width, 1.0), 0.0)  # Eq. 19
+    return int(np.argmin(z @ weights))  # Eq. 20
 
 
 def _explain_no_step(step: ControlStep) -> str:
