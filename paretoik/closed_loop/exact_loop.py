@@ -18,7 +18,8 @@ from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
 from paretoik.closed_loop.programs import trace_nodes
 from paretoik.closed_loop.workspace import OPTIONS as ENGINE
 from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
-from paretoik.errors import Infeasible, InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, check_size
+from paretoik.inputs import finite_array
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 
@@ -54,19 +55,19 @@ def exact_steps(
 
     Which steps are admissible, ``ClosedLoop`` says: joints move by ``longest_step`` at most [rad] and keep their limits
     on position and velocity; of steps of any length (np.inf) the end alone is clear of obstacles, of others all the
-    way. No admissible step is better by more than the tolerance of the options. Raises InvalidInput for arms that are
-    not planar, at the origin, with three or four joints, and for tasks that are not positions in the plane; Infeasible
-    where no step is admissible.
+    way. It is proven that no admissible step is better by more than the tolerance of the options, as long as their
+    ``cells`` suffice; of four links beside obstacles, by more than ``boundary_factor`` times that, and a search along
+    the boundary goes on from there. Raises InvalidInput for a weight that is not
+    from 0 to 1, for arms that are not planar, at the origin, with three or four joints, and for tasks that are not
+    positions in the plane; Infeasible where no step is admissible or the arm is singular.
     """
     from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
 
-    lengths = link_lengths(task.arm)
-    if task.rows != 2 or task.targets.shape[1] != 2:
-        raise InvalidInput(f"exact steps: a path of positions in the plane wanted, got {task.rows} rows")
+    lengths = _checked_lengths(task, weight)
     moves, positions = step_limits(task, longest_step)
     shape = moves.shape
     q = np.empty(shape[:2])
-    q[0] = start
+    q[0] = finite_array("start", start, shape[1:2])
     reached = best_steps(
         np.ascontiguousarray(task.targets),
         np.ascontiguousarray(np.moveaxis(moves, -1, 0)),
@@ -78,7 +79,7 @@ def exact_steps(
         q,
     )
     if reached < len(q):
-        raise Infeasible(f"step {reached}: an admissible configuration wanted, there is none")
+        raise _no_step(reached)
     return q
 
 
@@ -87,14 +88,18 @@ def exact_step(step: ControlStep, *, weight: float, options: ExactStepOptions = 
     from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
 
     task = step.task
-    lengths = link_lengths(task.arm)
+    lengths = _checked_lengths(task, weight)
     targets, q = np.tile(step.target, (2, 1)), np.tile(step.previous, (2, 1))
     moves = np.stack([np.tile(step.lower, (2, 1)), np.tile(step.upper, (2, 1))])
     unlimited = np.broadcast_to(np.array([-np.inf, np.inf])[:, None, None], moves.shape).copy()
     steps = planar_steps(task, lengths, step.swept, step.standoff, options)
     if best_steps(targets, moves, unlimited, np.array(step.home), float(weight), options, steps, q) < 2:
-        raise Infeasible(f"step {step.sample}: an admissible configuration wanted, there is none")
+        raise _no_step(step.sample)
     return q[1]
+
+
+def _no_step(sample: int) -> Infeasible:
+    return Infeasible(f"step {sample}: an admissible configuration wanted, there is none, or the arm is singular")
 
 
 def planar_steps(
@@ -102,6 +107,7 @@ def planar_steps(
 ) -> PlanarSteps:
     """Return the arrays of a step, and what all steps keep."""
     n = len(lengths)
+    check_size("cells", options.cells, 2 * n + 4)
     constraints = StepConstraints(
         trace_nodes(task).arrays,
         tabulate(task.obstacles),
@@ -130,6 +136,16 @@ def planar_steps(
         clearance=np.zeros(1),
         cells=np.empty((options.cells, 8)),
     )
+
+
+def _checked_lengths(task: MotionTask, weight: float) -> Float[np.ndarray, " dof"]:
+    """Return the lengths of the links of a task's arm [m]; raise InvalidInput as ``exact_steps`` does."""
+    lengths = link_lengths(task.arm)
+    if task.rows != 2 or task.targets.shape[1] != 2:
+        raise InvalidInput(f"exact steps: a path of positions in the plane wanted, got {task.rows} rows")
+    if not 0.0 <= weight <= 1.0:
+        raise InvalidInput(f"weight: between 0 and 1 wanted, got {weight!r}")
+    return lengths
 
 
 def link_lengths(arm: Arm, *, tolerance: float = 1e-12) -> Float[np.ndarray, " dof"]:

@@ -46,7 +46,8 @@ def best_steps(targets, moves, positions, home, weight, options, s, q):
 @compiled
 def best_step(home, target, weight, options, s, q):
     """Write the best step's joint positions to ``q``; return whether there is one that is admissible."""
-    linearise(home, target, s)
+    if not linearise(home, target, s):
+        return False
     s.clearance[0] = clearance_at_start(s.start, s.constraints, s.workspace)
     corners, place = write_region(options.farthest, s), np.zeros(2)
     rounding = options.rounding * s.lengths.sum()

@@ -45,7 +45,10 @@ class PlanarSteps(NamedTuple):
 
 @compiled
 def linearise(home, target, s):
-    """Write the steps from ``s.start.previous`` to a target [m]; ``home`` is where the loop began."""
+    """Write the steps from ``s.start.previous`` to a target [m]; ``home`` is where the loop began.
+
+    Return whether there are any: none from where the arm is singular.
+    """
     previous, lengths = s.start.previous, s.lengths
     n = lengths.shape[0]
     jacobian = np.zeros((2, n))
@@ -58,6 +61,8 @@ def linearise(home, target, s):
             jacobian[0, j] -= dy
             jacobian[1, j] += dx
     left, sizes, right = np.linalg.svd(jacobian)
+    if not sizes[1] > s.options.singular_ratio * sizes[0]:
+        return False
     s.target[:] = target
     s.origin[:] = previous
     for i in range(2):
@@ -68,7 +73,7 @@ def linearise(home, target, s):
         center = 0.0
         for k in range(n):
             s.null_space[k, j] = right[2 + j, k]
-            center -= 0.5 * right[2 + j, k] * (s.origin[k] - home[k])
+            center -= 0.5 * right[2 + j, k] * (s.origin[k] - home[k])  # where Eq. 17 is least
         for k in range(n):
             s.origin[k] += center * right[2 + j, k]
     for k in range(n):
@@ -82,6 +87,7 @@ def linearise(home, target, s):
         slope = np.hypot(s.slopes[k, 0], s.slopes[k, 1])
         s.bends[0] += lengths[k] * slope**2
         s.bends[1] += lengths[k] * slope**3
+    return True
 
 
 @compiled

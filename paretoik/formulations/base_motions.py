@@ -76,9 +76,9 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     return q
 
 
-def require_values(task: MotionTask, q: JointPaths) -> None:
+def require_values(task: MotionTask, motions: Motion) -> None:
     """Raise EvaluationFailed, with the first cause, where objectives and limits of no motion have values."""
-    causes = evaluate_motions(task, task.motion(q))[2]
+    causes = evaluate_motions(task, motions)[2]
     if all(causes):
         raise EvaluationFailed(f"every evaluation failed, the first with: {causes[0]}")
 

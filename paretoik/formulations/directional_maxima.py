@@ -23,7 +23,7 @@ from paretoik.capability.directional_program import DirectionalProgram
 from paretoik.capability.joint_capability import values_at
 from paretoik.capability.posture_samples import sample_holdable_postures, stationary_task
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.base_motions import evaluate_motions
+from paretoik.formulations.base_motions import evaluate_motions, require_values
 from paretoik.formulations.configurations import Configuration, Configurations
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.own_functions import WholeProgram, function_task
@@ -128,13 +128,16 @@ class DirectionalMaxima(DenseFormulation):
         self._check_functions()
 
     def _check_functions(self) -> None:
-        """Raise InvalidInput for a function that is the same in all postures."""
-        F, limits, _ = evaluate_motions(self.functions, self._motions(self.bases))
-        names = [*(each.name for each in self.functions.objectives), *self.functions.limit_names]
-        for name, values in zip(names, np.hstack([F, limits]).T, strict=True):
+        """Raise for functions without values, and InvalidInput for an objective that is the same in all postures."""
+        motions = self._motions(self.bases)
+        require_values(self.functions, motions)
+        for objective, values in zip(
+            self.functions.objectives, evaluate_motions(self.functions, motions)[0].T, strict=True
+        ):
             if len(values) > 1 and np.ptp(values) == 0:
                 raise InvalidInput(
-                    f"{name}: a function of the posture wanted, got one that is the same in all: the arm stands still"
+                    f"{objective.name}: a function of the posture wanted, got one that is the same in all: the arm "
+                    "stands still"
                 )
 
     @cached_property

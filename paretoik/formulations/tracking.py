@@ -244,7 +244,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
         """Return how optima are found from nothing: each objective planned, starts refined level by level."""
-        require_values(self.task, self._rollouts)
+        require_values(self.task, self.task.motion(self._rollouts))
         return MotionColdSearch(task=self.task, starts=starts, seed=seed, solver=solver, observe=observe)
 
     def plan(
@@ -257,7 +257,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         observe: Callable[[int, int, int], object] | None = None,
     ) -> Plan:
         """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
-        require_values(self.task, self._rollouts)
+        require_values(self.task, self.task.motion(self._rollouts))
         q = None if initial is None else positions_on_path(self.task, initial)
         return find_optima(self.task, starts=starts, seed=seed, initial=q, solver=solver, observe=observe)
 

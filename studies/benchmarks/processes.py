@@ -69,10 +69,14 @@ def _bar(items: Iterable[Item], text: str) -> Iterable[Item]:
 def _ended(job: Future[Result], empty: Callable[[], Result], what: Sequence[str], limit: float) -> Result:
     try:
         return job.result()
-    except (TimeoutError, ProcessExpired) as fault:
-        why = f"did not end within {limit:g} s" if isinstance(fault, TimeoutError) else "crashed"
-        tell(f"{', '.join(what)} {why}: counted as empty")
-        return empty()
+    except TimeoutError:
+        why = f"did not end within {limit:g} s"
+    except ProcessExpired:
+        why = "crashed"
+    except Exception as fault:  # a peer may raise anything: hours of others' runs are not lost for it
+        why = f"raised {type(fault).__name__}: {fault}"
+    tell(f"{', '.join(what)} {why}: counted as empty")
+    return empty()
 
 
 def rotated(names: Sequence[str], turns: int) -> list[str]:

@@ -9,6 +9,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr, wan_7r
 from paretoik.task.limits import Limits
+from paretoik.task.path_shapes import line
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.postures import posture
@@ -106,6 +107,19 @@ def test_joints_keep_their_limits():
     assert (q >= start - 0.05 - 1e-9).all()
     assert (q <= start + 0.4 + 1e-9).all()
     assert np.abs(np.diff(q, axis=0)).max() <= 3.0 * loop.task.times[1] + 1e-9
+
+
+def test_a_stretched_arm_has_no_step():
+    loop = ClosedLoop(marcos_nr(3), line([3.0, 0.0], [2.9, 0.0], duration=1.0, samples=3), start=np.zeros(3))
+    with pytest.raises(Infeasible, match=r"step 1: .* or the arm is singular"):
+        exact_steps(loop.task, loop.start, weight=0.5)
+
+
+@pytest.mark.parametrize("weight", [-0.1, 1.1, np.nan])
+def test_weights_are_from_0_to_1(weight):
+    loop = first_step(3)
+    with pytest.raises(InvalidInput, match="weight: between 0 and 1 wanted"):
+        exact_steps(loop.task, loop.start, weight=weight)
 
 
 def test_other_arms_are_refused():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import InvalidInput
+from paretoik.errors import EvaluationFailed, InvalidInput
 
 START, TARGET = [0.1, -0.15], [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
@@ -237,3 +237,32 @@ def test_what_cannot_be_served_is_refused_by_name(make, message):
     with pytest.raises(InvalidInput, match=message) as error:
         make()
     assert "\n" not in str(error.value)
+
+
+def test_a_limit_on_rates_that_motions_at_their_quickest_keep_still_reads_times():
+    quick = way([])
+    motions = quick.decode(quick.sample_starts(50, np.random.default_rng(0)))
+    most = 1.2 * np.abs(motions.dq[..., 0]).max()
+
+    @pk.objective(unit="rad", form="integral")
+    def beyond(motion):
+        return np.maximum(np.abs(motion.dq[..., 0]) - most, 0.0)
+
+    assert not np.any(beyond(motions))
+    assert way([beyond]).own_times
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda own: pk.PointToPoint(ARM, MOTORS, START, TARGET, energy=False, objectives=[own]),
+        lambda own: pk.DirectionalMaxima(ARM, MOTORS, START, WAYS, objectives=[own]),
+    ],
+)
+def test_a_function_without_values_is_named_at_once(make):
+    @pk.objective(unit="", form="general")
+    def nothing(motion):
+        return np.full(motion.q.shape[:-2], np.nan)
+
+    with pytest.raises(EvaluationFailed, match=r"every evaluation failed.*objective nothing"):
+        make(nothing)

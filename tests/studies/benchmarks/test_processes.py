@@ -13,7 +13,12 @@ from studies.benchmarks import processes
 
 
 @pytest.mark.parametrize(
-    ("work", "words", "reason"), [(time.sleep, [60], "did not end within 1 s"), (os.abort, [], "crashed")]
+    ("work", "words", "reason"),
+    [
+        (time.sleep, [60], "did not end within 1 s"),
+        (os.abort, [], "crashed"),
+        (float, ["x"], "raised ValueError: could not convert string to float: 'x'"),
+    ],
 )
 def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, work, words, reason):
     with ProcessPool(1, context=get_context("spawn")) as pool:
