@@ -36,6 +36,7 @@ class ExactStepOptions(NamedTuple):
     boundary_factor: float = 1e4  # of the tolerance: as much in cells across the boundary of an obstacle
     boundary_span: float = 0.03  # of the radius of steps: so far along a boundary its best step is sought at first
     narrowest_span: float = 3e-6  # and at last
+    boundary_standoff: float = 1e-8  # of the span: steps keep this far from a boundary, on which rounding would decide
     boundary_rounds: int = 30
     boundary_iterations: int = 32
 

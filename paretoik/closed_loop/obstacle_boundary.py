@@ -26,7 +26,17 @@ def follow_boundary(best, weights, options, s, place):
         steepness = np.hypot(fu, fv)
         if not steepness > 0.0:
             break
-        arguments = u, v, fu / steepness, fv / steepness, span, options.boundary_iterations, weights, s
+        arguments = (
+            u,
+            v,
+            fu / steepness,
+            fv / steepness,
+            span,
+            options.boundary_iterations,
+            options.boundary_standoff,
+            weights,
+            s,
+        )
         value, shift = golden_section(_boundary_value, arguments, -span, span, options.boundary_iterations)
         is_better = value < best
         if is_better:
@@ -41,18 +51,21 @@ def follow_boundary(best, weights, options, s, place):
 @compiled
 def _boundary_step(shift, arguments):
     """Return the step on the boundary so far to the side of the first step; NaN where there is none."""
-    u, v, nu, nv, span, iterations, _, s = arguments
+    u, v, nu, nv, span, iterations, standoff, _, s = arguments
     u, v = u - shift * nv, v + shift * nu
     if not is_admissible(u + span * nu, v + span * nv, s):
         return np.nan, np.nan
     along = bisect(_admissible_along, (u, v, nu, nv, s), span, -span, iterations)
+    clear = along + standoff * span
+    if is_admissible(u + clear * nu, v + clear * nv, s):  # not so near that rounding says which side it is on
+        along = clear
     return u + along * nu, v + along * nv
 
 
 @inlined
 def _boundary_value(shift, arguments):
     u, v = _boundary_step(shift, arguments)
-    value, _, _ = weighted_sum(arguments[6][0], arguments[6][1], u, v, arguments[7])
+    value, _, _ = weighted_sum(arguments[7][0], arguments[7][1], u, v, arguments[8])
     return value if value < np.inf else np.inf
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from paretoik.capability.smooth_functions import constraint_terms, objective_term, smooth_term
 from paretoik.capability.term_rows import LanesOf, TermRows
-from paretoik.formulations.base_motions import evaluate_motions
+from paretoik.formulations.base_motions import evaluate_motions, require_values
 from paretoik.nlp.traced import AssembledRows
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import Constraint
@@ -36,8 +36,10 @@ def function_task(
 def read_times(task: MotionTask, motions: Motion) -> bool:
     """Return whether an objective or constraint of motions changes where some of it takes longer than the rest.
 
-    What a function does not see of motions at their pace, a limit on rates for one, it may see at others.
+    What a function does not see of motions at their pace, a limit on rates for one, it may see at others. Raises
+    EvaluationFailed where functions have no values.
     """
+    require_values(task, motions)
     shares = motions.time / motions.duration[:, None]
     for pace in (0.1, 1.0, 10.0):
         time = pace * motions.time

@@ -24,7 +24,7 @@ from paretoik.capability.point_to_point_program import PointToPointProgram
 from paretoik.capability.posture_samples import stationary_task
 from paretoik.capability.timing import Timing, minimum_timing, require_weight
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.base_motions import evaluate_motions, require_values
+from paretoik.formulations.base_motions import evaluate_motions
 from paretoik.formulations.dense_formulation import DenseFormulation, front_sliders, slider_shares
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
 from paretoik.formulations.own_functions import WholeProgram, function_task, read_times
@@ -131,7 +131,6 @@ class PointToPoint(DenseFormulation):
             arm, actuation, *ends, samples=samples, coefficients=coefficients, bases=bases, seed=seed
         )
         self.base_count, size = len(self.initial_paths.q), self.initial_paths.size
-        require_values(self.functions, self._base_motions)
         self.own_times = read_times(self.functions, self._base_motions)
         sizes = [1, size, size * isinstance(actuation, DistributedActuation), (samples - 1) * self.own_times]
         super().__init__(
