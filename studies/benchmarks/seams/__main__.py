@@ -1,6 +1,6 @@
 """Seams with a free tool axis beside a ladder graph over tool angles; losses first.
 
-    python -m studies.benchmarks.seams [--quick] [--cells NAME ...] [--json FILE]
+    python -m studies.benchmarks.seams [--quick] [--cells NAME ...] [--alone] [--json FILE]
 
 A wavy seam of 1 m and a fillet all around a pipe, welded by an industrial arm of six joints, the same on a rail, and an
 arm of seven joints; the tool's axis is given, its angle about it is free. Ours is ``pk.plan`` at its defaults, in a
@@ -55,7 +55,7 @@ def descartes_motion(frames: np.ndarray, speed: np.ndarray, resolution: float) -
 def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) -> list[Row]:
     """Return the rows of a seam: both costs beside graphs of all resolutions, time and memory."""
     times, frames = SEAMS[seam](samples, cell)
-    name, rows, fits = f"{cell}, {seam}, {samples} samples", list[Row](), resolutions[0]
+    name, rows, fits = f"{cell}, {seam}, {samples} samples", list[Row](), next(iter(resolutions), np.nan)
     if cell == "6R" and descartes.is_installed():
         speed = np.asarray(CELLS[cell]().arm.velocity_limits) * np.diff(times)[0] * (1 + 1e-9)
         for resolution in resolutions:
@@ -127,13 +127,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
     parser = study_parser(__doc__, quick="51 samples, the coarsest graphs")
     parser.add_argument("--cells", nargs="+", choices=sorted(CELLS), default=list(CELLS), metavar="NAME")
+    parser.add_argument("--alone", action="store_true", help="no graphs beside: what ours takes on a quiet machine")
     options = parser.parse_args(arguments)
     rows = []
     for cell in options.cells:
         for seam in SEAMS:
             for samples in (51,) if options.quick else (51, 101, 401, 1401):
                 chosen = RESOLUTIONS[cell][:1] if options.quick else RESOLUTIONS[cell]
-                rows += seam_rows(cell, seam, samples, chosen)
+                rows += seam_rows(cell, seam, samples, () if options.alone else chosen)
     report(losses_first(rows), json_file=options.json)
 
 
