@@ -74,9 +74,9 @@ def test_a_function_that_fails_for_one_motion_fails_it_alone(rollouts):
     np.testing.assert_array_equal(np.isnan(F[:, 1]), failing)
     assert np.isfinite(F[:, 0]).all()
     assert [cause == "objective picky raised ZeroDivisionError: over 0.3" for cause in causes] == failing.tolist()
-    require_values(fussy, rollouts)
+    require_values(fussy, fussy.motion(rollouts))
     with pytest.raises(EvaluationFailed, match="every evaluation failed, the first with: objective picky raised"):
-        require_values(fussy, rollouts[failing])
+        require_values(fussy, fussy.motion(rollouts[failing]))
 
 
 @pytest.mark.usefixtures("unchecked")
