@@ -37,6 +37,8 @@ class ExactStepOptions(NamedTuple):
     boundary_span: float = 0.03  # of the radius of steps: so far along a boundary its best step is sought at first
     narrowest_span: float = 3e-6  # and at last
     boundary_standoff: float = 1e-8  # of the span: steps keep this far from a boundary, on which rounding would decide
+    narrower: float = 0.2  # the span of a round, as a share of the one before that had the least value well within
+    wider: float = 2.0  # and where it had not
     boundary_rounds: int = 30
     boundary_iterations: int = 32
 

@@ -12,8 +12,6 @@ from paretoik.closed_loop.null_space_steps import is_admissible, weighted_sum
 from paretoik.compilation import compiled, inlined
 from paretoik.nlp.compiled.scalar_search import bisect, golden_section
 
-NARROWER, WIDER = 0.2, 2.0  # the span of a round, as a share of the one before: that had the least value within, or not
-
 
 @compiled
 def follow_boundary(best, weights, options, s, place):
@@ -42,7 +40,7 @@ def follow_boundary(best, weights, options, s, place):
         if is_better:
             best = value
             place[0], place[1] = _boundary_step(shift, arguments)
-        span *= WIDER if is_better and abs(shift) > 0.5 * span else NARROWER
+        span *= options.wider if is_better and abs(shift) > 0.5 * span else options.narrower
         if span < narrowest:
             break
     return best

@@ -111,8 +111,8 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
     elif smallest > OPTIONS.singular * largest:
         damping, without = goal.damping, step(0.0, DONE)
     else:
-        still = step(1.0, HELD, np.clip(np.zeros_like(root), *limits.bounds.T))
-        return replace(still, free=still.rates)
+        still = _still(root, limits)
+        return replace(step(1.0, HELD if limits.keep(still, still) else LIMITED, still), free=still)
     if limits.keep(without.free, without.free):
         return without
     identity = np.eye(len(root))
@@ -125,6 +125,16 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
     if rates is None:
         rates = np.clip(relaxed.free, *limits.bounds.T)
     return replace(relaxed, rates=rates, status=relaxed.status if limits.keep(rates, relaxed.free) else LIMITED)
+
+
+def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndarray, " dof"]:
+    """Return the least rates that keep the limits, or, where no rates do, those within the bounds of joints."""
+    zeros, identity = np.zeros_like(root), np.eye(len(root))
+    rates: np.ndarray = np.clip(zeros, *limits.bounds.T)
+    if limits.slack(rates).min() >= 0:
+        return rates
+    found = _nearest(zeros, identity, root, identity, limits)
+    return rates if found is None else found
 
 
 def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, limits: StepLimits) -> np.ndarray | None:

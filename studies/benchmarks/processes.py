@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -14,6 +13,8 @@ from typing import Any, TypeVar
 from pebble import ProcessExpired, ProcessPool
 from rich.console import Console
 from rich.progress import track
+
+from studies.reporting import tell
 
 Key = TypeVar("Key", bound=tuple[str, ...])
 Item = TypeVar("Item")
@@ -83,8 +84,3 @@ def rotated(names: Sequence[str], turns: int) -> list[str]:
     """Return names in an order that turns with every seed, so that none always comes first."""
     first = turns % len(names)
     return [*names[first:], *names[:first]]
-
-
-def tell(text: str) -> None:
-    """Say how far a benchmark is, on stderr."""
-    print(text, file=sys.stderr, flush=True)

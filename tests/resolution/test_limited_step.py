@@ -97,3 +97,18 @@ def test_bounds_are_kept_where_a_distance_cannot_be():
     step = limited_step(goal, limits)
     assert STATUS[step.status] == "limited"
     np.testing.assert_allclose(step.rates, 0.1, atol=1e-7)
+
+
+def test_an_arm_that_is_held_still_moves_away_from_an_obstacle():
+    goal = StepGoal(
+        jacobian=np.ones((2, 3)),
+        task_rates=np.ones(2),
+        secondary=np.zeros(3),
+        inverse_weights=np.ones(3),
+        region=0.0,
+        damping=0.0,
+    )
+    limits = bounded(np.ones(3), distances=(np.array([[1.0, 0.0, 0.0]]), np.array([0.5])))
+    step = limited_step(goal, limits)
+    np.testing.assert_allclose(step.rates, [0.5, 0.0, 0.0], atol=1e-6)
+    assert STATUS[step.status] == "held"

@@ -16,7 +16,8 @@ from studies.benchmarks.fronts.cases import CASES, POPULATION, Budget, Kind, Run
 from studies.benchmarks.fronts.methods import CELLS, OURS, PLAIN, PYGMO, PYMOO, cell_run, ours, pygmo_run, pymoo_run
 from studies.benchmarks.fronts.sweeps import OURS as EPSILON
 from studies.benchmarks.fronts.sweeps import SOLVERS, Form, epsilon_run, form_of
-from studies.benchmarks.processes import processes, rotated, run_seeds, tell
+from studies.benchmarks.processes import processes, rotated, run_seeds
+from studies.reporting import tell
 
 Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every seed by method, case and budget
 Result = TypeVar("Result")
