@@ -10,13 +10,13 @@ from .closed_loop.objectives import joint_displacement as joint_displacement
 from .closed_loop.objectives import position_error as position_error
 from .closed_loop.objectives import rotation_error as rotation_error
 from .closed_loop.objectives import step_objective as step_objective
-from .errors import EvaluationFailed as EvaluationFailed
 from .errors import Infeasible as Infeasible
 from .errors import InvalidInput as InvalidInput
 from .errors import ParetoikError as ParetoikError
 from .formulations.closed_loop import ClosedLoop as ClosedLoop
 from .formulations.directional_maxima import DirectionalMaxima as DirectionalMaxima
 from .formulations.point_to_point import PointToPoint as PointToPoint
+from .formulations.posture import Posture as Posture
 from .formulations.time_optimal import TimeOptimalControl as TimeOptimalControl
 from .formulations.tracking import Tracking as Tracking
 from .formulations.tuning import Tuning as Tuning

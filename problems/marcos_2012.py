@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik import ClosedLoop, Path, arms, circle, obstacles
+from paretoik import ClosedLoop, Path, Posture, arms, circle, obstacles
 from paretoik.task.obstacles import Obstacle
 
 RATE = 7.0  # rad/s
@@ -92,6 +92,13 @@ def circle_3r_obstacles() -> ClosedLoop:
 def circle_4r_obstacles() -> ClosedLoop:
     """Two turns of a circle with four links, clear of two obstacles."""
     return loop(4, 0.7, blocked=True)
+
+
+def first_posture(links: Links = 4, distance: float = 0.7, *, blocked: bool = True) -> Posture:
+    """Return the search for the posture in which a loop begins, clear of the obstacles where it is (section 4.2)."""
+    return Posture(
+        arms.marcos_nr(links), round_trip(distance, 3), obstacles=paper_obstacles(distance) if blocked else []
+    )
 
 
 def _rectangle(upper_left: tuple[float, float], lower_right: tuple[float, float]) -> obstacles.Box:

@@ -20,7 +20,7 @@ from paretoik.task.curves import Line
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import joint_travel
-from paretoik.task.path import Path
+from paretoik.task.path import sample_curve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,8 +117,7 @@ def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
 
 def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:
     """Return the task of a tool that stays where it is."""
-    point = Line(position, np.zeros_like(position), None, np.zeros(3))
-    path = Path(np.array([0.0, 0.5, 1.0]), np.tile(position, (3, 1)), None, point)
+    path = sample_curve(Line(position, np.zeros_like(position), None, np.zeros(3)), np.array([0.0, 0.5, 1.0]))
     return motion_task(arm, path, objectives=[joint_travel], redundant=False)
 
 

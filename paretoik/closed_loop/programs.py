@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
 from paretoik.errors import InvalidInput
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.path import Path
 from paretoik.task.task import path_errors
 from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 
@@ -48,7 +47,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
     Raises InvalidInput, naming the objective and what it did, where an objective cannot be traced.
     """
-    motion, dof = trace_sample(_short_task(task, dt)), task.arm.dof
+    motion, dof = trace_sample(task.standing(dt * np.arange(HISTORY + 1))), task.arm.dof
     trace = motion.trace
     home, target = trace.inputs(dof), trace.inputs(task.targets.shape[1])
     error, rotations = traced_errors(motion, task, list(target.entries)), rotation_rows(task)
@@ -92,12 +91,3 @@ def trace_nodes(task: MotionTask) -> Evaluator:
     """Return the evaluator, from joint positions, of x, y and z [m] of the arm's base, joints and tool in turn."""
     motion = trace_sample(task)
     return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])
-
-
-def _short_task(task: MotionTask, dt: float) -> MotionTask:
-    """Return the task of the few samples before a step's end: objectives that are means over time take those of it."""
-    times = dt * np.arange(HISTORY + 1)
-    path, first = task.tasks[0].path, np.zeros(len(times), dtype=int)
-    quaternions = None if path.quaternions is None else path.quaternions[first]
-    short = Path(times, path.positions[first], quaternions, path.curve)
-    return replace(task, tasks=(replace(task.tasks[0], path=short), *task.tasks[1:]))

@@ -101,7 +101,7 @@ class ClosedLoop:
         self.n_obj = len(self.objectives)
         if len(set(self.names)) != self.n_obj:
             raise InvalidInput(f"objectives: names must differ, got {', '.join(self.names)}")
-        check_limits(limits)
+        check_limits(limits, kept=("position", "velocity", "clearance"), where="in a closed loop")
         self.task = motion_task(
             arm,
             path,

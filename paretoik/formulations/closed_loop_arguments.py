@@ -12,7 +12,7 @@ from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import InvalidInput
 from paretoik.front.preferences import Weights
 from paretoik.inputs import finite_array
-from paretoik.task.limits import Limits
+from paretoik.task.limits import LIMITED, Limits
 from paretoik.task.motion_task import MotionTask
 
 
@@ -31,14 +31,14 @@ def normalise_weights(
     return np.asarray(values / values.sum())
 
 
-def check_limits(limits: Limits | None) -> None:
-    """Raise InvalidInput for limits that a closed loop does not keep."""
+def check_limits(limits: Limits | None, *, kept: tuple[str, ...], where: str) -> None:
+    """Raise InvalidInput for limits of other kinds than are ``kept`` there."""
     if not isinstance(limits, Limits | None):
         raise InvalidInput(f"limits: Limits wanted, got {limits!r}")
-    for kind in ("acceleration", "torque", "power") if limits is not None else ():
+    for kind in LIMITED if limits is not None else ():
         limit = getattr(limits, kind)
-        if limit is not None and not (isinstance(limit, float) and limit == np.inf):
-            raise InvalidInput(f"limits: of position, velocity and clearance wanted in a closed loop, got {kind}")
+        if kind not in kept and limit is not None and not (isinstance(limit, float) and limit == np.inf):
+            raise InvalidInput(f"limits: of {', '.join(kept[:-1])} and {kept[-1]} wanted {where}, got {kind}")
 
 
 def check_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:

@@ -13,7 +13,7 @@ from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array, positive_number
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
-from paretoik.task.curves import CLOSURE_TOLERANCE, Curve
+from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line
 
 Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
@@ -102,6 +102,12 @@ class Path:
         if sample_count(samples) > self.samples:
             raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
         return self._select(np.arange(samples))
+
+    def standing(self, times: Times) -> Path:
+        """Return the path of a tool that stays where this one begins, at other times (time,) [s]."""
+        quaternion = None if self.quaternions is None else self.quaternions[0]
+        start = self.positions[0]
+        return sample_curve(Line(start, np.zeros_like(start), quaternion, np.zeros(3)), times)
 
     def _select(self, index: np.ndarray) -> Path:
         quaternions = None if self.quaternions is None else self.quaternions[index]

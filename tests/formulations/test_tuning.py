@@ -324,7 +324,7 @@ def test_a_control_that_fails_is_infeasible_beside_others(monkeypatch):
 
     def fail_first(*arguments, horizon, **settings):
         if horizon == int(problem.method(genes).horizon[0]):
-            raise pk.EvaluationFailed("no plan")
+            raise pk.errors.EvaluationFailed("no plan")
         return original(*arguments, horizon=horizon, **settings)
 
     assert len(set(problem.method(genes).horizon.tolist())) == 2

@@ -7,6 +7,7 @@ Rows that extend the Jacobian to a square matrix are searched for (Marcos et al.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,15 +16,17 @@ from pymoo.core.population import Population
 from pymoo.core.problem import Problem
 from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
+from pymoo.core.selection import Selection
 
 from paretoik.arrays import Genes, Objectives
 from paretoik.closed_loop.control_step import ControlStep, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.closed_loop.workspace import OPTIONS
+from paretoik.search.constraints import Integers
 from paretoik.search.maximin import MaxiMin
+from paretoik.search.row_operators import ReplaceOne, RowCrossover
 from paretoik.task.motion import Motion
 from paretoik.task.retraction import task_errors
-from studies.benchmarks.closed_loop.operators import BinaryTournament, ReplaceOne, RowCrossover
 
 
 def steps_to(step: ControlStep, q: Float[np.ndarray, "points dof"]) -> Step:
@@ -226,3 +229,15 @@ def replace_inadmissible(problem: StepProblem, genes: Genes, rng: np.random.Gene
 def _draw(problem: StepProblem, count: int, rng: np.random.Generator) -> Genes:
     genes: Genes = rng.uniform(problem.xl, problem.xu, size=(count, problem.n_var))
     return genes
+
+
+class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
+    """Of two individuals drawn with repetition the better: by rank, then by insertion distance, then by chance."""
+
+    def _do(self, problem: Any, pop: Any, *shape: int, random_state: np.random.Generator, **kwargs: Any) -> Integers:
+        rank = np.array([individual.data["rank"] for individual in pop])
+        distance = np.array([individual.data["crowding"] for individual in pop])
+        first, second = random_state.integers(len(pop), size=(2, *shape))
+        better = (rank[first] < rank[second]) | ((rank[first] == rank[second]) & (distance[first] >= distance[second]))
+        chosen: Integers = np.where(better, first, second)
+        return chosen

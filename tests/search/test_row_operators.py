@@ -4,7 +4,8 @@ from pymoo.core.individual import Individual
 from pymoo.core.population import Population
 from pymoo.core.problem import Problem
 
-from studies.benchmarks.closed_loop.operators import BinaryTournament, RankWeighting, ReplaceOne, RowCrossover
+from paretoik.search.row_operators import OneElite, RankWeighting, ReplaceOne, RowCrossover, Seeded
+from studies.benchmarks.closed_loop.step_problem import BinaryTournament
 
 
 class Box(Problem):
@@ -61,3 +62,27 @@ def test_rank_weighting_draws_the_best_most_often():
         individual.CV = np.zeros(1)
     drawn = RankWeighting()._do(Box(1), population, 30000, 1, random_state=np.random.default_rng(0))[:, 0]
     assert np.bincount(drawn) / len(drawn) == pytest.approx([1 / 6, 3 / 6, 2 / 6], abs=0.015)
+
+
+def evaluated(*values):
+    individuals = [Individual(X=np.array([f]), F=np.array([f])) for f in values]
+    for individual in individuals:
+        individual.CV = np.zeros(1)
+    return Population(individuals=individuals)
+
+
+def test_offspring_replace_their_parents_but_the_best_parent_that_replaces_the_worst_of_them():
+    pop = Population.merge(evaluated(1.0, 9.0, 8.0), evaluated(5.0, 7.0, 6.0))
+    assert sorted(OneElite()._do(Box(1), pop, n_survive=3).get("F")[:, 0]) == [1.0, 5.0, 6.0]
+
+
+def test_where_there_are_fewer_offspring_the_best_parents_stay():
+    pop = Population.merge(evaluated(1.0, 9.0, 8.0), evaluated(5.0))
+    assert sorted(OneElite()._do(Box(1), pop, n_survive=3).get("F")[:, 0]) == [1.0, 5.0, 8.0]
+
+
+def test_a_first_population_has_the_given_genes_in_it():
+    given = np.full((2, 3), 0.5)
+    rows = Seeded(given[:1])._do(Box(3), 8, random_state=np.random.default_rng(0))
+    assert rows.shape == (8, 3)
+    assert (rows == 0.5).all(axis=1).any()

@@ -1,0 +1,133 @@
+"""The first posture of a motion as a pymoo problem (Marcos et al. 2012, section 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pymoo.core.problem import Problem
+
+from paretoik.arrays import Genes
+from paretoik.closed_loop.control_step import rotation_rows
+from paretoik.closed_loop.open_loop import posture_bounds
+from paretoik.errors import InvalidInput
+from paretoik.formulations.base_motions import evaluate_motions, require_values
+from paretoik.formulations.closed_loop_arguments import check_limits
+from paretoik.robot.arm import Arm
+from paretoik.search.nsga2 import MaxiMinNSGA2
+from paretoik.search.row_operators import elitist_algorithm
+from paretoik.task.limits import Constraint, Limits
+from paretoik.task.motion import Motion
+from paretoik.task.motion_task_validation import motion_task
+from paretoik.task.objectives import Objective, joint_travel
+from paretoik.task.obstacles import Obstacle
+from paretoik.task.path import Path
+from paretoik.task.retraction import task_errors
+from paretoik.task.task import Task
+
+
+class Posture(Problem):  # type: ignore[misc]  # pymoo is not typed
+    """Search joint positions whose tool is where a path begins, clear of obstacles: a vectorised pymoo problem.
+
+    The objective is ``position_error`` [m], the distance of the tool from its target (Eqs. 18, 21, 22); where a task
+    asks for orientation it is ``tool_error``, the distance and the angle [m + rad]. A user's own come after it. The
+    paper's search (OLGA) is ``pk.solve(posture, population=1600, generations=200, stagnation=False)``: of the error
+    alone ``pk.solve`` runs the paper's genetic algorithm, of several objectives MaxiMinNSGA2. The motions of its fronts
+    stand still in their postures: ``front.motions.q[:, 0]``. Where a ``ClosedLoop`` is given no start it runs the same
+    search, compiled.
+
+    Parameters
+    ----------
+    arm, path
+        The arm, planar or spatial, and a Path, a Task or several of them, of which the first sample counts.
+    objectives, constraints
+        A user's own, decorated with ``@objective`` and ``@constraint``, of any form. They see the motion that the front
+        shows, three samples of an arm that stands in its posture for a second: velocities are 0, torques those of
+        gravity, an integral or a mean over time is what it is a second.
+    limits
+        On position, and on the torques that hold the arm, with a clearance; None the arm's own. Joints without limits
+        range over two turns, as in the paper, sliders over 1 m either way.
+    obstacles, link_radius
+        What the links, capsules of this radius [m], are clear of.
+
+    Genes are joint positions [rad, m].
+
+    Raises
+    ------
+    InvalidInput
+        Naming what cannot be used.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        path: Path | Task | Sequence[Path | Task],
+        *,
+        objectives: Sequence[Objective] = (),
+        constraints: Sequence[Constraint] = (),
+        limits: Limits | None = None,
+        obstacles: Sequence[Obstacle] = (),
+        link_radius: float = 0.0,
+    ) -> None:
+        check_limits(limits, kept=("position", "torque", "clearance"), where="of a posture")
+        checked = motion_task(
+            arm,
+            path,
+            objectives=objectives or [joint_travel],
+            constraints=constraints,
+            limits=limits,
+            obstacles=obstacles,
+            link_radius=link_radius,
+            redundant=False,
+        ).standing(np.linspace(0.0, 1.0, 3))
+        at_rest = {kind: bounds for kind, bounds in checked.bounds.items() if kind == "torque"}
+        self.task = replace(checked, objectives=tuple(objectives), bounds=at_rest)
+        self._rotations = rotation_rows(self.task)
+        turns = bool(self._rotations.any())
+        error = "tool_error" if turns else "position_error"
+        if error in (taken := [each.name for each in objectives]):
+            raise InvalidInput(f"objectives: names other than {error} wanted, got {', '.join(taken)}")
+        self.names = (error, *taken)
+        self.units = ("m + rad" if turns else "m", *(each.unit for each in objectives))
+        self.maximised = (False, *(each.maximise for each in objectives))
+        self.constraint_names = self.task.limit_names
+        low, high = posture_bounds(self.task).T
+        super().__init__(n_var=arm.dof, n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
+        require_values(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
+
+    def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
+        """Return the paper's genetic algorithm for the error alone, MaxiMinNSGA2 for several objectives."""
+        if self.n_obj == 1:
+            return elitist_algorithm(population, offspring=offspring, initial=initial)
+        return MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
+
+    def decode(self, genes: Genes) -> Motion:
+        """Return motions (points, 3, dof) that stand still in the postures of genes."""
+        return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
+
+    def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
+        """Return the first postures of motions within bounds, and by how much [rad, m] they miss each."""
+        first = np.array(motions.q[:, 0])
+        genes = np.clip(first, self.xl, self.xu)
+        return genes, np.abs(genes - first).max(axis=1)
+
+    def explain(self, genes: Genes) -> list[str]:
+        """Return for each individual why it is infeasible, in words; "" where it is feasible."""
+        return [self.task.describe_violation(motion) for motion in self.decode(genes)]
+
+    def fingerprint_parts(self) -> list[object]:
+        """Return what the problem is made of: arm, target, obstacles, limits, and functions by name."""
+        task = self.task
+        parts: list[object] = [task.arm.joint_names, task.targets[0], self.xl, self.xu, self.names, self.maximised]
+        parts += [task.limit_names, task.obstacles, task.link_radius, task.min_clearance]
+        return parts + [bounds for _, bounds in sorted(task.bounds.items())]
+
+    def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
+        task = self.task
+        error = task_errors(task.arm, task.tasks, X, task.targets[0])[0]
+        distance, angle = (np.linalg.norm(error[:, rows], axis=1) for rows in (~self._rotations, self._rotations))
+        own, limits, out["cause"] = evaluate_motions(task, self.decode(X), interruptible=False)
+        out["F"] = np.column_stack([distance + angle, own])  # Eq. 18
+        out["G"] = limits

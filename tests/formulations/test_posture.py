@@ -1,0 +1,150 @@
+"""First postures: laws on arms in the plane and in space, beside closed forms; what cannot be used is refused."""
+
+import numpy as np
+import pytest
+from pymoo.optimize import minimize
+
+import paretoik as pk
+from paretoik.robot.kinematics import forward_kinematics
+from problems import marcos_2012
+from tests.closed_loop.planar_geometry import joints_of, meets
+from tests.formulations.problems import panda
+
+ARM = pk.arms.marcos_nr(3)
+CIRCLE = marcos_2012.round_trip(0.7, 4)
+
+
+@pk.objective(unit="rad", form="general")
+def bend(motion):
+    return np.abs(motion.q[..., 0, :]).sum(axis=-1)
+
+
+@pk.objective(unit="N m", form="peak")
+def holding_torque(motion):
+    return np.abs(motion.torque).max(axis=-1)
+
+
+def panda_pose():
+    arm = panda()
+    return arm, pose_of(arm, np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.4]))
+
+
+def pose_of(arm, q):
+    rotation, position = forward_kinematics(arm, q)
+    return pk.Pose.from_matrix(rotation, position)
+
+
+@pytest.mark.parametrize("links", [3, 4])
+def test_solve_finds_a_posture_near_the_path_and_clear_of_obstacles(links):
+    problem = marcos_2012.first_posture(links)
+    front = pk.solve(problem, population=200, generations=60, stagnation=False, seed=1, observe=False)
+    q = front.motions.q[0, 0]
+    assert len(front) == 1
+    assert front.names == ("position_error",)
+    assert front.objectives[0, 0] == pytest.approx(abs(joints_of(q)[-1] - complex(*problem.task.targets[0])), abs=1e-12)
+    assert front.objectives[0, 0] < 0.05
+    assert not meets(q, problem.task.obstacles)
+    np.testing.assert_array_equal(front.motions.q[0], np.tile(q, (3, 1)))
+    assert pk.ClosedLoop(problem.task.arm, CIRCLE, start=q).start is not None
+
+
+def test_the_best_never_becomes_worse_and_the_same_seed_gives_the_same_bits():
+    problem, best = marcos_2012.first_posture(3), []
+
+    def observe(progress):
+        best.append(progress.generation.front.min())
+
+    first, second = (
+        pk.solve(problem, population=40, generations=25, stagnation=False, seed=3, observe=observe) for _ in range(2)
+    )
+    assert (np.diff(best[: len(best) // 2]) <= 0).all()
+    assert best[: len(best) // 2] == best[len(best) // 2 :]
+    np.testing.assert_array_equal(first.genes, second.genes)
+
+
+def test_given_postures_are_not_lost():
+    problem = pk.Posture(ARM, CIRCLE)
+    q = pk.solve(problem, population=400, generations=120, stagnation=False, observe=False).genes
+    front = pk.solve(problem, population=8, generations=3, initial=q, observe=False)
+    assert front.objectives[0, 0] <= problem.evaluate(q, return_values_of=["F"])[0, 0]
+    again = pk.solve(problem, population=8, generations=3, initial=problem.decode(q), observe=False)
+    assert again.objectives[0, 0] <= problem.evaluate(q, return_values_of=["F"])[0, 0]
+
+
+def test_the_error_of_a_pose_is_the_distance_and_the_angle():
+    arm, pose = panda_pose()
+    problem = pk.Posture(arm, pk.poses([0.0, 0.5, 1.0], [pose] * 3))
+    assert problem.names == ("tool_error",)
+    assert problem.units == ("m + rad",)
+    q = np.random.default_rng(0).uniform(problem.xl, problem.xu, (20, arm.dof))
+    F = problem.evaluate(q, return_values_of=["F"])[:, 0]
+    for row, value in zip(q, F, strict=True):
+        here = pose_of(arm, row)
+        turned = here.rotation.T @ pose.rotation
+        angle = np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1))
+        assert value == pytest.approx(np.linalg.norm(here.position - pose.position) + angle, rel=1e-9)
+
+
+def test_with_objectives_of_ones_own_there_is_a_front():
+    problem = pk.Posture(ARM, CIRCLE, objectives=[bend])
+    front = pk.solve(problem, population=80, generations=40, seed=0, observe=False)
+    assert front.names == ("position_error", "bend")
+    assert len(front) > 10
+    np.testing.assert_allclose(front.objectives[:, 1], np.abs(front.genes).sum(axis=1), rtol=1e-12)
+
+
+def test_torques_that_hold_the_arm_are_kept_within_their_limits():
+    arm, pose = panda_pose()
+    path = pk.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]), duration=1.0, samples=5)
+    problem = pk.Posture(arm, path, limits=pk.Limits(torque=20.0), objectives=[holding_torque])
+    front = pk.solve(problem, population=100, generations=60, seed=0, observe=False)
+    q = front.genes
+    assert np.abs(front.motions.torque[:, 0]).max() <= 20.0 * (1 + 1e-6)
+    np.testing.assert_allclose(front.objectives[:, 1], np.abs(front.motions.torque[:, 0]).max(axis=1), rtol=1e-9)
+    loads = np.abs(problem.decode(np.random.default_rng(0).uniform(problem.xl, problem.xu, (200, 7))).torque)[:, 0]
+    assert (loads.max(axis=1) > 20.0).any()
+    assert (q >= problem.xl).all()
+    assert (q <= problem.xu).all()
+
+
+def test_constraints_of_ones_own_are_kept():
+    @pk.constraint(unit="rad", upper=0.0)
+    def elbow_down(motion):
+        return motion.q[..., 1]
+
+    problem = pk.Posture(ARM, CIRCLE, constraints=[elbow_down])
+    front = pk.solve(problem, population=60, generations=30, seed=0, observe=False)
+    assert (front.genes[:, 1] <= 1e-6).all()
+
+
+def test_pymoo_takes_the_problem_with_any_algorithm():
+    result = minimize(marcos_2012.first_posture(3), pk.MaxiMinNSGA2(pop_size=60), ("n_gen", 40), seed=1)
+    assert result.F[0] < 0.2
+
+
+def test_a_target_within_an_obstacle_is_said_with_the_limit():
+    blocked = pk.Posture(ARM, CIRCLE, obstacles=[pk.obstacles.Circle([0.0, 0.0], 0.3)])
+    with pytest.raises(pk.Infeasible, match="clearance is") as caught:
+        pk.solve(blocked, population=20, generations=4, observe=False)
+    assert caught.value.limit == "clearance"
+
+
+NOT_OF_A_POSTURE = {
+    "limits: of position, torque and clearance wanted of a posture, got vel": {"limits": pk.Limits(velocity=1.0)},
+    "limits: Limits wanted, got 3": {"limits": 3},
+    "objectives: wants functions decorated with @objective": {"objectives": [np.sin]},
+    "objectives: wants a list": {"objectives": bend},
+    "names other than position_error wanted": {
+        "objectives": [pk.objective(unit="m", form="general", name="position_error")(np.sum)]
+    },
+    "link_radius: 0 m or more wanted": {"link_radius": -1.0},
+    "obstacles: a list of obstacles wanted": {"obstacles": [3]},
+    "path wants a Path": {"path": [0.7, 0.0]},
+}
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("words", NOT_OF_A_POSTURE)
+def test_what_cannot_be_used_is_named(words):
+    with pytest.raises(pk.InvalidInput, match=words):
+        pk.Posture(**{"arm": ARM, "path": CIRCLE, **NOT_OF_A_POSTURE[words]})
