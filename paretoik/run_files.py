@@ -26,8 +26,9 @@ RECORDING = "review.rrd"
 PICTURE = "front.png"
 CERTIFICATES = "certificates.png"
 STEPS = "steps.parquet"
+SEARCHES = "searches.npz"
 CHECKPOINT = "checkpoint"
-CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, CHECKPOINT)
+CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT)
 
 
 def replace_file(file: Path, content: bytes) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -12,13 +13,15 @@ import numpy as np
 from paretoik.api.progress import RunProgress
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import SolveSettings
-from paretoik.closed_loop.loop import StepRecord
+from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
+from paretoik.closed_loop.step_evolution import Generations
 from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
+from paretoik.formulations.closed_loop_arguments import check_steps
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
-from paretoik.review.recorder import Generation
-from paretoik.run_files import PICTURE, STEPS, replace_file
+from paretoik.review.recorder import Generation, SearchedStep
+from paretoik.run_files import PICTURE, SEARCHES, STEPS, replace_file
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
 
@@ -40,6 +43,7 @@ class LoopRun:
             population=settings.population, generations=settings.generations, seed=settings.seed
         )
         self.time_limit = settings.time_limit
+        self.record_steps = sorted(check_steps(settings.record_steps, len(self.problem.task.times) - 1))
         self.settings = {
             "weights": self.problem.named_weights,
             "population": self.problem.population,
@@ -47,6 +51,7 @@ class LoopRun:
             "seed": self.problem.seed,
             "warm_start": self.problem.warm_start,
             "time_limit": settings.time_limit,
+            "record_steps": self.record_steps,
         }
         self._run: ClosedLoopRun | None = None
 
@@ -72,7 +77,7 @@ class LoopRun:
             late = self.time_limit is not None and time.monotonic() - started >= self.time_limit
             return late or session.signal is not None
 
-        self._run = loop.run(observe=show, should_stop=is_over)
+        self._run = loop.run(record_steps=self.record_steps, observe=show, should_stop=is_over)
         status, done = "end of the path", len(self._run.q) - 1
         if done < steps:
             status = session.signal or "time limit"
@@ -80,18 +85,28 @@ class LoopRun:
         return self._run.front({**session.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Write the table of steps; unless a signal came, finish the recording with the motion, and draw it."""
+        """Write the table of steps, and the searches of those that were recorded.
+
+        Unless a signal came, finish the recording with the motion, and draw it.
+        """
         if session.folder is None or session.recorder is None:
             return
         run = self._run
         assert run is not None
         ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in their own sign
         _write_steps(run, ranges, session.folder / STEPS)
+        searched = [
+            _searched_step(run, record.sample, record.generations)
+            for record in run.fronts.values()
+            if record.generations is not None
+        ]
+        if searched:
+            _write_searches(run, searched, session.folder / SEARCHES)
         if session.signal is not None:
             return
         from paretoik.review.loop_plots import loop_picture  # here: matplotlib takes its time
 
-        session.recorder.finish(None, explain_choice(front))
+        session.recorder.finish(None, explain_choice(front), searched)
         loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
 
 
@@ -107,4 +122,51 @@ def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
         columns[f"best {name}"], columns[f"worst {name}"] = ranges[:, axis].T
     content = BytesIO()
     parquet.write_table(pa.table(columns), content)
+    replace_file(file, content.getvalue())
+
+
+def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) -> SearchedStep:
+    """Return the search of a step in the user's own sign, with the front and the choice of every generation."""
+    loop, fronts, chosen = run.loop, [], []
+    for F in generations.F:
+        front = nondominated_rows(F)
+        fronts.append(front)
+        chosen.append(front[choose(F[front], loop.weights)] if len(front) else -1)
+    target = np.zeros(3)
+    position = loop.task.tasks[0].path.positions[sample]
+    target[: len(position)] = position
+    return SearchedStep(
+        sample=sample,
+        arm=loop.task.arm,
+        objectives=generations.F * loop.signs,
+        q=generations.q,
+        fronts=fronts,
+        chosen=np.array(chosen),
+        target=target,
+    )
+
+
+def _write_searches(run: ClosedLoopRun, searched: Sequence[SearchedStep], file: Path) -> None:
+    """Write the recorded searches as plain arrays, a row a step.
+
+    ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives`` (steps, generations, individuals, n_obj) in
+    their own sign, ``q`` (steps, generations, individuals, dof), ``on_front`` (steps, generations, individuals) and
+    ``chosen`` (steps, generations), an individual, −1 where all failed.
+    """
+    on_front = np.zeros((len(searched), *searched[0].q.shape[:2]), dtype=bool)
+    for i, each in enumerate(searched):
+        for number, front in enumerate(each.fronts):
+            on_front[i, number, front] = True
+    content = BytesIO()
+    np.savez(
+        content,
+        allow_pickle=False,
+        steps=np.array([each.sample for each in searched]),
+        names=np.array(run.loop.names, dtype=np.str_),
+        units=np.array([each.unit for each in run.loop.objectives], dtype=np.str_),
+        objectives=np.array([each.objectives for each in searched]),
+        q=np.array([each.q for each in searched]),
+        on_front=on_front,
+        chosen=np.array([each.chosen for each in searched]),
+    )
     replace_file(file, content.getvalue())

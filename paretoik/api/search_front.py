@@ -42,6 +42,10 @@ class FrontSearch:
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
         check_formulation(problem)
+        if len(settings.record_steps):
+            raise InvalidInput(
+                f"record_steps: a ClosedLoop wanted, whose steps are searches, got {type(problem).__name__}"
+            )
         if settings.refine:
             check_solver(require_program("refine", problem).program(), settings.solver)
         elif settings.solver != "auto":

@@ -27,6 +27,7 @@ class SolveSettings:
     points: int | None = 200
     refine: bool = False
     solver: Solver = "auto"
+    record_steps: Sequence[int] = ()
 
     def __post_init__(self) -> None:
         """Check the flags."""

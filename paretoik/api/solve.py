@@ -42,6 +42,7 @@ def solve(
     refine: bool = False,
     solver: Solver = "auto",
     overwrite: bool = False,
+    record_steps: Sequence[int] = (),
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
@@ -82,6 +83,9 @@ def solve(
     solver
         Which solver ``refine`` uses: "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by
         Clarabel) for any; "auto" takes the first where it can.
+    record_steps
+        Steps of a closed loop, from 1 on, whose searches are kept generation by generation, in searches.npz and on the
+        recording's timelines ``generation`` and ``individual``: populations, fronts, what was chosen, and the arms.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -118,6 +122,7 @@ def solve(
         points=points,
         refine=refine,
         solver=solver,
+        record_steps=record_steps,
     )
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
     with run_session(

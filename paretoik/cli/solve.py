@@ -33,6 +33,10 @@ def solve(
         Literal["auto", "interior-point", "sqp"],
         typer.Option(help="What --refine uses: interior points (smooth functions), or SQP by Clarabel (any)."),
     ] = "auto",
+    record_step: Annotated[
+        list[int] | None,
+        typer.Option(help="Step of a closed loop whose generations are recorded; may be repeated.", show_default=False),
+    ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -57,6 +61,7 @@ def solve(
             refine=refine,
             solver=solver,
             overwrite=overwrite,
+            record_steps=record_step or (),
             reference=problem,
             observe=observe or False,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from paretoik.closed_loop.control_step import (
     excess_clearance,
     reach_by_joint,
 )
-from paretoik.closed_loop.step_evolution import Population, StepEvolution
+from paretoik.closed_loop.step_evolution import Generations, Population, StepEvolution
 from paretoik.closed_loop.workspace import OPTIONS, EngineOptions
 from paretoik.errors import Infeasible
 from paretoik.nlp.linear_program import furthest
@@ -26,11 +26,15 @@ from paretoik.task.motion_task import MotionTask
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRecord:
-    """A step of a loop: the sample that it leads to, the front that its search found, the index of the chosen point."""
+    """A step of a loop: the sample that it leads to, the front that its search found, the index of the chosen point.
+
+    ``generations`` are those of its search, where they were asked for.
+    """
 
     sample: int
     front: Population
     index: int
+    generations: Generations | None = None
 
     @property
     def q(self) -> Float[np.ndarray, " dof"]:
@@ -45,19 +49,22 @@ def take_steps(
     start: Float[np.ndarray, " dof"],
     weights: Float[np.ndarray, " n_obj"],
     samples: int,
+    record_steps: Collection[int] = (),
 ) -> Iterator[StepRecord]:
     """Take one step after the other from a start; ``make_step`` makes the step to a sample from what is before it.
 
-    Raises Infeasible, naming the step, where no configuration is admissible or none can be reached.
+    The generations of the searches to samples in ``record_steps`` are kept. Raises Infeasible, naming the step, where
+    no configuration is admissible or none can be reached.
     """
     history = np.tile(start, (HISTORY, 1))
     for sample in range(1, samples):
         step = make_step(sample, history)
-        population = search(step)
+        recorded = sample in record_steps
+        population, generations = search.with_generations(step) if recorded else (search(step), None)
         if not len(population.F):
             raise Infeasible(_explain_no_step(step))
         front = nondominated(population)
-        record = StepRecord(sample=sample, front=front, index=choose(front.F, weights))
+        record = StepRecord(sample=sample, front=front, index=choose(front.F, weights), generations=generations)
         yield record
         history = np.concatenate([history[1:], record.q[None]])
 
@@ -93,11 +100,18 @@ def required_standoff(task: MotionTask, longest: float, options: EngineOptions =
 
 def nondominated(population: Population) -> Population:
     """Return the non-dominated points, in order of the first objective."""
+    index = nondominated_rows(population.F)
+    return Population(genes=population.genes[index], F=population.F[index], q=population.q[index])
+
+
+def nondominated_rows(F: Objectives) -> Int[np.ndarray, " front"]:
+    """Return the rows without NaN that no other dominates, in order of the first objective."""
     from moocore import is_nondominated
 
-    index = np.flatnonzero(is_nondominated(population.F, keep_weakly=False))
-    index = index[np.lexsort(population.F[index].T[::-1])]
-    return Population(genes=population.genes[index], F=population.F[index], q=population.q[index])
+    valid = np.flatnonzero(~np.isnan(F).any(axis=1))
+    index = valid[is_nondominated(F[valid], keep_weakly=False)] if len(valid) else valid
+    rows: Int[np.ndarray, " front"] = index[np.lexsort(F[index].T[::-1])]
+    return rows
 
 
 def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:

@@ -13,6 +13,7 @@ from paretoik.closed_loop.programs import ORDERS, StepPrograms
 from paretoik.closed_loop.workspace import (
     OPTIONS,
     EngineOptions,
+    KeptGenerations,
     ObjectiveProgram,
     StepConstraints,
     StepStart,
@@ -29,6 +30,17 @@ class Population:
     genes: Genes
     F: Objectives
     q: Float[np.ndarray, "points dof"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Generations:
+    """All generations of a search, the one that it began with first: objectives, minimised, and joint positions.
+
+    Both are NaN where a step failed.
+    """
+
+    F: Float[np.ndarray, "generations individuals n_obj"]
+    q: Float[np.ndarray, "generations individuals dof"]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -64,6 +76,18 @@ class StepEvolution:
 
         Raises Infeasible as ``start_and_constraints`` does.
         """
+        return self._search(step, kept=0)[0]
+
+    def with_generations(self, step: ControlStep) -> tuple[Population, Generations]:
+        """Search a step and return the population with all generations that led to it; raises as a call does."""
+        population, kept, start = self._search(step, kept=self.generations + 1)
+        F = np.where(np.isfinite(kept.F).all(axis=2, keepdims=True), kept.F, np.nan)
+        alive = np.isfinite(F).all(axis=2)
+        q = np.full((*alive.shape, self.dof), np.nan)
+        q[alive] = _decode(kept.genes[alive], start)
+        return population, Generations(F=F[:, :, : self.objectives], q=q)
+
+    def _search(self, step: ControlStep, *, kept: int) -> tuple[Population, KeptGenerations, StepStart]:
         from paretoik.closed_loop.engine import search  # here: numba takes its time
 
         start, constraints = self.start_and_constraints(step)
@@ -72,10 +96,12 @@ class StepEvolution:
         w.inputs[ORDERS * n : ORDERS * n + len(rows)] = rows[:, None]
         warm_start = self.warm_start and self._has_searched
         numbers = self.seed, step.sample, self.generations, self.options
-        alive = search(*numbers, start, self._objectives, constraints, w, warm_start)
+        history = KeptGenerations(np.empty((kept, *w.genes.shape)), np.empty((kept, len(w.genes), len(w.F))))
+        alive = search(*numbers, start, self._objectives, constraints, w, warm_start, history)
         self._has_searched = True
         genes = w.genes[w.order[:alive]]
-        return Population(genes=genes, F=w.F[: self.objectives, :alive].T.copy(), q=_decode(genes, start))
+        F = w.F[: self.objectives, :alive].T.copy()
+        return Population(genes=genes, F=F, q=_decode(genes, start)), history, start
 
     def start_and_constraints(self, step: ControlStep) -> tuple[StepStart, StepConstraints]:
         """Return where a step begins and what it must keep, as the engine takes them.

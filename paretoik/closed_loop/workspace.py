@@ -65,6 +65,16 @@ class StepConstraints(NamedTuple):
     standoff: float
 
 
+class KeptGenerations(NamedTuple):
+    """Generations of a search: genes (generations, individuals, genes), objectives (generations, individuals, n_obj).
+
+    The first generation is the one that a search begins with. Objectives are minimised, inf where a step failed.
+    """
+
+    genes: np.ndarray
+    F: np.ndarray
+
+
 class SelectionWorkspace(NamedTuple):
     """Arrays for the choice among N parents and N children."""
 

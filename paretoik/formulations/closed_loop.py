@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
 from paretoik.closed_loop.step_evolution import StepEvolution
 from paretoik.errors import InvalidInput, check_size
-from paretoik.formulations.closed_loop_arguments import check_limits, check_start, normalise_weights
+from paretoik.formulations.closed_loop_arguments import check_limits, check_start, check_steps, normalise_weights
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
@@ -225,31 +225,35 @@ class ClosedLoop:
         search.generations = 1
         search(self.control_step(1))
 
-    def steps(self) -> Iterator[StepRecord]:
-        """Take one step after the other; raises as ``take_steps`` does."""
+    def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
+        """Take one step after the other; ``record_steps`` as for ``run``, raises as ``take_steps`` does."""
         return take_steps(
             self.step_evolution(),
             self.control_step,
             start=self.start,
             weights=self.weights,
             samples=len(self.task.times),
+            record_steps=record_steps,
         )
 
     def run(
         self,
         *,
         fronts: Sequence[int] = (),
+        record_steps: Sequence[int] = (),
         observe: Callable[[StepRecord], object] | None = None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> ClosedLoopRun:
         """Follow the path; ``fronts`` are samples whose fronts are recorded, ``observe`` is called with every step.
 
-        After a step (the second at the earliest) at which ``should_stop`` says so the loop ends. Raises as
-        ``take_steps`` does.
+        Of the steps to samples in ``record_steps`` all generations of the search are kept, a population each.
+        After a step (the second at the earliest) at which ``should_stop`` says so the loop ends. Raises InvalidInput
+        for samples that the path does not have, and as ``take_steps`` does.
         """
+        recorded = check_steps(record_steps, len(self.task.times) - 1)
         q, F, ranges, records, digests = [self.start], [], [], dict[int, StepRecord](), list[str]()
         state = hashlib.sha256()
-        for record in self.steps():
+        for record in self.steps(recorded):
             front = record.front.F
             q.append(record.q)
             F.append(front[record.index])
@@ -257,7 +261,7 @@ class ClosedLoop:
             state.update(front.tobytes() + record.q.tobytes())
             if record.sample % DIGEST_INTERVAL == 0:
                 digests.append(state.hexdigest())
-            if record.sample in fronts:
+            if record.sample in fronts or record.generations is not None:
                 records[record.sample] = record
             if observe is not None:
                 observe(record)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from paretoik.closed_loop.control_step import describe_nearest_obstacle, excess_clearance
 from paretoik.closed_loop.workspace import OPTIONS
-from paretoik.errors import InvalidInput
+from paretoik.errors import InvalidInput, check_size
 from paretoik.front.preferences import Weights
 from paretoik.inputs import finite_array
 from paretoik.task.limits import LIMITED, Limits
@@ -39,6 +39,17 @@ def check_limits(limits: Limits | None, *, kept: tuple[str, ...], where: str) ->
         limit = getattr(limits, kind)
         if kind not in kept and limit is not None and not (isinstance(limit, float) and limit == np.inf):
             raise InvalidInput(f"limits: of {', '.join(kept[:-1])} and {kept[-1]} wanted {where}, got {kind}")
+
+
+def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
+    """Return the steps of a loop to record; raises InvalidInput for others than 1 to the last."""
+    if not isinstance(record_steps, Sequence):
+        raise InvalidInput(f"record_steps: a list of steps wanted, got {record_steps!r}")
+    for step in record_steps:
+        check_size("record_steps", step, 1)
+        if step > last:
+            raise InvalidInput(f"record_steps: steps from 1 to {last} wanted, got {step}")
+    return frozenset(int(step) for step in record_steps)
 
 
 def check_start(task: MotionTask, start: Sequence[float] | np.ndarray) -> Float[np.ndarray, " dof"]:

@@ -32,8 +32,8 @@ class ClosedLoopRun:
     """What a closed loop did: ``q`` (time, dof), and of each step its choice.
 
     ``F`` (steps, n_obj) are the objectives of the choices, minimised, ``ranges`` (steps, n_obj, 2) the smallest and
-    largest on each step's front, ``fronts`` the records of the steps that were asked for, by sample, ``digests`` those
-    of the state on the way. Where the loop was stopped early, ``q`` ends there.
+    largest on each step's front, ``fronts`` the records of the steps that were asked for, by sample, some with their
+    generations, ``digests`` those of the state on the way. Where the loop was stopped early, ``q`` ends there.
     """
 
     loop: ClosedLoop

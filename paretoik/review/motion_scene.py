@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from paretoik.review.arm_drawing import ArmDrawing
 from paretoik.review.curve_charts import Chart
-from paretoik.review.drawn_axes import Canvas, equal_window
 from paretoik.review.palette import SCREEN
 
 
@@ -24,14 +25,7 @@ class MotionScene:
     def views(self) -> tuple[rrb.View, list[rrb.View]]:
         """Return the view of the arm and those of its joints."""
         joints = [*(chart.view() for chart in self._charts()), rrb.TimeSeriesView(origin="joints", name="series")]
-        if self.motion.arm.is_planar:
-            bounds = self._canvas().bounds()
-            return rrb.Spatial2DView(
-                origin="arm", name=self.title, visual_bounds=bounds, background=SCREEN.background
-            ), joints
-        return rrb.Spatial3DView(
-            origin="arm", name=self.title, background=SCREEN.background, eye_controls=_eye(self.motion.links)
-        ), joints
+        return self._drawing.view(self.title), joints
 
     def log(self, recording: rr.RecordingStream, row: rr.TimeColumn) -> None:
         """Log the motion; its rows also stand at `row` of the search's timeline, so that neither is half empty."""
@@ -49,39 +43,29 @@ class MotionScene:
             recording.send_columns(chart.entity.replace("charts", "joints"), columns, scalars.partition(lengths))
 
     def _log_axes_and_path(self, recording: rr.RecordingStream) -> None:
-        links, tool = self._on_view(self.motion.links), self._on_view(self.motion.tool)
+        drawing = self._drawing
+        links, tool = drawing.place(self.motion.links), drawing.place(self.motion.tool)
         ghosts = links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))]
-        if self.motion.arm.is_planar:
-            self._canvas().log(recording, "arm/axes", static=True)
-        else:
-            recording.log("arm", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        strips, _ = self._archetypes
+        drawing.log_axes(recording)
+        strips, _ = drawing.archetypes
         thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
-        recording.log("arm/ghosts", strips(ghosts, colors=SCREEN.ghost, radii=thin, **self._order(0.0)), static=True)
-        recording.log("arm/path", strips([tool], colors=SCREEN.path, radii=thick, **self._order(1.0)), static=True)
+        recording.log("arm/ghosts", strips(ghosts, colors=SCREEN.ghost, radii=thin, **drawing.order(0.0)), static=True)
+        recording.log("arm/path", strips([tool], colors=SCREEN.path, radii=thick, **drawing.order(1.0)), static=True)
 
     def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
-        links = self._on_view(self.motion.links)
+        drawing = self._drawing
+        links = drawing.place(self.motion.links)
         samples, nodes, _ = links.shape
         rod, colours = rr.Radius.ui_points(3.5), [SCREEN.arm] * (nodes - 1) + [SCREEN.tool]
         sizes = rr.Radius.ui_points([5.0] * (nodes - 1) + [6.5])
-        strips, points = self._archetypes
-        rods = strips.from_fields(colors=SCREEN.arm, radii=rod, **self._order(5.0))
-        knots = points.from_fields(colors=colours, radii=sizes, **self._order(6.0))
+        strips, points = drawing.archetypes
+        rods = strips.from_fields(colors=SCREEN.arm, radii=rod, **drawing.order(5.0))
+        knots = points.from_fields(colors=colours, radii=sizes, **drawing.order(6.0))
         positions = points.columns(positions=links.reshape(samples * nodes, -1)).partition([nodes] * samples)
         recording.log("arm/links", rods, static=True)
         recording.log("arm/joints", knots, static=True)
         recording.send_columns("arm/links", columns, strips.columns(strips=list(links)))
         recording.send_columns("arm/joints", columns, positions)
-
-    @property
-    def _archetypes(self) -> tuple[Any, Any]:
-        """The kinds of strips and points, in the plane or in space."""
-        return (rr.LineStrips2D, rr.Points2D) if self.motion.arm.is_planar else (rr.LineStrips3D, rr.Points3D)
-
-    def _order(self, order: float) -> dict[str, float]:
-        """Return what is drawn above what, which only the plane knows."""
-        return {"draw_order": order} if self.motion.arm.is_planar else {}
 
     def _charts(self) -> list[Chart]:
         motion, joints = self.motion, self.motion.arm.joint_names
@@ -104,21 +88,11 @@ class MotionScene:
             )
         ]
 
-    def _canvas(self) -> Canvas:
-        nodes = np.concatenate([self.motion.links[..., :2].reshape(-1, 2), self.motion.tool.reshape(-1, 2)])
-        low, high = equal_window(nodes, width=140.0, height=100.0)
-        return Canvas(low=low, high=high, labels=("x [m]", "y [m]"))
-
-    def _on_view(self, points: np.ndarray) -> np.ndarray:
-        return self._canvas().place(points[..., :2]) if self.motion.arm.is_planar else points
+    @cached_property
+    def _drawing(self) -> ArmDrawing:
+        nodes = self.motion.links.reshape(-1, 3)
+        return ArmDrawing(entity="arm", planar=self.motion.arm.is_planar, nodes=nodes)
 
 
 def _units(turning: str, straight: str, sliding: np.ndarray) -> list[str]:
     return [turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())
-
-
-def _eye(links: np.ndarray) -> rrb.EyeControls3D:
-    """Look at the middle of the whole motion from in front, from the right and from above."""
-    nodes = links.reshape(-1, 3)
-    middle, size = (nodes.min(axis=0) + nodes.max(axis=0)) / 2, float(np.ptp(nodes, axis=0).max())
-    return rrb.EyeControls3D(position=middle + size * np.array([1.1, -1.3, 0.8]), look_target=middle)

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front
+from paretoik.robot.arm import Arm
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
@@ -34,6 +35,25 @@ class Generation:
     hypervolume: float | None = None
     failed: int = 0
     chosen: Values | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SearchedStep:
+    """The search for the step of a closed loop to a ``sample``, from the generation that it began with.
+
+    ``objectives`` (generations, individuals, n_obj) are in the user's own sign and ``q`` (generations, individuals,
+    dof) joint positions, NaN where a step failed; ``fronts`` are the individuals of each generation that none
+    dominates, by their first objective, ``chosen`` (generations,) the one of it that the weights choose, −1 where there
+    is none. ``target`` (3,) [m] is where the tool is to be.
+    """
+
+    sample: int
+    arm: Arm
+    objectives: Float[np.ndarray, "generations individuals n_obj"]
+    q: Float[np.ndarray, "generations individuals dof"]
+    fronts: Sequence[Int[np.ndarray, " _"]]
+    chosen: Int[np.ndarray, " generations"]
+    target: Float[np.ndarray, " 3"]
 
 
 class Recorder:
@@ -70,12 +90,13 @@ class Recorder:
         """Append `generation` to the file."""
         self._attempt(lambda: self._recording.record(generation))
 
-    def finish(self, front: Front | None, choice: Choice | None = None) -> None:
+    def finish(self, front: Front | None, choice: Choice | None = None, searched: Sequence[SearchedStep] = ()) -> None:
         """Write the file anew: all generations on one set of axes, `front` at their end, `choice` and its motion.
 
-        Without a front the generations are the steps of a closed loop, one to each sample of the motion.
+        Without a front the generations are the steps of a closed loop, one to each sample of the motion, and some of
+        them may be ``searched``.
         """
-        self._attempt(lambda: self._recording.finish(front, choice))
+        self._attempt(lambda: self._recording.finish(front, choice, searched))
 
     def close(self) -> None:
         """Close the file."""

@@ -15,8 +15,9 @@ from paretoik.front.front import Choice, Front
 from paretoik.review.curve_charts import Chart
 from paretoik.review.drawn_axes import Canvas
 from paretoik.review.motion_scene import MotionScene
-from paretoik.review.recorder import Generation
+from paretoik.review.recorder import Generation, SearchedStep
 from paretoik.review.search_scene import SearchScene, replay_window
+from paretoik.review.step_scene import StepScene
 
 
 class Recording:
@@ -48,16 +49,17 @@ class Recording:
         self._stream.flush()
         self._generations.append(generation)
 
-    def finish(self, front: Front | None, choice: Choice | None) -> None:
+    def finish(self, front: Front | None, choice: Choice | None, searched: Sequence[SearchedStep]) -> None:
         """Replace the file by one with common axes, `front` at its end and the motion of `choice`.
 
-        Without a front each generation stands at its own sample of the motion.
+        Without a front each generation stands at its own sample of the motion, and the search of some, those
+        ``searched``, is shown beside them.
         """
         self._stream.disconnect()
         part = self._file.with_name(f".{self._file.name}.part")
         self._stream = self._open(part)
         try:
-            self._write_all(front, choice)
+            self._write_all(front, choice, [StepScene(loop=self._scene, step=each) for each in searched])
             self._stream.flush()
             self._stream.disconnect()
             part.replace(self._file)
@@ -77,18 +79,19 @@ class Recording:
         self._scene.log_styles(stream)
         return stream
 
-    def _write_all(self, front: Front | None, choice: Choice | None) -> None:
+    def _write_all(self, front: Front | None, choice: Choice | None, searched: Sequence[StepScene]) -> None:
         stream, scene = self._stream, self._scene
         if front is None:
             shown = np.concatenate([each.front for each in self._generations])
         else:
-            shown = replay_window(self._generations, front.objectives) if len(front) else front.objectives
+            before = [each.front for each in self._generations]
+            shown = replay_window([*before, front.objectives]) if len(front) else front.objectives
         canvases = scene.canvases(shown)
         charts = scene.charts(self._generations)
         motion = None
         if choice is not None and choice.motion is not None:
             motion = MotionScene(motion=choice.motion, title=f"motion of point {choice.id}")
-        stream.send_blueprint(self._blueprint(canvases, charts, motion))
+        stream.send_blueprint(self._blueprint(canvases, charts, motion, searched))
         scene.log_axes(stream, canvases, static=True)
         for chart in charts:
             chart.log(stream)
@@ -97,6 +100,13 @@ class Recording:
             self._write_steps(canvases, charts, motion)
         else:
             self._write_end(front, choice, canvases, charts, motion)
+        if searched and self._generations:
+            stream.reset_time()
+            for timeline in ("generation", "individual"):  # of searched steps: the loop stands still meanwhile
+                stream.set_time(timeline, sequence=0)
+            scene.log_generation(stream, self._generations[-1], canvases)
+        for each in searched:
+            each.log(stream, {} if motion is None else {"motion": float(motion.motion.time[each.step.sample])})
 
     def _write_steps(self, canvases: Sequence[Canvas], charts: Sequence[Chart], motion: MotionScene | None) -> None:
         """Write every step at its number and at the time at which it ends."""
@@ -142,7 +152,11 @@ class Recording:
             motion.log(stream, rr.TimeColumn("generation", sequence=np.full(len(motion.motion.time), last)))
 
     def _blueprint(
-        self, canvases: Sequence[Canvas], charts: Sequence[Chart] = (), motion: MotionScene | None = None
+        self,
+        canvases: Sequence[Canvas],
+        charts: Sequence[Chart] = (),
+        motion: MotionScene | None = None,
+        searched: Sequence[StepScene] = (),
     ) -> rrb.Blueprint:
         panels = self._scene.views(canvases)
         chart_views = [chart.view() for chart in charts]
@@ -155,6 +169,8 @@ class Recording:
         if motion is not None:
             arm, joints = motion.views()
             layout = rrb.Horizontal(search, rrb.Vertical(arm, rrb.Tabs(*joints), row_shares=[2.6, 1]))
+        if searched:
+            layout = rrb.Tabs(rrb.Vertical(layout, name="loop"), *(each.view() for each in searched))
         return rrb.Blueprint(
             layout,
             rrb.BlueprintPanel(state="hidden"),

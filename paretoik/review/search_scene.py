@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Times, Values
 from paretoik.formulations.protocol import Timeline
@@ -32,12 +33,14 @@ class SearchScene:
 
     ``timeline`` says whether they are generations or the steps of a closed loop. These have no hypervolume, and each is
     drawn as shares of its own front's ranges: from one to the next objectives can change by orders of magnitude.
+    Points are drawn below the entity ``root``.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     maximised: tuple[bool, ...]
     timeline: Timeline = "generation"
+    root: tuple[str, ...] = ()
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -183,14 +186,14 @@ class SearchScene:
             )
             recording.log([*self._panel(pair), layer], points)
         numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
-        recording.log(f"search/{layer}", rr.AnyValues(**numbers if ids is None else numbers | {"ids": ids}))
+        recording.log([*self.root, "search", layer], rr.AnyValues(**numbers if ids is None else numbers | {"ids": ids}))
 
     def _panels(self, canvases: Sequence[Canvas]) -> list[tuple[tuple[int, int], Canvas]]:
         """Return each pair with its canvas; before there is a finite point there are none."""
         return list(zip(self.pairs, canvases, strict=True)) if canvases else []
 
     def _panel(self, pair: tuple[int, int]) -> list[str]:
-        return ["front", f"{self.names[pair[0]]} - {self.names[pair[1]]}"]
+        return [*self.root, "front", f"{self.names[pair[0]]} - {self.names[pair[1]]}"]
 
     def _best(self, front: Objectives) -> Values:
         best: Values = np.where(self.maximised, front.max(axis=0), front.min(axis=0))
@@ -222,13 +225,12 @@ def _normalise(F: Objectives, reference: Population) -> Objectives:
     return normalised
 
 
-def replay_window(generations: Sequence[Generation], front: Objectives) -> np.ndarray:
-    """Return corners (2, n_obj) around the final `front` and, as far as they are near, those before it.
+def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
+    """Return corners (2, n_obj) around the last of `fronts` and, as far as they are near, those before it.
 
     An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
     """
-    fronts = [generation.front for generation in generations if len(generation.front)] + [front]
-    everything = np.concatenate(fronts)
+    everything, front = np.concatenate(fronts), fronts[-1]
     low, high = front.min(axis=0), front.max(axis=0)
     reach: Values = 1.5 * np.where(high > low, high - low, np.maximum(0.1 * np.abs(high), 1e-9))
     return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])

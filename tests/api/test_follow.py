@@ -57,6 +57,57 @@ def test_a_run_folder_has_a_row_and_a_front_of_every_step(finished):
     assert (out / "front.png").stat().st_size > 10_000
 
 
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "recorded"
+    return pk.solve(short(), seed=3, out=out, record_steps=[7, 2]), out
+
+
+def test_searches_of_recorded_steps_are_kept_generation_by_generation(finished, recorded):
+    front, out = recorded
+    np.testing.assert_array_equal(front.motions.q, finished[0].motions.q)
+    with np.load(out / "searches.npz") as stored:
+        kept = dict(stored)
+    assert kept["steps"].tolist() == [2, 7]
+    assert kept["names"].tolist() == list(front.names)
+    assert kept["objectives"].shape == (2, 11, 20, 2)
+    for i, step in enumerate(kept["steps"]):
+        for number in range(11):
+            F, on_front = kept["objectives"][i, number], kept["on_front"][i, number]
+            dominated = [((row >= F).all(axis=1) & (row > F).any(axis=1)).any() for row in F[on_front]]
+            assert not any(dominated)
+            assert on_front[kept["chosen"][i, number]]
+        np.testing.assert_array_equal(kept["q"][i, -1, kept["chosen"][i, -1]], front.motions.q[0, step])
+    last = kept["objectives"][0, -1][kept["on_front"][0, -1]]
+    assert (last.min(axis=0) <= np.nanmin(kept["objectives"][0, 0], axis=0)).all()
+
+
+def test_the_recording_shows_every_generation_of_a_recorded_step_and_the_arm_of_every_individual(recorded):
+    _, out = recorded
+    reader = rr.chunk.RrdReader(out / "review.rrd")
+    (store,) = reader.recordings()
+    instants = {"generation": set(), "individual": set(), "step": set()}
+    for chunk in reader.stream(store=store):
+        if str(chunk.entity_path) == "/step_7/arm/links":
+            batch = chunk.to_record_batch()
+            for timeline in instants.keys() & set(batch.schema.names):
+                instants[timeline] |= set(batch.column(timeline).to_pylist())
+    with np.load(out / "searches.npz") as stored:
+        alive = int(np.isfinite(stored["objectives"][1, -1]).all(axis=1).sum())
+    assert instants == {"generation": set(range(11)), "individual": set(range(alive)), "step": {7}}
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [([0], "record_steps"), ([13], "record_steps: steps from 1 to 12 wanted, got 13"), (["a"], "record_steps")],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_steps_that_there_are_not_are_refused_before_any_work(steps, words, tmp_path):
+    with pytest.raises(pk.InvalidInput, match=words):
+        pk.solve(short(), out=tmp_path / "run", record_steps=steps)
+    assert not (tmp_path / "run").exists()
+
+
 def test_other_weights_follow_the_loop_anew_from_where_it_began(finished):
     front, out = finished
     loaded = pk.load_front(out, short())

@@ -168,3 +168,8 @@ def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
     assert front.provenance["status"] == "SIGTERM"
     assert front.provenance["counts"]["generations"] == 2
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_steps_are_recorded_of_closed_loops_alone():
+    with pytest.raises(pk.InvalidInput, match="record_steps: a ClosedLoop wanted, whose steps are searches, got Trac"):
+        pk.solve(tracking(), record_steps=[1])

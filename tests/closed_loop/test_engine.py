@@ -121,6 +121,22 @@ def test_the_same_seed_and_step_give_the_same_bits(loop):
     assert not np.array_equal(search(loop.control_step(2)).genes, first.genes)
 
 
+def test_kept_generations_lead_to_the_same_bits_and_each_is_that_of_a_shorter_search(loop):
+    search, other = loop.step_evolution(), loop.step_evolution()
+    plain = other(loop.control_step(1))
+    population, kept = search.with_generations(loop.control_step(1))
+    np.testing.assert_array_equal(population.F, plain.F)
+    np.testing.assert_array_equal(population.genes, plain.genes)
+    assert kept.F.shape == (loop.generations + 1, loop.population, 2)
+    for generations in (1, 7, loop.generations):
+        other.generations = generations
+        shorter = other(loop.control_step(1))
+        alive = np.isfinite(kept.F[generations]).all(axis=1)
+        np.testing.assert_array_equal(kept.F[generations][alive], shorter.F)
+        np.testing.assert_array_equal(kept.q[generations][alive], shorter.q)
+        np.testing.assert_array_equal(np.isnan(kept.q[generations]).any(axis=1), ~alive)
+
+
 def test_longer_searches_find_better_fronts(loop):
     search, volumes = loop.step_evolution(), []
     for generations in (2, 60):
