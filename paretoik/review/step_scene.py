@@ -80,7 +80,7 @@ class StepScene:
         recording.log(f"{drawing.entity}/front", ghosts)
         recording.log(f"{drawing.entity}/target", target)
         if len(front):
-            self._log_individual(recording, number, self.step.chosen[number])
+            self._log_individual(recording, number, int(self.step.chosen[number]))
 
     def _log_individual(self, recording: rr.RecordingStream, number: int, individual: int) -> None:
         """Draw one individual of a generation: its objectives and its arm."""
