@@ -59,10 +59,11 @@ class LoopRun:
         """Follow the loop and return its motion as a front of one point."""
         loop = self.problem
         steps = len(loop.task.times) - 1
+        session.show(RunProgress(stage="beginning"))  # the search for a start may take its time
         loop.prepare()
-        started = time.monotonic()
         units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
         session.start(names=loop.names, units=units, maximised=maximised, timeline="step")
+        started = time.monotonic()
 
         def show(step: StepRecord) -> None:
             F = step.front.F * loop.signs

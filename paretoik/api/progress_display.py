@@ -54,15 +54,15 @@ def _bar(time_limit: float | None) -> Iterator[Observer]:
 
 
 class _LinePrinter:
-    """Prints a line of progress on stderr, at most one in ``interval`` [s]."""
+    """Prints a line of progress on stderr; of what is counted at most one in ``interval`` [s]."""
 
     def __init__(self, time_limit: float | None, interval: float = 5.0) -> None:
         self.time_limit, self.interval, self.due = time_limit, interval, 0.0
 
     def __call__(self, progress: RunProgress) -> None:
         now = time.monotonic()
-        if now >= self.due or progress.stage == "compilation":
-            self.due = now + self.interval
+        if now >= self.due or not progress.total:
+            self.due = now + self.interval if progress.total else self.due
             print(progress_text(progress, self.time_limit), file=sys.stderr, flush=True)
 
 

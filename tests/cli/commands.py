@@ -86,5 +86,5 @@ def start_process(*words: str | Path) -> subprocess.Popen[str]:
 
 
 def first_progress(stderr: Iterable[str]) -> str:
-    """Return the first line that is no notice of a compilation."""
-    return next(line for line in stderr if not line.startswith("compiling "))
+    """Return the first line of what is counted: no notice of a compilation, nor of the beginning."""
+    return next(line for line in stderr if not line.startswith(("compiling ", "beginning")))
