@@ -13,7 +13,7 @@ from paretoik.resolution.limited_step import LimitedStep, StepGoal, StepLimits, 
 from paretoik.resolution.methods import ConstrainedQP, Criterion
 from paretoik.resolution.rate_limits import KINDS, RateLimits, intersection
 from paretoik.resolution.step_program import StepProgram, step_program
-from paretoik.resolution.traces import DONE, LIMITED, Traces
+from paretoik.resolution.traces import DONE, LIMITED, MISSED, Traces
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import OPTIONS, row_scales
 
@@ -137,6 +137,8 @@ class _Stepper:
             if missing.max() <= OPTIONS.tolerance:
                 break
             goal = replace(goal, jacobian=at.jacobian, task_rates=(at.jacobian @ moved + at.errors) / dt)
+        else:
+            step = replace(step, status=MISSED)
         active = _active(step, bounds, limits)
         broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > _rounding(step)
         if broken.any():  # by limits that come before: accelerations, or velocities

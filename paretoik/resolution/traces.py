@@ -11,8 +11,8 @@ from jaxtyping import Float, Shaped
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 
-STATUS = np.array(["done", "damped", "shortened", "held", "limited"])
-DONE, DAMPED, SHORTENED, HELD, LIMITED = range(5)  # indices into STATUS
+STATUS = np.array(["done", "damped", "shortened", "held", "limited", "missed"])
+DONE, DAMPED, SHORTENED, HELD, LIMITED, MISSED = range(6)  # indices into STATUS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,7 +25,8 @@ class Traces:
     ``projected`` the velocities added to the task's: by the repulsion from joint limits, and by each criterion.
     ``status`` says of each step whether it was "done", "damped", "shortened" to a move of at most 1 rad or m of every
     joint, "held": the weighted Jacobian is singular and undamped, so that joints follow the repulsion alone, or
-    "limited": limits leave no velocities that do the task, which gives way in least squares.
+    "limited": limits leave no velocities that do the task, which gives way in least squares, or "missed": Newton's
+    method, by which a step of ``ConstrainedQP`` ends on the path, does not converge.
     """
 
     errors: Float[np.ndarray, "*batch time rows"]
