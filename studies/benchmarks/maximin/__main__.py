@@ -1,13 +1,14 @@
 """MaxiMin beside pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
 
-    python -m studies.benchmarks.maximin [--quick] [--seeds N] [--problems NAME ...] [--fronts FOLDER] [--json FILE]
+    python -m studies.benchmarks.maximin [--quick] [--goals] [--seeds N] [--problems NAME ...] [--fronts FOLDER]
+                                         [--json FILE]
 
 Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; between these
 two only the mating differs. Peers are as pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two
 objectives only) and "mnn", NSGA-III and MOEA/D (without constraints only) with one reference direction an individual,
-SMS-EMOA (not with five objectives) and AGE-MOEA. Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of
-pymoo's, the 55 of COCO's bbob-biobj where its package ``coco-experiment`` is installed, a steep tail and
-``energy_torque``; ``--problems`` takes names and families.
+SMS-EMOA (not with five objectives) and AGE-MOEA; with --goals those of our goals alone, crowding and SMS-EMOA.
+Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of pymoo's, the 55 of COCO's bbob-biobj where its
+package ``coco-experiment`` is installed, a steep tail and ``energy_torque``; ``--problems`` takes names and families.
 
 The final populations are judged by hypervolume (reference 1.1), IGD+ and additive epsilon after normalising by the
 union of all fronts; with --fronts that union is stored and joined with what was stored before. A run without a feasible
@@ -27,7 +28,7 @@ from pathlib import Path
 
 from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
-from studies.benchmarks.maximin.methods import LEFT_OUT
+from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
 from studies.benchmarks.maximin.running import run_all
 from studies.reporting import report, study_parser
 
@@ -61,12 +62,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = study_parser(__doc__, quick="five problems, few generations, 11 seeds")
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 11 with --quick)")
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems or families")
+    parser.add_argument("--goals", action="store_true", help=f"beside {CROWDING} and {HYPERVOLUME} alone")
     parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
     if seeds < 2:
         parser.error(f"--seeds: at least 2 wanted, got {seeds}")
     chosen = choose_cases(options.problems, quick=options.quick)
+    if options.goals:
+        chosen = [replace(case, peers=(CROWDING, HYPERVOLUME)) for case in chosen]
     tell_left_out(chosen, quick=options.quick)
     runs = run_all(chosen, seeds)
     if min((len(each) for each in runs.values()), default=0) < 2:

@@ -25,7 +25,7 @@ DIFFICULTY = 4  # of DASCMOP: convergence, diversity and feasibility each made h
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem, its budget, and the box of interest outside which points count as absent."""
+    """A problem, its budget, the box of interest outside which points count as absent; ``peers`` are all if None."""
 
     name: str
     family: str
@@ -34,6 +34,7 @@ class Case:
     generations: int
     constrained: bool = False
     box: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # lower, upper
+    peers: tuple[str, ...] | None = None
 
 
 class SteepTail(Problem):  # type: ignore[misc]  # pymoo has no types

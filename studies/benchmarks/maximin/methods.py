@@ -31,7 +31,7 @@ LEFT_OUT = (
 def methods_of(case: Case) -> list[str]:
     """Return the names of all that can run on a case, ours first."""
     without = {"NSGA-II, pcd": case.n_obj > 2, HYPERVOLUME: case.n_obj == 5, "MOEA/D": case.constrained}
-    peers = [name for name in PEERS if not without.get(name, False)]
+    peers = [name for name in (PEERS if case.peers is None else case.peers) if not without.get(name, False)]
     return [OURS, ONE_LINE, *peers, *([BOXED] if case.box else [])]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -117,3 +118,10 @@ def test_every_method_s_cost_and_every_comparison_are_reported(tmp_path, capsys,
         assert len(compared) == 2 * others * 3  # problems and indicators
     assert [row["table"] for row in rows[-4:]] == [judging.GOALS] * 4
     assert "left out: MOEA/D" in capsys.readouterr().out
+
+
+def test_beside_the_peers_of_the_goals_alone_nothing_else_runs():
+    case = replace(cases.cases()["ZDT1"], peers=(methods.CROWDING, methods.HYPERVOLUME))
+    assert methods.methods_of(case) == [methods.OURS, methods.ONE_LINE, methods.CROWDING, methods.HYPERVOLUME]
+    many = replace(cases.cases()["DTLZ2-5"], peers=case.peers)
+    assert methods.methods_of(many) == [methods.OURS, methods.ONE_LINE, methods.CROWDING]
