@@ -16,10 +16,14 @@ from paretoik.review.palette import SCREEN
 
 @dataclass(frozen=True, kw_only=True)
 class MotionScene:
-    """A single motion, (time, dof), that is drawn whole as ghosts and replayed on the `motion` timeline."""
+    """A single motion, (time, dof), that is drawn whole as ghosts and replayed on the `motion` timeline.
+
+    An arm that stands still has the postures of other motions, (motions, time, dof), as ghosts beside it.
+    """
 
     motion: Any
     title: str
+    others: Any = None
 
     def views(self) -> tuple[rrb.View, list[rrb.View]]:
         """Return the view of the arm and those of its joints."""
@@ -30,7 +34,7 @@ class MotionScene:
                 origin="arm", name=self.title, visual_bounds=bounds, background=SCREEN.background
             ), joints
         return rrb.Spatial3DView(
-            origin="arm", name=self.title, background=SCREEN.background, eye_controls=_eye(self.motion.links)
+            origin="arm", name=self.title, background=SCREEN.background, eye_controls=_eye(self._shown)
         ), joints
 
     def log(self, recording: rr.RecordingStream, row: rr.TimeColumn) -> None:
@@ -49,8 +53,7 @@ class MotionScene:
             recording.send_columns(chart.entity.replace("charts", "joints"), columns, scalars.partition(lengths))
 
     def _log_axes_and_path(self, recording: rr.RecordingStream) -> None:
-        links, tool = self._on_view(self.motion.links), self._on_view(self.motion.tool)
-        ghosts = links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))]
+        tool, ghosts = self._on_view(self.motion.tool), self._on_view(self._ghosts)
         if self.motion.arm.is_planar:
             self._canvas().log(recording, "arm/axes", static=True)
         else:
@@ -59,6 +62,18 @@ class MotionScene:
         thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
         recording.log("arm/ghosts", strips(ghosts, colors=SCREEN.ghost, radii=thin, **self._order(0.0)), static=True)
         recording.log("arm/path", strips([tool], colors=SCREEN.path, radii=thick, **self._order(1.0)), static=True)
+
+    @property
+    def _ghosts(self) -> np.ndarray:
+        """Postures (ghosts, nodes, 3) that are drawn behind the arm."""
+        stationary = self.others is not None and not np.ptp(self.motion.q, axis=0).any()
+        links = self.others.links[:, 0] if stationary else self.motion.links
+        return np.asarray(links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))])
+
+    @property
+    def _shown(self) -> np.ndarray:
+        """The nodes (nodes, 3) of the arm and of its ghosts."""
+        return np.concatenate([self.motion.links.reshape(-1, 3), self._ghosts.reshape(-1, 3)])
 
     def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
         links = self._on_view(self.motion.links)
@@ -105,7 +120,7 @@ class MotionScene:
         ]
 
     def _canvas(self) -> Canvas:
-        nodes = np.concatenate([self.motion.links[..., :2].reshape(-1, 2), self.motion.tool.reshape(-1, 2)])
+        nodes = np.concatenate([self._shown[:, :2], self.motion.tool.reshape(-1, 2)])
         low, high = equal_window(nodes, width=140.0, height=100.0)
         return Canvas(low=low, high=high, labels=("x [m]", "y [m]"))
 
@@ -117,8 +132,7 @@ def _units(turning: str, straight: str, sliding: np.ndarray) -> list[str]:
     return [turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())
 
 
-def _eye(links: np.ndarray) -> rrb.EyeControls3D:
+def _eye(nodes: np.ndarray) -> rrb.EyeControls3D:
     """Look at the middle of the whole motion from in front, from the right and from above."""
-    nodes = links.reshape(-1, 3)
     middle, size = (nodes.min(axis=0) + nodes.max(axis=0)) / 2, float(np.ptp(nodes, axis=0).max())
     return rrb.EyeControls3D(position=middle + size * np.array([1.1, -1.3, 0.8]), look_target=middle)
