@@ -1,8 +1,8 @@
 """Kim, Choi & Jang 2021: a planar arm driven at its joints (JAM) or by sliders along its links (DAM), under gravity.
 
 What the paper asks for one by one, the highest speed in each direction, and least time alone, is here as trade-offs:
-directions and power against each other in one posture, time against energy from point to point. Masses, the base's
-angle and the way joints bend are assumptions, since the paper does not print them (``kim_3r``, ``kim_sliders``).
+directions, power and force against each other in one posture, time against energy from point to point. Masses, the
+base's angle and the way joints bend are assumptions, since the paper does not print them (``kim_3r``, ``kim_sliders``).
 """
 
 from __future__ import annotations
@@ -22,6 +22,12 @@ def directions_jam() -> DirectionalMaxima:
 def directions_dam() -> DirectionalMaxima:
     """Speed ahead, speed upwards and power in one posture, sliders along the links."""
     return DirectionalMaxima(arms.kim_3r(), capability.kim_sliders(), PLACE, WAYS)
+
+
+def speed_force_dam() -> DirectionalMaxima:
+    """Speed upwards against force upwards in one posture, sliders along the links: gears that are fast are weak."""
+    ways, quantities = (WAYS[1], WAYS[1]), ("velocity", "force")
+    return DirectionalMaxima(arms.kim_3r(), capability.kim_sliders(), PLACE, ways, quantity=quantities, power=False)
 
 
 def point_to_point_jam() -> PointToPoint:

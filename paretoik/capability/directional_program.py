@@ -1,9 +1,10 @@
 """The nonlinear program of directional maxima: posture, sliders and speeds at once, for arms of any kind.
 
-Unknowns are joint positions q, front sliders s where there are any, for each direction d the speeds u of the motors and
-the tool's speed v (for forces the force alone), and on demand the power they take. The tool stays where it is, moves
-along d, and every motor keeps to its curve: all smooth, where speeds at their best sliders are not. Source: Kim, Choi &
-Jang 2021, Eq. 1, there for one direction at a time.
+Unknowns are joint positions q, front sliders s where there are any, for each direction d of speeds the motors' speeds u
+and the tool's speed v, for each of forces the force f, and on demand the power that speeds take. The tool stays where
+it is and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ f d, and every motor keeps to its curve:
+all smooth, where maxima at their best sliders are not. Source: Kim, Choi & Jang 2021, Eq. 1, there for speeds alone and
+one direction at a time; the forces are their dual by virtual work.
 """
 
 from __future__ import annotations
@@ -30,14 +31,13 @@ from paretoik.robot.arm import Arm
 class DirectionalProgram:
     """The program of an arm along several directions in one posture; with ``power`` and its least upper bound too.
 
-    Unknowns are counted in ``scale``: 1 rad (m), a rod's length, a motor's fastest, and what ``size`` says of speeds
-    [m/s] or forces [N]; powers in W.
+    ``quantities`` says of each direction what is wanted along it. Unknowns are counted in ``scale``: 1 rad (m), a rod's
+    length, a motor's fastest, and what ``sizes`` (directions,) say of speeds [m/s] or forces [N]; powers in W.
     """
 
     arm: Arm
     actuation: Actuation
-    quantity: Quantity
-    count: int
+    quantities: tuple[Quantity, ...]
     power: bool = False
 
     @property
@@ -48,14 +48,13 @@ class DirectionalProgram:
     @cached_property
     def sizes(self) -> dict[str, tuple[int, ...]]:
         """The shape of every part of the unknowns, in order."""
-        dof, several = self.arm.dof, len(self.actuation.curves)
-        moving = self.count * (self.quantity == "velocity")
+        dof, several, moving = self.arm.dof, len(self.actuation.curves), self.quantities.count("velocity")
         return {
             "q": (dof,),
             "front": (dof * (several - 1),),
             "motors": (moving, several, dof),
-            "values": (self.count,),
-            "work": (self.count * self.power, dof),
+            "values": (len(self.quantities),),
+            "work": (moving * self.power, dof),
             "power": (int(self.power),),
         }
 
@@ -69,19 +68,21 @@ class DirectionalProgram:
         """Number of unknowns."""
         return int(self.slices["power"].stop)
 
-    def scale(self, size: float) -> Float[np.ndarray, " unknowns"]:
+    def scale(self, sizes: Float[np.ndarray, " directions"]) -> Float[np.ndarray, " unknowns"]:
         """Return how much one of each unknown is."""
         scale = np.ones(self.unknowns)
         if isinstance(self.actuation, DistributedActuation):
             scale[self.slices["front"]] = self.actuation.rod
         fastest = np.stack([curve.fastest for curve in self.actuation.curves])
         scale[self.slices["motors"]] = np.broadcast_to(fastest, self.sizes["motors"]).ravel()
-        scale[self.slices["values"]] = size
+        scale[self.slices["values"]] = sizes
         return scale
 
-    def parts(self, z: Float[np.ndarray, " unknowns"], size: float) -> dict[str, np.ndarray]:
+    def parts(
+        self, z: Float[np.ndarray, " unknowns"], sizes: Float[np.ndarray, " directions"]
+    ) -> dict[str, np.ndarray]:
         """Return the unknowns by name and in their units."""
-        values = z * self.scale(size)
+        values = z * self.scale(sizes)
         return {name: values[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
 
     def initial_point(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
@@ -90,7 +91,7 @@ class DirectionalProgram:
         z[self.slices["q"]] = q
         if isinstance(self.actuation, DistributedActuation):
             capacity, front = torque_capacity(self.actuation, q)
-            if self.quantity == "velocity":
+            if "velocity" in self.quantities:
                 speeds = joint_speeds(self.actuation, q, dynamics.gravity_torques(self.arm, q))
                 front = np.where(np.isnan(speeds.high), front, speeds.front_high)
             front = np.where(np.isnan(capacity), self.actuation.front_bounds.mean(axis=1), front)
@@ -110,10 +111,13 @@ class DirectionalProgram:
         return lanes
 
     def program(
-        self, position: Float[np.ndarray, " task"], directions: Float[np.ndarray, "directions task"], size: float
+        self,
+        position: Float[np.ndarray, " task"],
+        directions: Float[np.ndarray, "directions task"],
+        sizes: Float[np.ndarray, " directions"],
     ) -> AssembledRows:
         """Return the program at a position along directions; traced once for all of them."""
-        return _transcribe(self).at(np.concatenate([position, directions.ravel(), [size]]))
+        return _transcribe(self).at(np.concatenate([position, directions.ravel(), sizes]))
 
 
 def consecutive_slices(sizes: Mapping[str, int]) -> dict[str, slice]:
@@ -124,13 +128,13 @@ def consecutive_slices(sizes: Mapping[str, int]) -> dict[str, slice]:
 
 @lru_cache(maxsize=32)
 def _transcribe(settings: DirectionalProgram) -> TracedRows:
-    task, arm = settings.task, settings.arm
+    task, arm, count = settings.task, settings.arm, len(settings.quantities)
 
     def rows(z: list[Any], parameters: list[Any]) -> tuple[list[Any], list[Any]]:
-        position, size = parameters[:task], parameters[-1]
-        directions = np.array(parameters[task:-1], dtype=object).reshape(settings.count, task)
-        scale: Any = settings.scale(1.0).astype(object)
-        scale[settings.slices["values"]] = size
+        position, sizes = parameters[:task], parameters[-count:]
+        directions = np.array(parameters[task:-count], dtype=object).reshape(count, task)
+        scale: Any = settings.scale(np.ones(count)).astype(object)
+        scale[settings.slices["values"]] = sizes
         at = {
             name: (np.array(z, dtype=object) * scale)[place].reshape(settings.sizes[name])
             for name, place in settings.slices.items()
@@ -143,32 +147,41 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
         ratios, slacks = ratios_and_slacks(arm, settings.actuation, q, list(at["front"]))
-        for k, direction in enumerate(directions):
-            value = at["values"][k]
-            if settings.quantity == "force":
-                for j, column in enumerate(columns):
-                    with_force = load[j] + value * sum(c * d for c, d in zip(column, direction, strict=True))
-                    for ratio, curve in zip(ratios[j], settings.actuation.curves, strict=True):
-                        for torque in (load[j], with_force) if np.isfinite(curve.stall[j]) else ():
-                            share = ratio * torque / curve.stall[j]
-                            slacks += [1.0 - share, 1.0 + share]
+        if "velocity" not in settings.quantities:  # whose rows say it too
+            slacks += _stall_slacks(settings.actuation, ratios, load)
+        for k, (quantity, direction) in enumerate(zip(settings.quantities, directions, strict=True)):
+            value, before = at["values"][k], settings.quantities[:k].count("velocity")
+            if quantity == "force":
+                force = [sum(c * d for c, d in zip(column, direction, strict=True)) for column in columns]
+                torque = [own + value * share for own, share in zip(load, force, strict=True)]
+                slacks += _stall_slacks(settings.actuation, ratios, torque)
                 continue
-            motors = at["motors"][k]
+            motors = at["motors"][before]
             speeds = [sum(r * u for r, u in zip(ratios[j], motors[:, j], strict=True)) for j in range(arm.dof)]
             for a in range(task):
                 moved = sum(column[a] * speed for column, speed in zip(columns, speeds, strict=True))
-                equal.append((moved - value * direction[a]) / size)
+                equal.append((moved - value * direction[a]) / sizes[k])
             for m, curve in enumerate(settings.actuation.curves):
                 effort = np.array([ratios[j][m] * load[j] for j in range(arm.dof)], dtype=object)
                 slacks += list(curve.slacks(effort, motors[m]).ravel())
             if settings.power:
-                work = at["work"][k]
+                work = at["work"][before]
                 for j in range(arm.dof):
                     slacks += [work[j] - load[j] * speeds[j], work[j] + load[j] * speeds[j]]
                 slacks.append(at["power"][0] - sum(work))
         return equal, slacks
 
-    return trace_rows(settings.unknowns, task * (1 + settings.count) + 1, rows)
+    return trace_rows(settings.unknowns, task + (task + 1) * count, rows)
+
+
+def _stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
+    """Return the slacks of motors at rest under the joints' torques [N m, N]; motors that bear any have none."""
+    slacks = list[Any]()
+    for m, curve in enumerate(actuation.curves):
+        for j in np.flatnonzero(np.isfinite(curve.stall)):
+            share = ratios[j][m] * torque[j] / curve.stall[j]
+            slacks += [1.0 - share, 1.0 + share]
+    return slacks
 
 
 def ratios_and_slacks(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -52,6 +53,16 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
     return low, high
 
 
+def torques_at_sliders(actuation: Actuation, q: Joints, front: Joints) -> Joints:
+    """Return the torque [N m, N] that each joint can hold at rest with front sliders where they are, (*batch, dof).
+
+    Without sliders ``front`` is not looked at.
+    """
+    ratios, stall = actuation.ratios(q, front), np.stack([curve.stall for curve in actuation.curves])
+    with np.errstate(divide="ignore"):  # a motor across which the joint turns bears nothing
+        return np.asarray((stall / np.abs(ratios)).min(axis=-2))
+
+
 def motor_speeds(
     actuation: Actuation,
     q: Float[np.ndarray, "*#batch dof"],
@@ -87,6 +98,21 @@ def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
     """
     maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
     return maxima[..., 0], maxima[..., 1]
+
+
+def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
+    """Return what is wanted along each of so many directions: one quantity for all, or one each.
+
+    Raises InvalidInput for what is neither.
+    """
+    each: Any = (quantity,) * count if isinstance(quantity, str) else quantity
+    valid = isinstance(each, Sequence) and len(each) == count and all(one in get_args(Quantity) for one in each)
+    if not valid:
+        raise InvalidInput(
+            f"quantity must be one of {', '.join(get_args(Quantity))}, or a list of {count}, one a direction, "
+            f"got {quantity!r}"
+        )
+    return tuple(each)
 
 
 def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Infeasible:

@@ -73,7 +73,7 @@ class MultistartAscent:
     ) -> None:
         self.arm, self.actuation, self.position = arm, actuation, position
         self.directions, self.quantity = directions, quantity
-        self.program = DirectionalProgram(arm=arm, actuation=actuation, quantity=quantity, count=1)
+        self.program = DirectionalProgram(arm=arm, actuation=actuation, quantities=(quantity,))
         parts = np.array_split(starts, -(-len(starts) // OPTIONS.batch))
         self.q = starts
         self.values = np.concatenate([values_at(arm, actuation, directions, quantity, part) for part in parts])
@@ -132,7 +132,7 @@ def ascend(
     """
     cost = np.zeros((1, program.unknowns))
     cost[0, program.slices["values"]] = -1.0
-    dense = DenseProgram(rows=program.program(position, direction[None], size), costs=cost)
+    dense = DenseProgram(rows=program.program(position, direction[None], np.array([size])), costs=cost)
     first, weight = program.initial_point(start)[None], np.ones((1, 1))
     try:
         end = None if near else minimise(dense, first, weight, options=OPTIONS.interior_point)
@@ -141,7 +141,7 @@ def ascend(
             end = minimise(dense, restart, weight, options=OPTIONS.sqp, solver="sqp")
     except (EvaluationFailed, SolverFailed):  # rods that do not reach
         return None
-    return program.parts(end.x[0], size)["q"] if end.violation[0] <= OPTIONS.feasible else None
+    return program.parts(end.x[0], np.array([size]))["q"] if end.violation[0] <= OPTIONS.feasible else None
 
 
 def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:

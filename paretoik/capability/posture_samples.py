@@ -58,7 +58,7 @@ def sample_holdable_postures(
     excess = np.maximum(limit_excess(arm, q), 0.0).max(axis=1)
     if overload(arm, actuation, q).min() > OPTIONS.clear:
         raise postures_error(arm, actuation, q, position)
-    program = DirectionalProgram(arm=arm, actuation=actuation, quantity="velocity", count=1)
+    program = DirectionalProgram(arm=arm, actuation=actuation, quantities=("velocity",))
     size = OPTIONS.tool_radius * max(float(curve.fastest.max()) for curve in actuation.curves)
     upright = np.eye(len(position))[-1]
     starts = distant_postures(arm, q[np.argsort(overload(arm, actuation, q) + excess)])

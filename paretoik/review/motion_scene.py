@@ -17,10 +17,14 @@ from paretoik.review.palette import SCREEN
 
 @dataclass(frozen=True, kw_only=True)
 class MotionScene:
-    """A single motion, (time, dof), that is drawn whole as ghosts and replayed on the `motion` timeline."""
+    """A single motion, (time, dof), that is drawn whole as ghosts and replayed on the `motion` timeline.
+
+    An arm that stands still has the postures of other motions, (motions, time, dof), as ghosts beside it.
+    """
 
     motion: Any
     title: str
+    others: Any = None
 
     def views(self) -> tuple[rrb.View, list[rrb.View]]:
         """Return the view of the arm and those of its joints."""
@@ -44,13 +48,19 @@ class MotionScene:
 
     def _log_axes_and_path(self, recording: rr.RecordingStream) -> None:
         drawing = self._drawing
-        links, tool = drawing.place(self.motion.links), drawing.place(self.motion.tool)
-        ghosts = links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))]
+        tool, ghosts = drawing.place(self.motion.tool), drawing.place(self._ghosts)
         drawing.log_axes(recording)
         strips, _ = drawing.archetypes
         thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
         recording.log("arm/ghosts", strips(ghosts, colors=SCREEN.ghost, radii=thin, **drawing.order(0.0)), static=True)
         recording.log("arm/path", strips([tool], colors=SCREEN.path, radii=thick, **drawing.order(1.0)), static=True)
+
+    @property
+    def _ghosts(self) -> np.ndarray:
+        """Postures (ghosts, nodes, 3) that are drawn behind the arm."""
+        stationary = self.others is not None and not np.ptp(self.motion.q, axis=0).any()
+        links = self.others.links[:, 0] if stationary else self.motion.links
+        return np.asarray(links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))])
 
     def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
         drawing = self._drawing
@@ -90,7 +100,7 @@ class MotionScene:
 
     @cached_property
     def _drawing(self) -> ArmDrawing:
-        nodes = self.motion.links.reshape(-1, 3)
+        nodes = np.concatenate([self.motion.links.reshape(-1, 3), self._ghosts.reshape(-1, 3)])
         return ArmDrawing(entity="arm", planar=self.motion.arm.is_planar, nodes=nodes)
 
 

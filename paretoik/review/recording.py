@@ -90,7 +90,8 @@ class Recording:
         charts = scene.charts(self._generations)
         motion = None
         if choice is not None and choice.motion is not None:
-            motion = MotionScene(motion=choice.motion, title=f"motion of point {choice.id}")
+            others = None if front is None else front.motions
+            motion = MotionScene(motion=choice.motion, title=f"motion of point {choice.id}", others=others)
         stream.send_blueprint(self._blueprint(canvases, charts, motion, searched))
         scene.log_axes(stream, canvases, static=True)
         for chart in charts:

@@ -2,12 +2,13 @@
 
     python -m studies.benchmarks.directional_maxima [--quick] [--seeds N] [--refined N] [--json FILE]
 
-``DirectionalMaxima`` by joint motors and by sliders, with power or a user's objective against speeds, and an arm of
-seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA as they ship, from the same first genes, with
-equal evaluations. Fronts are judged as those of ``benchmarks.maximin``: hypervolume (reference 1.1), IGD+ and additive
-epsilon after normalising by the union of all fronts, certified ones among them. ``pk.solve(refine=True)`` stands beside
-the best of these, with fewer seeds, since it takes longer; of its points is told how many are certified minima, and how
-far their greatest speeds are from directional maxima, which bound them.
+``DirectionalMaxima`` by joint motors and by sliders, with power, forces or a user's objective against speeds, forces
+against each other, and an arm of seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA as they ship,
+from the same first genes, with equal evaluations. Fronts are judged as those of ``benchmarks.maximin``: hypervolume
+(reference 1.1), IGD+ and additive epsilon after normalising by the union of all fronts, certified ones among them.
+``pk.solve(refine=True)`` stands beside the best of these, with fewer seeds, since it takes longer; of its points is
+told how many are certified minima, and how far their greatest speeds and forces are from directional maxima, which
+bound them.
 """
 
 from __future__ import annotations
@@ -48,6 +49,12 @@ def _manipulable() -> pk.DirectionalMaxima:
     )
 
 
+def _strong() -> pk.DirectionalMaxima:
+    return pk.DirectionalMaxima(
+        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), kim_2021.PLACE, kim_2021.WAYS, quantity="force"
+    )
+
+
 def _spatial() -> pk.DirectionalMaxima:
     arm = pk.arms.wan_7r()
     return pk.DirectionalMaxima(arm, pk.capability.JointActuation.of(arm), *WAN, power=False)
@@ -57,6 +64,8 @@ CASES: dict[str, Callable[[], pk.DirectionalMaxima]] = {
     "joint motors: speeds, power": kim_2021.directions_jam,
     "sliders: speeds, power": kim_2021.directions_dam,
     "sliders: speeds, manipulability": _manipulable,
+    "joint motors: forces": _strong,
+    "sliders: speed, force": kim_2021.speed_force_dam,
     "seven joints in space: speeds": _spatial,
 }
 
@@ -107,20 +116,23 @@ def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[
 
 
 def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[Run]) -> list[Row]:
-    """Return how many refined points are minima, their worst residual, and their greatest speeds beside the bound."""
+    """Return how many refined points are minima, their worst residual, and their greatest values beside the bound."""
     fronts = [one.front for one in members if one.front is not None]
     certificates = [front.certificates for front in fronts if front.certificates is not None]
     minima = np.concatenate([each.status == "minimum" for each in certificates])
     residual = np.concatenate([each.kkt_residual for each in certificates])
-    count = len(problem.directions)
-    bound = pk.directional_maxima(problem.arm, problem.actuation, problem.position, problem.directions).values
-    shares = np.array([front.objectives[:, :count].max(axis=0) for front in fronts]) / bound
+    quantities = problem.configurations.quantities
+    each = [
+        pk.directional_maxima(problem.arm, problem.actuation, problem.position, way[None], quantity=quantity).values
+        for way, quantity in zip(problem.directions, quantities, strict=True)
+    ]
+    shares = np.array([front.objectives[:, : len(each)].max(axis=0) for front in fronts]) / np.concatenate(each)
     over = "LOSS: above the bound; " if shares.max() > 1 + 1e-6 else ""
     note = f"{over}medians by direction {', '.join(f'{share:.6f}' for share in np.median(shares, axis=0))}"
     rows = [
         ("points that are certified minima", "%", 100 * minima.mean(), f"of {len(minima)}"),
         ("stationarity, median", "", float(np.median(residual)), f"largest {residual.max():.1e}"),
-        ("greatest speed beside its directional maximum, least of all seeds", "", float(shares.min()), note),
+        ("greatest value beside its directional maximum, least of all seeds", "", float(shares.min()), note),
     ]
     return [Row(table=CERTIFIED, row=case, column=name, unit=unit, ours=float(v), note=n) for name, unit, v, n in rows]
 
@@ -131,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=31)
     parser.add_argument("--refined", type=int, default=5, help="of these seeds fronts are refined too")
     options = parser.parse_args(arguments)
-    cases, seeds = (list(CASES)[:3], 2) if options.quick else (list(CASES), options.seeds)
+    cases, seeds = (list(CASES)[:5], 2) if options.quick else (list(CASES), options.seeds)
     problems, console = {case: CASES[case]() for case in cases}, Console(stderr=True)
     runs = {(case, name): list[Run]() for case in cases for name in (OURS, REFINED, *PEERS)}
     for seed in range(seeds):

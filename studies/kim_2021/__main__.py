@@ -13,6 +13,7 @@ import numpy as np
 from studies.kim_2021.energies import posture_rows, postures, table_4
 from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
 from studies.kim_2021.fronts import MECHANISMS, drawn_fronts, race_fronts, race_rows, time_energy, time_energy_rows
+from studies.kim_2021.one_posture import all_cases, drawn_postures, one_posture_rows
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.racing import polygon_race, step_race
@@ -39,6 +40,7 @@ class Effort:
     positions: int = 3
     rounds: int = 96
     steps: int = 100
+    shared: int = 24
     points: int = 12
     moments: int = 17
     searches: int = 32
@@ -46,7 +48,7 @@ class Effort:
 
 QUICK = Effort(
     angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=8, cell=0.6, random=100, paths=50, starts=2, positions=1,
-    rounds=16, steps=20, points=3, moments=9, searches=8,
+    rounds=16, steps=20, shared=6, points=3, moments=9, searches=8,
 )  # fmt: skip
 
 
@@ -87,6 +89,9 @@ def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     rows += linear_programs(effort.random, rng) + symmetries(effort.random, rng)
     rows += many_starts(effort.starts, rng, positions=effort.positions)
     rows += random_paths(trajectories, effort.paths, rng)
+    begin("one posture for two directions")
+    shared = all_cases(effort.shared)
+    rows += [row for one in shared for row in one_posture_rows(one)]
     begin("time against energy")
     fronts = [
         time_energy(name, points=effort.points, starts=effort.searches, samples=effort.moments) for name in MECHANISMS
@@ -99,7 +104,12 @@ def run_study(effort: Effort, folder: Path) -> tuple[list[Row], list[Path]]:
     rows += polygon_race(rounds=effort.rounds)
     for one in trajectories.values():
         rows += step_race(one, steps=effort.steps)
-    return rows, [*draw(folder, corners, trajectories, ways), drawn_fronts(folder, fronts)]
+    pictures = [
+        *draw(folder, corners, trajectories, ways),
+        drawn_postures(folder, shared),
+        drawn_fronts(folder, fronts),
+    ]
+    return rows, pictures
 
 
 if __name__ == "__main__":

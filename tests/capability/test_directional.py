@@ -42,13 +42,13 @@ def test_no_posture_of_many_does_more(drive, quantity):
 @pytest.mark.parametrize("actuation", [*map(driven, SHAPES), DRIVES["sliders"]], ids=[*SHAPES, "sliders"])
 def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(actuation):
     polygon = pk.directional_maxima(ARM, actuation, PLACE, 3)
-    unscaled = DirectionalProgram(arm=ARM, actuation=actuation, quantity="velocity", count=1)
+    unscaled = DirectionalProgram(arm=ARM, actuation=actuation, quantities=("velocity",))
     cost = np.zeros(unscaled.unknowns)
     cost[unscaled.slices["values"]] = -1.0
     starts = sample_postures_at(ARM, PLACE, 200, np.random.default_rng(0))
     held = starts[~np.isnan(values_at(ARM, actuation, polygon.directions, "velocity", starts)).any(axis=1)][:6]
     for direction, value in zip(polygon.directions, polygon.values, strict=True):
-        program = DenseProgram(rows=unscaled.program(PLACE, direction[None], value), costs=cost[None])
+        program = DenseProgram(rows=unscaled.program(PLACE, direction[None], np.array([value])), costs=cost[None])
         starts = np.array([unscaled.initial_point(q) for q in held])
         ends = minimise(program, starts, np.ones((1, 1)), options=OPTIONS.sqp, solver="sqp")
         shares = ends.x[ends.violation <= 1e-9][:, unscaled.slices["values"]]

@@ -15,12 +15,19 @@ from problems import kim_2021
 
 PLACE = [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
-ACTUATIONS = {"motors": pk.capability.kim_joint_motors, "sliders": pk.capability.kim_sliders}
+MOTORS, SLIDERS = pk.capability.kim_joint_motors(), pk.capability.kim_sliders()
+PROBLEMS = {
+    "motors": (MOTORS, "velocity"),
+    "sliders": (SLIDERS, "velocity"),
+    "forces of motors": (MOTORS, "force"),
+    "speed against force of sliders": (SLIDERS, ["velocity", "force"]),
+}
 
 
-@pytest.fixture(scope="module", params=ACTUATIONS)
+@pytest.fixture(scope="module", params=PROBLEMS)
 def problem(request):
-    return pk.DirectionalMaxima(pk.arms.kim_3r(), ACTUATIONS[request.param](), PLACE, WAYS)
+    actuation, quantity = PROBLEMS[request.param]
+    return pk.DirectionalMaxima(pk.arms.kim_3r(), actuation, PLACE, WAYS, quantity=quantity)
 
 
 @pytest.fixture(scope="module")
@@ -44,15 +51,21 @@ def test_individuals_stand_at_the_position_and_move_along_the_directions(problem
     assert kinematics.forward_kinematics(problem.arm, at.q)[1][:, :2] == pytest.approx(
         np.tile(PLACE, (len(front), 1)), abs=1e-9
     )
-    columns = kinematics.jacobian(problem.arm, at.q)[:, :2]
+    columns, moving = kinematics.jacobian(problem.arm, at.q)[:, :2], problem.configurations.moving
     moved = np.einsum("paj,pkj->pka", columns, at.dq)
-    assert moved == pytest.approx(at.speeds[..., None] * np.array(WAYS), abs=1e-9)
-    assert front.objectives[:, :2] == pytest.approx(at.speeds)
-    assert front.objectives[:, 2] == pytest.approx(at.power.max(axis=1))
+    assert moved == pytest.approx(at.values[:, moving, None] * np.array(WAYS)[moving], abs=1e-9)
+    assert front.objectives[:, :2] == pytest.approx(at.values)
+    assert problem.power == moving.any()
+    if problem.power:
+        assert front.objectives[:, 2] == pytest.approx(at.power.max(axis=1))
 
 
-def test_no_individual_is_faster_than_the_directional_maximum(problem, refined):
-    maxima = pk.directional_maxima(problem.arm, problem.actuation, PLACE, WAYS).values
+def test_no_individual_does_more_than_the_directional_maximum(problem, refined):
+    each = [
+        pk.directional_maxima(problem.arm, problem.actuation, PLACE, [way], quantity=quantity).values
+        for way, quantity in zip(WAYS, problem.configurations.quantities, strict=True)
+    ]
+    maxima = np.concatenate(each)
     assert (refined.objectives[:, :2] <= maxima * (1 + 1e-9)).all()
     assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * maxima).all()
 
@@ -83,22 +96,23 @@ def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refine
 
 
 def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
-    """Ask a little more of one speed, and a little less, the other held: the power that it costs tells both ends."""
-    program, rates, step = problem.program(), refined.certificates, 1e-5
+    """Ask a little more of the first, and a little less, others held: what it costs of the last tells both ends."""
+    program, rates, step, last = problem.program(), refined.certificates, 1e-6, problem.n_obj - 1
+    sign = -1.0 if problem.maximised[last] else 1.0  # what costs force lowers it
     ranges, z = np.ptp(refined.minimised, axis=0), problem.points(refined.genes)
-    finite = np.isfinite(rates.exchange_intervals[:, 0, 2]).all(axis=1)
+    finite = np.isfinite(rates.exchange_intervals[:, 0, last]).all(axis=1)
     good = np.flatnonzero((rates.weights.min(axis=1) > 0.05) & (rates.status == "minimum") & finite)
     assert len(good) >= 3
     for i in good[:5]:
-        power = []
+        costs, unit = [], np.eye(problem.n_obj)
         for change in (-step, 0.0, step):
-            bounds = (program.costs @ z[i] + change * ranges * [1, 0, 0])[:2] / ranges[:2]
-            upper = np.append(bounds, np.inf)[None]
-            end = minimise(problem.program(ranges), z[i : i + 1], np.array([[0.0, 0.0, 1.0]]), upper, solver="sqp")
+            bounds = (program.costs @ z[i] + change * ranges * unit[0]) / ranges
+            upper = np.where(unit[last] > 0, np.inf, bounds)[None]
+            end = minimise(problem.program(ranges), z[i : i + 1], unit[last:], upper, solver="sqp")
             assert end.converged.all()
-            power.append(end.objectives[0, 2] * ranges[2])
-        more, less = -np.diff(power) / (step * ranges[0])
-        low, high = rates.exchange_intervals[i, 0, 2]
+            costs.append(end.objectives[0, last] * ranges[last])
+        more, less = -np.diff(costs) / (step * ranges[0])
+        low, high = np.sort(sign * rates.exchange_intervals[i, 0, last])
         assert (more + less) / 2 == pytest.approx((low + high) / 2, rel=2e-2)
         assert less >= low - 0.05 * high
         assert more <= high * 1.05
@@ -144,7 +158,7 @@ def test_what_cannot_be_is_refused_by_name(problem, front):
     with pytest.raises(InvalidInput, match="at least one, wanted"):
         pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
-    with pytest.raises(InvalidInput, match="refine: a problem with objectives speed_1, speed_2, joint_power wanted"):
+    with pytest.raises(InvalidInput, match=f"refine: a problem with objectives {', '.join(problem.names)} wanted"):
         pk.refine(front, other)
 
 

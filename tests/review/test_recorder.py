@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +129,23 @@ def test_the_chosen_motion_is_replayed_sample_by_sample(planar, tmp_path, make_f
     assert last.shape == (4, 2 if planar else 3)
     if not planar:
         np.testing.assert_allclose(last, choice.motion.links[-1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_an_arm_that_stands_still_has_the_postures_of_the_front_behind_it(planar, tmp_path, make_front):
+    moving = make_front(2, planar=planar, points=5)
+    postures = np.repeat(moving.motions.q[:, -1:], moving.motions.q.shape[1], axis=1)
+    standing = replace(moving, motions=replace(moving.motions, q=postures))
+    for name, front in (("moving", moving), ("standing", standing)):
+        (tmp_path / name).mkdir()
+        choice = recorded(tmp_path / name / "review.rrd", front, [])
+        (batch,) = read(tmp_path / name / "review.rrd")["/arm/ghosts"]
+        (column,) = [each for each in batch.schema.names if each.endswith(":strips")]
+        (ghosts,) = np.array(batch.column(column).to_pylist())
+        behind = choice.motion.links[[0, 1, 2, 4, 5, 6, 8, 9, 10]] if name == "moving" else front.motions.links[:, 0]
+        assert ghosts.shape[:2] == behind.shape[:2]
+        if not planar:
+            np.testing.assert_allclose(ghosts, behind, rtol=1e-6, atol=1e-7)
 
 
 def test_points_are_drawn_in_their_places_on_the_axes(tmp_path, make_front, make_generations):

@@ -20,5 +20,5 @@ def test_every_method_is_judged_and_refined_fronts_are_within_the_bound():
         row.column: row.ours for row in certified_rows(case, problem, runs[case, REFINED]) if row.table == CERTIFIED
     }
     assert shown["points that are certified minima"] > 90
-    assert 0.9 < shown["greatest speed beside its directional maximum, least of all seeds"] <= 1 + 1e-6
+    assert 0.9 < shown["greatest value beside its directional maximum, least of all seeds"] <= 1 + 1e-6
     assert np.median([len(one.F) for one in runs[case, OURS]]) > 10

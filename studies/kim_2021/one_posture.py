@@ -1,0 +1,126 @@
+"""What one posture, with its gears, keeps of the polygons: speeds and forces in two directions, as certified fronts.
+
+The paper's polygons have a posture of its own for every direction. Here the tool stays in one: fast ahead and upwards,
+strong ahead and upwards, fast and strong upwards. Fronts by ``DirectionalMaxima``: MaxiMin, then exact gradients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+import paretoik as pk
+from paretoik.capability.joint_capability import Quantity
+from paretoik.review.palette import PAPER
+from paretoik.review.plots import label
+from problems.kim_2021 import PLACE, WAYS
+from studies.kim_2021.posture_program import posture_program
+from studies.kim_2021.setting import MECHANISMS, actuation_of
+from studies.reporting import Row, drawing
+
+TABLE = "one posture for two directions, at p6"
+CASES: dict[str, tuple[tuple[tuple[float, float], ...], tuple[Quantity, ...]]] = {
+    "fast ahead and upwards": (WAYS, ("velocity", "velocity")),
+    "strong ahead and upwards": (WAYS, ("force", "force")),
+    "fast and strong upwards": ((WAYS[1], WAYS[1]), ("velocity", "force")),
+}
+POPULATION, GENERATIONS = 60, 30
+SAME = 1e-6  # share by which IPOPT may gain and the point be the same
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnePosture:
+    """The certified front of a mechanism and case, its directional maxima (2,), and what IPOPT gains (points,).
+
+    ``gained`` is a share of the second objective, with no less of the first, NaN where IPOPT ends at no optimum.
+    """
+
+    name: str
+    front: pk.Front
+    maxima: Float[np.ndarray, " 2"]
+    gained: Float[np.ndarray, " points"]
+
+
+def one_posture(mechanism: str, case: str, *, points: int) -> OnePosture:
+    """Return the front of at most so many points, and IPOPT's gains from them."""
+    ways, quantities = CASES[case]
+    problem = pk.DirectionalMaxima(
+        pk.arms.kim_3r(), actuation_of(mechanism), PLACE, ways, quantity=quantities, power=False
+    )
+    front = pk.refine(
+        pk.solve(problem, population=POPULATION, generations=GENERATIONS, seed=0, points=points, observe=False),
+        observe=False,
+    )
+    each = [
+        pk.directional_maxima(problem.arm, problem.actuation, PLACE, [way], quantity=quantity).values
+        for way, quantity in zip(ways, quantities, strict=True)
+    ]
+    program = posture_program(problem)
+    found = np.array([program.solved(genes) for genes in np.array(front.genes)])
+    gained = found / front.objectives[:, 1] - 1.0
+    return OnePosture(name=f"{mechanism}, {case}", front=front, maxima=np.concatenate(each), gained=gained)
+
+
+def one_posture_rows(one: OnePosture) -> list[Row]:
+    """Return what the best posture for both keeps of either maximum, and whether points are optimal by IPOPT too."""
+    shares, certificates = one.front.objectives / one.maxima, one.front.certificates
+    assert certificates is not None
+    over = "LOSS: above the maxima; " if shares.max() > 1 + SAME else ""
+    reached = zip(shares.max(axis=0), one.maxima, strict=True)
+    ends = ", ".join(f"{100 * share:.2f} % of {maximum:.4g}" for share, maximum in reached)
+    ended = one.gained[np.isfinite(one.gained)]
+    largest = float(ended.max(initial=0.0))
+    lost = "LOSS: " if largest > SAME else ""
+    rows = [
+        (
+            "both at once: of either's maximum at least",
+            "%",
+            100 * float(shares.min(axis=1).max()),
+            f"{over}ends {ends}",
+        ),
+        (
+            "certified minima",
+            f"of {len(shares)}",
+            float(np.sum(certificates.status == "minimum")),
+            f"stationary within {certificates.kkt_residual.max():.1e}, limits kept within "
+            f"{certificates.violation.max():.1e}",
+        ),
+        ("IPOPT's gain from them, at most", "", largest, f"{lost}it ended at {len(ended)} optima of {len(shares)}"),
+    ]
+    return [
+        Row(table=TABLE, row=one.name, column=column, unit=unit, ours=value, note=note)
+        for column, unit, value, note in rows
+    ]
+
+
+def all_cases(points: int) -> list[OnePosture]:
+    """Return all cases of both mechanisms."""
+    return [one_posture(mechanism, case, points=points) for mechanism in MECHANISMS for case in CASES]
+
+
+def drawn_postures(folder: Path, found: Sequence[OnePosture]) -> Path:
+    """Draw all fronts, and the postures that keep most of both maxima, into one picture, and return the file."""
+    file = folder / "one_posture.png"
+    with drawing(file, (9.0, 5.6)) as figure:
+        panels = figure.subplots(2, len(CASES))
+        for k, one in enumerate(found):
+            values, colour = one.front.objectives, PAPER.accents[1 if one.name.startswith("JAM") else 0]
+            above, below = panels[:, k % len(CASES)]
+            best = int((values / one.maxima).min(axis=1).argmax())
+            above.plot(*values.T, ".-", color=colour, linewidth=1.0, label=one.name[:3])
+            above.plot(*values[best], "o", color=colour, markersize=8)
+            above.set_title(one.name[5:])
+            above.set_xlabel(label(one.front, 0))
+            above.set_ylabel(label(one.front, 1))
+            motions = one.front.motions
+            assert motions is not None
+            below.plot(*1e3 * motions[best].links[0, :, :2].T, "o-", color=colour, markerfacecolor="white")
+            below.set_aspect("equal")
+            below.set_xlabel("x [mm]")
+            below.set_ylabel("y [mm]")
+        panels[0, 0].legend(frameon=False)
+    return file

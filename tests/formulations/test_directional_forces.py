@@ -1,0 +1,272 @@
+"""Forces in several directions from one posture: virtual work, linear programs, all postures, and laws of scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+import paretoik as pk
+from paretoik.errors import InvalidInput
+from paretoik.robot import kinematics
+
+PLACE = np.array([0.2, -0.15])
+WAYS = np.array([[1.0, 0.0], [0.0, 1.0]])
+ARM = pk.arms.kim_3r()
+LENGTHS, MASS, GRAVITY = np.array([0.114, 0.114, 0.129]), 0.5, 9.81  # of ``kim_3r``
+MOTORS, SLIDERS = pk.capability.kim_joint_motors(), pk.capability.kim_sliders()
+DRIVES = {"motors": MOTORS, "sliders": SLIDERS}
+seeds = st.integers(min_value=0, max_value=2**32 - 1)
+
+
+def forces(drive, ways=WAYS, arm=ARM, **changed):
+    return pk.DirectionalMaxima(arm, drive, PLACE, ways, **{"quantity": "force", "starts": 60, **changed})
+
+
+def random_genes(problem, count, rng):
+    return problem.xl + rng.uniform(size=(count, problem.n_var)) * (problem.xu - problem.xl)
+
+
+def statics(q):
+    """Return the tool's place and its Jacobian, and the torques of gravity, of ``kim_3r`` in postures (postures, 3)."""
+    heading = np.cumsum(q, axis=1)
+    steps = LENGTHS[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
+    joints = np.cumsum(steps, axis=1) - steps
+    tool, middles = steps.sum(axis=1), joints + steps / 2
+    across = tool[:, None] - joints
+    columns = np.stack([-across[..., 1], across[..., 0]], axis=1)
+    levers = middles[:, None, :, 0] - joints[:, :, None, 0]
+    return tool, columns, MASS * GRAVITY * np.triu(levers).sum(axis=2)
+
+
+def gears(q, front):
+    """Return how far joints of rods turn for a little way of either slider, by differences of the law of cosines."""
+    angle, rod, step = q - SLIDERS.zero, SLIDERS.rod, 1e-7
+    back = -front * np.cos(angle) + np.sqrt(rod**2 - (front * np.sin(angle)) ** 2)
+
+    def turned(s, b):
+        return np.arccos((rod**2 - s**2 - b**2) / (2 * s * b))
+
+    with np.errstate(invalid="ignore", divide="ignore"):  # back sliders past their bounds
+        ahead = turned(front + step, back) - turned(front - step, back)
+        behind = turned(front, back + step) - turned(front, back - step)
+        return back, np.abs(np.stack([ahead, behind], axis=-2)) / (2 * step)
+
+
+def capacities(name, q, front):
+    """Return the torques that joints can hold (postures, 3), NaN where the back slider is past its bounds."""
+    if name == "motors":
+        return np.broadcast_to(MOTORS.motors.stall, q.shape)
+    back, ratios = gears(q, front)
+    low, high = SLIDERS.back_bounds.T
+    inside = (back >= low - 1e-7) & (back <= high + 1e-7)
+    with np.errstate(divide="ignore"):
+        return np.where(inside, (np.stack([c.stall for c in SLIDERS.curves]) / ratios).min(axis=-2), np.nan)
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_individuals_push_until_a_motor_stalls(name):
+    problem, rng = forces(DRIVES[name]), np.random.default_rng(0)
+    genes = random_genes(problem, 2000, rng)
+    at, G = problem.configuration(genes), problem.evaluate(genes, return_values_of=["G"])
+    allowed = (G <= 0).all(axis=1)
+    assert allowed.sum() >= 20
+    q, front, values = at.q[allowed], at.front[allowed], at.values[allowed]
+    tool, columns, load = statics(q)
+    assert tool == pytest.approx(np.tile(PLACE, (len(q), 1)), abs=1e-9)
+    capacity = capacities(name, q, front)
+    for k, way in enumerate(WAYS):
+        torque = load + values[:, k, None] * np.einsum("paj,a->pj", columns, way)
+        assert np.max(np.abs(torque) / capacity, axis=1) == pytest.approx(np.ones(len(q)), rel=1e-6)
+    assert at.dq.shape == (len(genes), 0, 3)
+
+
+@given(seed=seeds)
+@settings(max_examples=25)
+def test_the_greatest_force_is_the_least_work_of_stalled_motors_to_move_the_tool_by_a_unit(seed):
+    """The dual program: Σ stall |δq| − g δq is least over joint ways δq with which the tool goes by 1 along d."""
+    rng = np.random.default_rng(seed)
+    way = rng.normal(size=2)
+    way /= np.linalg.norm(way)
+    problem = forces(MOTORS, [way], starts=8)
+    genes = random_genes(problem, 1, rng)
+    at = problem.configuration(genes)
+    assume(problem.evaluate(genes, return_values_of=["G"]).max() <= 0)
+    _, columns, load = statics(at.q)
+    share, stall = way @ columns[0], MOTORS.motors.stall
+    best = linprog(np.concatenate([stall - load[0], stall + load[0]]), A_eq=[[*share, *-share]], b_eq=[1.0])
+    assert at.values[0, 0] == pytest.approx(best.fun, rel=1e-9)
+
+
+def all_postures(count):
+    """Return postures (2 count, 3) whose tool is at the place: a last heading all around, and either elbow."""
+    heading = np.linspace(-np.pi, np.pi, count, endpoint=False)
+    wrist = PLACE - LENGTHS[2] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    reach = np.linalg.norm(wrist, axis=1)
+    cosine = (reach**2 - LENGTHS[0] ** 2 - LENGTHS[1] ** 2) / (2 * LENGTHS[0] * LENGTHS[1])
+    heading, wrist, cosine = (each[np.abs(cosine) <= 1] for each in (heading, wrist, cosine))
+    found = []
+    for elbow in (np.arccos(cosine), -np.arccos(cosine)):
+        inner = np.arctan2(LENGTHS[1] * np.sin(elbow), LENGTHS[0] + LENGTHS[1] * np.cos(elbow))
+        first = np.arctan2(wrist[:, 1], wrist[:, 0]) - inner
+        found.append(np.stack([first, elbow, heading - first - elbow], axis=1))
+    return np.concatenate(found)
+
+
+def all_forces(name, q):
+    """Return the greatest forces (postures, 2) of postures, sliders anywhere, NaN where the arm cannot be held."""
+    if name == "motors":
+        capacity = capacities(name, q, 0.0)
+    else:
+        q = SLIDERS.zero + (q - SLIDERS.zero) % (2 * np.pi)
+        places = np.linspace(*SLIDERS.front_bounds[0], 401)  # a joint's slider can hold for all directions at once
+        with np.errstate(invalid="ignore"):
+            capacity = np.max([np.nan_to_num(capacities(name, q, place)) for place in places], axis=0)
+        floor = SLIDERS.least_angle
+        capacity = np.where((q - SLIDERS.zero >= floor) & (q - SLIDERS.zero <= np.pi - floor), capacity, 0.0)
+    _, columns, load = statics(q)
+    share = np.einsum("ka,paj->pkj", WAYS, columns)
+    with np.errstate(divide="ignore"):  # some bear nothing
+        left = (capacity[:, None] - np.sign(share) * load[:, None]) / np.abs(share)
+    return np.where((np.abs(load) < capacity).all(axis=1)[:, None], left.min(axis=2), np.nan)
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_no_posture_of_all_pushes_harder_both_ways_and_their_front_is_the_refined_one(name):
+    refined = pk.solve(forces(DRIVES[name]), population=40, generations=30, seed=1, points=40, refine=True)
+    assert (refined.certificates.status == "minimum").all()
+    assert refined.certificates.kkt_residual.max() <= 1e-7
+    everything = all_forces(name, all_postures(20_000))
+    everything = everything[np.isfinite(everything).all(axis=1)]
+    size = everything.max(axis=0)
+    for one in refined.objectives / size:
+        assert (everything / size - one).min(axis=1).max() <= 1e-6  # none is better in both
+    for one in everything[:: max(1, len(everything) // 500)] / size:
+        assert (refined.objectives / size - one).min(axis=1).max() >= -0.05  # and what is refined covers all
+    assert refined.objectives.max(axis=0) / size == pytest.approx([1.0, 1.0], abs=1e-3)
+
+
+@given(seed=seeds, factor=st.floats(min_value=0.1, max_value=20.0))
+@settings(max_examples=10)
+def test_forces_grow_with_motors_and_weights(seed, factor):
+    rng = np.random.default_rng(seed)
+    heavy = pk.arms.kim_3r(masses=[factor * MASS] * 3)
+    strong = pk.capability.MotorCurve(stall=factor * MOTORS.motors.stall, fastest=MOTORS.motors.fastest)
+    one, other = forces(MOTORS, starts=10), forces(pk.capability.JointActuation(motors=strong), arm=heavy, starts=10)
+    genes = random_genes(one, 20, rng)
+    assert other.configuration(genes).values == pytest.approx(factor * one.configuration(genes).values, rel=1e-9)
+    assert other.points(genes) == pytest.approx(one.points(genes), rel=1e-9, abs=1e-12)
+
+
+@given(seed=seeds)
+@settings(max_examples=10)
+def test_without_weight_a_push_is_as_hard_as_a_pull(seed):
+    rng = np.random.default_rng(seed)
+    way = rng.normal(size=2)
+    problem = forces(MOTORS, [way, -way], ARM.mounted(gravity=[0.0, 0.0, 0.0]), starts=10)
+    genes = random_genes(problem, 20, rng)
+    push, pull = problem.configuration(genes).values.T
+    assert push == pytest.approx(pull, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_speed_times_force_is_no_more_than_motors_and_weight_can_give(name):
+    """Virtual work along one direction: f v = Σ (τ − g) q̇ with |τ| ≤ stall and |q̇| ≤ what the gears make fastest."""
+    drive = DRIVES[name]
+    problem = forces(drive, [WAYS[1], WAYS[1]], quantity=["velocity", "force"])
+    genes = random_genes(problem, 5000, np.random.default_rng(3))
+    genes = genes[(problem.evaluate(genes, return_values_of=["G"]) <= 0).all(axis=1)]
+    at = problem.configuration(genes)
+    assert len(genes) >= 20
+    load, capacity = statics(at.q)[2], capacities(name, at.q, at.front)
+    work = ((capacity + np.abs(load)) * np.abs(at.dq[:, 0])).sum(axis=1)
+    assert (at.values.prod(axis=1) <= work * (1 + 1e-6)).all()
+
+
+def test_a_force_beside_a_speed_changes_neither():
+    rng = np.random.default_rng(5)
+    fast, strong = forces(SLIDERS, quantity="velocity", power=False), forces(SLIDERS)
+    both = forces(SLIDERS, quantity=["velocity", "force"], power=False)
+    genes = random_genes(both, 50, rng)
+    posture, pace, joint_shares = np.split(genes, [strong.n_var, strong.n_var + 1], axis=1)
+    at, as_strong = both.configuration(genes), strong.configuration(posture)
+    as_fast = fast.configuration(np.hstack([posture, pace, pace, joint_shares, joint_shares]))
+    np.testing.assert_array_equal(at.values, np.stack([as_fast.values[:, 0], as_strong.values[:, 1]], axis=1))
+    np.testing.assert_array_equal(at.dq[:, 0], as_fast.dq[:, 0])
+    assert both.names == ("speed_1", "force_2")
+    assert both.units == ("m/s", "N")
+
+
+def test_spatial_arms_push_as_hard_as_they_can_in_any_posture():
+    arm, place = pk.arms.wan_7r(), [0.5, 0.3, -0.2]
+    motors = pk.capability.MotorCurve(stall=[40.0] * 4 + [10.0] * 3, fastest=arm.velocity_limits)
+    actuation = pk.capability.JointActuation(motors=motors)
+    problem = pk.DirectionalMaxima(arm, actuation, place, np.eye(3), quantity="force", starts=60)
+    refined = pk.refine(pk.solve(problem, population=24, generations=10, seed=0, points=4))
+    maxima = pk.directional_maxima(arm, actuation, place, np.eye(3), quantity="force", starts=100).values
+    assert (refined.objectives <= maxima * (1 + 1e-6)).all()
+    assert refined.certificates.violation.max() <= 1e-8
+    q, load = refined.motions.q[:, 0], refined.motions.torque[:, 0]
+    columns = kinematics.jacobian(arm, q)[:, :3]
+    for k in range(3):
+        torque = load + refined.objectives[:, k, None] * columns[:, k]
+        assert np.max(np.abs(torque) / motors.stall, axis=1) == pytest.approx(np.ones(len(q)), rel=1e-6)
+
+
+def test_bounds_along_a_front_of_forces_find_its_ends():
+    front = pk.epsilon_front(forces(MOTORS), points=3, starts=8)
+    maxima = pk.directional_maxima(ARM, MOTORS, PLACE, WAYS, quantity="force").values
+    assert front.objectives.max(axis=0) == pytest.approx(maxima, rel=1e-6)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (
+            {"quantity": "torque"},
+            r"quantity must be one of velocity, force, or a list of 2, one a direction, got 'torque'",
+        ),
+        ({"quantity": ["force"]}, r"a list of 2, one a direction, got \['force'\]"),
+        ({"quantity": ["force", 1]}, r"quantity must be one of .*got \['force', 1\]"),
+        ({"quantity": None}, "quantity must be one of .*got None"),
+        ({"power": True}, "power: False wanted with forces alone, since they take none at rest, got True"),
+        ({"power": 1}, "power: True or False wanted, got 1"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(changed, message):
+    with pytest.raises(InvalidInput, match=message):
+        forces(MOTORS, **changed)
+
+
+def test_forces_that_no_motor_bounds_are_refused_by_direction():
+    endless = pk.capability.MotorCurve(stall=[np.inf] * 3, fastest=[1.0] * 3)
+    with pytest.raises(InvalidInput, match="actuation: a motor with a finite stall wanted, to bound forces, got none"):
+        forces(pk.capability.JointActuation(motors=endless))
+    first = pk.capability.MotorCurve(stall=[12.3, np.inf, np.inf], fastest=[1.0] * 3)
+    one = pk.capability.JointActuation(motors=first)  # bears nothing that points away from it
+    assert np.isfinite(forces(one).sizes).all()
+    with pytest.raises(
+        InvalidInput, match=r"direction 2: a force that some motor of Kim 3R has to bear wanted, got \["
+    ):
+        forces(one, [WAYS[0], PLACE])
+
+
+def test_an_individual_whose_force_has_no_bounds_fails_and_says_so(monkeypatch):
+    problem = forces(MOTORS)
+    genes = random_genes(problem, 4, np.random.default_rng(0))
+    at = problem.configuration(genes)
+    at.values[1, 0] = np.inf
+    monkeypatch.setattr(problem, "configuration", lambda _: at)
+    F, G, causes = problem.evaluate(genes, return_values_of=["F", "G", "cause"])
+    assert np.isfinite(F).all()
+    assert G[1].max() > 0
+    assert [bool(cause) for cause in causes] == [False, True, False, False]
+
+
+def test_a_front_of_speeds_is_not_refined_as_one_of_forces():
+    front = pk.solve(forces(MOTORS, quantity="velocity"), population=16, generations=3, seed=0)
+    with pytest.raises(InvalidInput, match="refine: a problem with objectives speed_1, speed_2, joint_power wanted"):
+        pk.refine(front, forces(MOTORS))
