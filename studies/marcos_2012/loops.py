@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
@@ -14,6 +14,7 @@ from multiprocessing import get_context
 import numpy as np
 
 from paretoik.closed_loop.exact_loop import exact_steps
+from paretoik.closed_loop.loop import StepRecord
 from paretoik.formulations.closed_loop_result import ClosedLoopRun
 from paretoik.task.motion import Motion
 from problems import marcos_2012
@@ -79,22 +80,42 @@ def _start(links: Links, distance: float, seed: int) -> np.ndarray:
 def follow_all(
     selection: Sequence[Cell], postures: dict[tuple[int, float], np.ndarray], *, steps: int = STEPS, seed: int = 0
 ) -> Iterator[CellLoop]:
-    """Follow every cell's loop on all cores, as they end."""
-    done = 0
+    """Follow every cell's loop on all cores, as they end; how many of all steps are done is said every second."""
+    ended, done, said, total = 0, 0, time.perf_counter(), steps * len(selection)
+
+    def count(_: StepRecord) -> None:
+        nonlocal done, said
+        done += 1  # of threads that count at once one may be lost: it is said, not reckoned with
+        if time.perf_counter() > said + 1.0:
+            said = time.perf_counter()
+            print(
+                f"\r{done} of {total} steps, {ended} of {len(selection)} closed loops",
+                end="",
+                file=sys.stderr,
+                flush=True,
+            )
+
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         for one in pool.map(
-            lambda cell: follow(cell, postures[cell.links, cell.distance], steps=steps, seed=seed), selection
+            lambda cell: follow(cell, postures[cell.links, cell.distance], steps=steps, seed=seed, observe=count),
+            selection,
         ):
-            done += 1
-            print(f"\r{done} of {len(selection)} closed loops", end="", file=sys.stderr, flush=True)
+            ended += 1
             yield one
-    print(file=sys.stderr)
+    print(f"\r{total} of {total} steps, {ended} of {len(selection)} closed loops", file=sys.stderr)
 
 
 def follow(
-    cell: Cell, start: np.ndarray, *, steps: int, seed: int, generations: int = 200, warm_start: bool = False
+    cell: Cell,
+    start: np.ndarray,
+    *,
+    steps: int,
+    seed: int,
+    generations: int = 200,
+    warm_start: bool = False,
+    observe: Callable[[StepRecord], object] | None = None,
 ) -> CellLoop:
-    """Follow one cell's loop from a start, searched and exact."""
+    """Follow one cell's loop from a start, searched and exact; ``observe`` is called with every step searched."""
     loop = marcos_2012.loop(
         cell.links,
         cell.distance,
@@ -108,7 +129,7 @@ def follow(
         warm_start=warm_start,
     )
     started = time.thread_time()
-    run = loop.run(fronts=(1, 2))
+    run = loop.run(fronts=(1, 2), observe=observe)
     seconds = time.thread_time() - started
     q = exact_steps(loop.task, start, weight=cell.weight, longest_step=loop.longest)
     return CellLoop(cell=cell, run=run, seconds=seconds, exact=loop.task.motion(q))

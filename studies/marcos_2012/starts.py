@@ -17,7 +17,7 @@ from paretoik.closed_loop.exact_loop import exact_steps
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, RADIUS
 from studies.marcos_2012.loops import WEIGHTS, Cell
-from studies.marcos_2012.tables import MEASURES, paper
+from studies.marcos_2012.tables import ALIKE, MEASURES, paper
 from studies.reporting import Row
 
 STARTS = 48  # angles of the first link
@@ -25,7 +25,6 @@ WEIGHT = 0.5
 BENT = 0.05  # m: of a circle's beginning nearer than this to the second joint there is no telling two links apart
 LEAP = 1.0  # rad: a loop with a longer step has met a singularity
 NARROW = 1e-5  # rad: how well the angle of a start is found
-ALIKE = 0.01  # of the printed number: it agrees
 UNITS = [measure.unit for measure in MEASURES.values()]
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 import paretoik as pk
 from paretoik.self_motion.motion_starts import rollout_starts
 from studies.reporting import Row
-from studies.tringali_2020.reported import beside
+from studies.tringali_2020.reported import LOW, beside, paper
 from studies.tringali_2020.simulations import MASSES, as_printed, with_arm
 
 SAMPLES = 13
@@ -68,10 +68,14 @@ def figure_1(decline: Decline) -> list[Row]:
     spread_note = (
         f"± {spread[0]:.2f}, {smallest:.2f} to {largest:.2f}: a seed's curve is a staircase; {setting}; {RATE}"
     )
+    off = abs(float(factor) - paper()[table, name, "logarithm of the factor"])
+    factor_note = f"± {spread[1]:.2f} over seeds: {off / spread[1]:.1f} deviations off"
+    if decline.masses == "printed":
+        factor_note = f"{LOW}; {factor_note}"
     last = float(np.median(decline.above[:, -1]))
     return [
         beside(table, decline.masses, name, "exponent", "", float(exponent), spread_note),
-        beside(table, decline.masses, name, "logarithm of the factor", "", float(factor), f"± {spread[1]:.2f}"),
+        beside(table, decline.masses, name, "logarithm of the factor", "", float(factor), factor_note),
         beside(
             table, decline.masses, name, "best candidate above the optimum", "J s", last, f"median; {count} of them"
         ),

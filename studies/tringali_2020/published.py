@@ -28,7 +28,7 @@ from paretoik.task.retraction import relative_errors, retract_nearest, row_space
 from paretoik.trajectory.levels import objective_scales, refine_levels
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2021
-from studies.reporting import Row
+from studies.reporting import Row, tell
 from studies.tringali_2020.reported import paper
 from studies.tringali_2020.simulations import THEIRS, Simulation
 
@@ -133,10 +133,12 @@ def published_rows(simulations: Sequence[Simulation], *, seed: int = 0, options:
     for simulation in simulations:
         task = simulation.problem.task
         if task.cyclic not in drawn:  # all along the line have the same candidates
+            tell(f"candidates along the {'circle' if task.cyclic else 'line'}")
             begin, level = time.perf_counter(), task.resample(options.samples[0])
             postures = initial_postures(level, np.random.default_rng(seed), options)
             drawn[task.cyclic] = candidates(level, postures, seed), time.perf_counter() - begin
         q, seconds = drawn[task.cyclic]
+        tell(f"the search as published, {simulation.name}")
         penalties = options.penalties if "position" in task.bounds else options.penalties[:1]
         searches = [search_as_published(simulation.problem, q, penalty, options) for penalty in penalties]
         rows += [_reached(simulation, search) for search in searches]

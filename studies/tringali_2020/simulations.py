@@ -190,7 +190,7 @@ def _torque_and_power(simulation: Simulation) -> list[Row]:
         rows.append(beside(table, masses, name, f"use of the {kind} limit", "", use, note))
     if torque.any() and power.any():
         first, last = float(simulation.motion.time[torque][0]), float(simulation.motion.time[power][-1])
-        note = "the paper: both are reached at once at 0.42 s"
+        note = f"the paper: both are reached at once at 0.42 s; a sample is {simulation.motion.time[1]:.2g} s"
         rows.append(beside(table, masses, name, "torque at its limit from", "s", first, note))
         rows.append(beside(table, masses, name, "power at its limit until", "s", last, note))
     return rows

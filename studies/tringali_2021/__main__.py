@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 
 from studies.reporting import Row, report, study_parser, tell
+from studies.tringali_2021.circles import circle_row
 from studies.tringali_2021.pictures import draw
+from studies.tringali_2021.readings import READINGS, reading_row
 from studies.tringali_2021.real_time import real_time_rows
 from studies.tringali_2021.splines import AHEAD, spline_rows
 from studies.tringali_2021.trajectories import (
@@ -23,12 +25,15 @@ from studies.tringali_2021.trajectories import (
     text_rows,
 )
 
+QUICK_READINGS = 5
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Regenerate the paper's table and figures, report the rows and draw the pictures."""
     options = study_parser(
         "Tringali & Cocuzza 2021.",
-        quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched, splines of 3 pieces",
+        quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched, splines of 3 pieces, "
+        f"{QUICK_READINGS} of {len(READINGS)} readings",
         out="tringali_2021",
     ).parse_args(arguments)
     quick = options.quick
@@ -41,6 +46,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tell("a bound on all motions along trajectory 4")
         rows.append(lower_bound_row(4, "fitted"))
     rows += [row for one in trajectories for row in text_rows(one)] + singularity_rows(trajectories)
+    tell("trajectory 2 along other circles")
+    rows.append(circle_row("fitted"))
+    for reading in READINGS[:QUICK_READINGS] if quick else READINGS:
+        tell(f"reading: {reading.name}")
+        rows.append(reading_row(reading, "fitted"))
     tell("splines through more samples ahead")
     rows += spline_rows("fitted", ahead=AHEAD[:1] if quick else AHEAD)
     for number in (3,) if quick else NUMBERS:
@@ -49,6 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tell("updates beside SLSQP's")
     rows += real_time_rows(rounds=rounds) + _window_rows(rounds)
     report(rows, json_file=options.json)
+    tell("pictures")
     pictures = draw(options.out, trajectories)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 

@@ -9,11 +9,22 @@ EXPONENT = (
 )
 PRINTED = "the masses of Table 1 as printed: the paper cannot have used them"
 UNKNOWN = "no reason is known"
+OTHERWISE = f"{UNKNOWN}: its greatest speeds agree, and no other reading of the paper that is tried below gives it"
+OTHER_MINIMUM = (
+    "the window at 5 s has several minima: from the posture held SLSQP ends in another, and then this agrees (other "
+    "readings, below)"
+)
 REASONS = {
-    ("trajectory 2", "PMKE"): f"{UNKNOWN}: on the same circle least squares agree, the other way round is no nearer",
-    ("trajectory 2", "joint 1 LSV"): f"{UNKNOWN}, and no mass enters it: joint 3 and the energy agree",
-    ("trajectory 3", "PMKE"): f"{UNKNOWN}: its greatest speeds and the global optimum agree",
+    ("trajectory 1", "joint 1 PMKE"): "printed with two digits, which are 3 % of it",
+    ("trajectory 2", "PMKE"): OTHERWISE,
+    ("trajectory 2", "joint 1 PMKE"): f"{UNKNOWN}; half of it with the tracking error fed back (other readings, below)",
+    ("trajectory 2", "joint 1 LSV"): f"{UNKNOWN}, and no mass enters it: joint 3 and the energy agree, and no other "
+    "circle gives all three (below)",
+    ("trajectory 3", "PMKE"): OTHERWISE,
     ("trajectory 3", "LSV"): "at the singularity it hangs on the time steps",
+    ("trajectory 4", "joint 1 PMKE"): OTHER_MINIMUM,
+    ("trajectory 4", "least spectral radius PMKE"): OTHER_MINIMUM,
+    ("trajectory 4", "its time PMKE"): OTHER_MINIMUM,
     ("trajectory 4", "global"): "the paper's is a local optimum; a bound on all motions is near ours",
 }
 
@@ -29,5 +40,5 @@ def reason(row: str, column: str, masses: str, difference: float) -> str:
         notes += [PRINTED] if masses == "printed" and weighed else []
         notes += [REASONS[row, column]] if (row, column) in REASONS else []
         if not notes or notes == [EXPONENT]:
-            notes.append(f"{UNKNOWN}: looking ahead agrees to a few per cent only" if method == "PMKE" else UNKNOWN)
+            notes.append(UNKNOWN)
     return "; ".join(notes)

@@ -21,7 +21,7 @@ MASSES = ("fitted", "printed")
 NUMBERS = (1, 2, 3, 4)
 NEAR = 0.02  # of an energy: the paper's optimum and ours are the same
 FAST = 2.0  # rad/s: a motion this slow that has a faster joint has met a singularity
-FORWARD = (2, 3)
+FORWARD = ("trajectory 2", "trajectory 3")
 REPEATS = 3  # the quickest counts: a machine may be busy
 METHODS = ("PMKE", "LSV", "global")
 paper = partial(paper_numbers, "tringali_2021")
@@ -152,36 +152,39 @@ def lower_bound_row(number: int, masses: str, *, samples: int = 201) -> Row:
 
 
 def text_rows(trajectory: Trajectory) -> list[Row]:
-    """Return the greatest joint speeds and the least spectral radii that the text has.
-
-    Speeds are read as those before a singularity, along ``FORWARD`` trajectories as the forward ones: only so is that
-    of joint 2 along trajectory 3 the paper's, which runs backward at many times the printed speed.
-    """
+    """Return the greatest joint speeds and the least spectral radii that the text has."""
     rows = []
     for (table, row, column), printed in paper().items():
         if row != trajectory.name or table == "Table 5":
             continue
-        motion = trajectory.motions[column.split()[-1]]
-        if table == "Figure 8":
-            radii = spectral_radius(motion)
-            ours = motion.time[np.argmin(radii)] if column.startswith("its time") else radii.min()
-        else:
-            slow = np.logical_and.accumulate((np.abs(motion.dq) <= FAST).all(axis=1))
-            speeds = motion.dq[slow, int(column.split()[1]) - 1]
-            ours = (speeds if trajectory.number in FORWARD else np.abs(speeds)).max()
-        difference = float(ours) / printed - 1
+        ours = text_number(trajectory.motions[column.split()[-1]], table, row, column)
+        difference = ours / printed - 1
         rows.append(
             Row(
                 table=f"{table}, {trajectory.masses} masses",
                 row=row,
                 column=column,
                 unit={"Figure 8": "s" if column.startswith("its") else "kg m²"}.get(table, "rad/s"),
-                ours=float(ours),
+                ours=ours,
                 reference=printed,
                 note=f"{100 * difference:+.1f} %; {reason(row, column, trajectory.masses, difference)}",
             )
         )
     return rows
+
+
+def text_number(motion: pk.Motion, table: str, row: str, column: str) -> float:
+    """Return what the text says of a motion: the greatest speed of a joint [rad/s], or of Figure 8 a minimum, its time.
+
+    Speeds are read as those before a singularity, along ``FORWARD`` trajectories as the forward ones: only so is that
+    of joint 2 along trajectory 3 the paper's, which runs backward at many times the printed speed.
+    """
+    if table == "Figure 8":
+        radii = spectral_radius(motion)
+        return float(motion.time[np.argmin(radii)] if column.startswith("its time") else radii.min())
+    slow = np.logical_and.accumulate((np.abs(motion.dq) <= FAST).all(axis=1))
+    speeds = motion.dq[slow, int(column.split()[1]) - 1]
+    return float((speeds if row in FORWARD else np.abs(speeds)).max())
 
 
 def spectral_radius(motion: pk.Motion) -> np.ndarray:

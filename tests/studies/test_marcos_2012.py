@@ -17,7 +17,7 @@ from studies.marcos_2012.loops import Cell, cells, follow
 from studies.marcos_2012.pictures import draw
 from studies.marcos_2012.starts import posture as posture_at
 from studies.marcos_2012.starts import start_rows
-from studies.marcos_2012.tables import oracle_rows, paper, reproduced_rows, table_rows, time_rows, warm_rows
+from studies.marcos_2012.tables import _reason, oracle_rows, paper, reproduced_rows, table_rows, time_rows, warm_rows
 from tests.closed_loop.postures import posture
 
 CELL = Cell(links=3, distance=0.7, blocked=False, weight=0.5)
@@ -42,7 +42,15 @@ def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed
     assert (error.reference, drift.reference) == (7.35e-06, 1.32e-03)
     assert error.ours == pytest.approx(mean_position_error(followed.exact), rel=0.01)
     assert drift.ours == pytest.approx(joint_drift(followed.exact), rel=0.05)
-    assert f"oracle {joint_drift(followed.exact):.4g}" in drift.note
+    assert f"exact {joint_drift(followed.exact):.4g}" in drift.note
+    assert drift.note.startswith("the exact loop is off as well")
+
+
+def test_why_a_cell_is_not_the_paper_s_is_told_by_the_exact_loop():
+    assert _reason(1.005, 2.0, 1.0) == "the same within 1%"
+    assert _reason(2.0, 2.0, 1.0).endswith("or on the time grid")
+    assert _reason(2.0, 3.0, 1.0).endswith("; the search has not converged")
+    assert _reason(2.0, 1.0, 1.0) == "the search has not converged: the exact loop is as printed"
 
 
 def test_cells_that_are_not_the_papers_are_named_with_what_the_exact_loop_says(followed):
@@ -116,8 +124,12 @@ def test_figures_are_drawn_of_what_is_there(tmp_path):
 
 def test_quick_writes_strict_json(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "QUICK_STEPS", 4)
+    monkeypatch.setattr(study, "STEPS", 4)
     monkeypatch.setattr(study, "find_starts", lambda selection, seed: {(3, 0.7): posture(3)})
     file = tmp_path / "rows.json"
     study.main(["--quick", "--json", str(file), "--out", str(tmp_path / "pictures")])
     rows = json.loads(file.read_text())
     assert {row["row"] for row in rows} >= {"no obstacles", "with two obstacles", "3R", "all"}
+    papers = [row for row in rows if row["source"] == "paper"]
+    assert [row["table"].split(":")[0] for row in papers] == ["Table 1", "Table 2", "Table 3", "Table 4"]
+    assert all(row["note"] for row in papers)

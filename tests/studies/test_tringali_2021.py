@@ -13,9 +13,21 @@ from hypothesis import strategies as st
 import paretoik as pk
 from paretoik.resolution.horizon import quartic_spline
 from problems import tringali_2021
+from studies.reporting import Row
 from studies.tringali_2021 import __main__ as study
+from studies.tringali_2021.circles import PLACES, circle_differences, circle_row
+from studies.tringali_2021.readings import (
+    READINGS,
+    Reading,
+    cubic_spline,
+    first_updates,
+    other_masses,
+    reading_row,
+    slsqp,
+    straight_pieces,
+)
 from studies.tringali_2021.real_time import Slsqp, make_solver, real_time_rows
-from studies.tringali_2021.reasons import reason
+from studies.tringali_2021.reasons import REASONS, reason
 from studies.tringali_2021.splines import spline_rows, thrice_continuous
 from studies.tringali_2021.trajectories import (
     NUMBERS,
@@ -108,6 +120,71 @@ def test_another_solver_may_look_ahead():
     assert one.value == pytest.approx(other.value, rel=1e-6)
 
 
+def test_a_reading_that_changes_nothing_is_the_method_itself(trajectories):
+    np.testing.assert_array_equal(
+        Reading(name="", samples=201).resolve(2, "fitted").q, trajectories[1].motions["PMKE"].q
+    )
+    other = Reading(name="", samples=201, make_solver=slsqp()).resolve(2, "fitted").q
+    np.testing.assert_allclose(other, trajectories[1].motions["PMKE"].q, atol=1e-4)
+
+
+def test_a_reading_with_fewer_updates_is_the_same_up_to_the_last_and_another_after_it(trajectories):
+    usual, q = trajectories[2].motions["PMKE"].q, Reading(name="", samples=201, make_solver=first_updates(13))
+    q = q.resolve(3, "fitted").q
+    np.testing.assert_array_equal(q[: 6 * 20 + 11], usual[: 6 * 20 + 11])  # updates at 0, 0.5 ... 6 s
+    assert np.abs(q - usual).max() > 0.01
+
+
+def test_readings_of_masses_and_bounds_are_those_of_the_windows_alone():
+    motion = Reading(name="", samples=201, make_solver=other_masses("printed")).resolve(1, "fitted")
+    np.testing.assert_allclose(
+        motion.q,
+        pk.resolve(
+            arm_of("printed"),
+            tringali_2021.trajectory(1, 201),
+            pk.methods.PredictiveKineticEnergy(),
+            start=tringali_2021.START,
+            unreachable="track",
+        ).q,
+        atol=1e-9,
+    )
+    assert motion.arm.name == arm_of("fitted").name
+    bounded = Reading(name="", samples=201, make_solver=slsqp(bound=3.2)).resolve(3, "fitted")
+    assert bounded.traces.predictions.min() >= -3.2 - 1e-9
+
+
+def test_from_the_posture_held_the_text_s_numbers_of_trajectory_4_come_out():
+    (held,) = (reading for reading in READINGS if "posture held" in reading.name)
+    row = reading_row(held, "fitted", numbers=(4,))
+    assert abs(row.ours) < 1.0
+    told = row.note.split("what the text says of them: ")[1].removesuffix(" %").split(", ")
+    assert len(told) == 3
+    assert all(abs(float(each)) < 1.0 for each in told)
+
+
+@given(pieces=st.integers(2, 6), seed=st.integers(0, 1000))
+def test_other_splines_go_through_the_points(pieces, seed):
+    rng = np.random.default_rng(seed)
+    points, rate, second = rng.normal(size=(pieces + 1, 2)), rng.normal(size=2), rng.normal(size=2)
+    for spline in (straight_pieces, cubic_spline):
+        coefficients = spline(points, rate, second)
+        np.testing.assert_allclose(coefficients[:, 0], points[:-1], atol=1e-9)
+        np.testing.assert_allclose(coefficients.sum(axis=1), points[1:], atol=1e-9)
+    slopes = np.einsum("kc,pcd->pkd", DERIVATIVES, coefficients)[:, 1]
+    np.testing.assert_allclose([coefficients[0, 1], slopes[-1]], [rate, np.zeros(2)], atol=1e-9)
+    np.testing.assert_allclose(slopes[:-1], coefficients[1:, 1], atol=1e-9)
+
+
+def test_the_paper_s_circle_among_others_is_trajectory_2(trajectories):
+    forward, either_way = circle_differences("fitted", 180, 1, samples=201)
+    rows = {row.column: row for row in (*text_rows(trajectories[1]), *table_5(trajectories[1]))}
+    ours = [rows[column].ours / rows[column].reference - 1 for _, column in PLACES]
+    np.testing.assert_allclose(forward, ours, atol=1e-9)
+    assert (either_way >= forward).all()
+    nearest = circle_row("fitted", centers=(170, 180), samples=201)
+    assert nearest.ours <= 100 * min(np.abs(forward).max(), np.abs(either_way).max())
+
+
 @given(pieces=st.integers(2, 6), seed=st.integers(0, 1000), twice=st.sampled_from([0, -1]))
 def test_a_thrice_continuous_spline_keeps_points_and_ends_and_its_jerk_at_all_knots_but_one(pieces, seed, twice):
     rng = np.random.default_rng(seed)
@@ -151,6 +228,7 @@ def test_every_difference_has_its_reason(trajectories):
     assert "read as e-4" in reason("trajectory 1", "PMKE", "fitted", 0.0)
     rows = [row for one in trajectories for row in (*table_5(one), *text_rows(one)) if row.reference is not None]
     assert all("; " in row.note for row in rows)
+    assert {(row, column) for _, row, column in paper()} >= set(REASONS)
 
 
 @pytest.mark.slow
@@ -165,6 +243,8 @@ def test_pictures_are_drawn_and_rows_written(trajectories, tmp_path, monkeypatch
     monkeypatch.setattr(study, "resolve_trajectory", lambda number, masses, **_: trajectories[number - 1])
     for slow in ("real_time_rows", "schedule_rows", "spline_rows", "other_way_rows", "_window_rows"):
         monkeypatch.setattr(study, slow, lambda *_, **__: [])
+    for slow in ("circle_row", "reading_row"):
+        monkeypatch.setattr(study, slow, lambda *_, **__: Row(table="", row="", column="", unit="", ours=0.0))
     study.main(["--quick", "--json", str(tmp_path / "rows.json"), "--out", str(tmp_path / "drawn")])
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert {row["table"] for row in rows} >= {"Table 5, fitted masses", "Figure 8, fitted masses"}

@@ -1,0 +1,169 @@
+"""What the paper may have done otherwise: looking ahead by other readings of it, each beside Table 5.
+
+The greatest joint speeds of the text agree, and so do the energies along trajectories 1 and 4. The energies along
+trajectories 2 and 3 do not. Each reading changes one thing, and is judged by all four energies and all speeds. (A mean
+in place of the sum of Eq. 4 changes nothing: its minima are the same.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+import paretoik as pk
+from paretoik.resolution.follow import TRACKING_TOLERANCE
+from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline
+from paretoik.resolution.predictive import HorizonSolver, MakeSolver, MakeSpline, follow_predictively
+from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
+from problems import tringali_2021
+from problems.tringali_2021 import SAMPLES, START
+from studies.reporting import Row
+from studies.tringali_2021.real_time import Slsqp
+from studies.tringali_2021.trajectories import NUMBERS, arm_of, paper, text_number
+
+STEP = 1.0  # s: the paper's ΔT
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """One thing that is done otherwise than the paper is read: the method's numbers, its solver, spline or samples."""
+
+    name: str
+    method: pk.methods.PredictiveKineticEnergy = field(default_factory=pk.methods.PredictiveKineticEnergy)
+    make_solver: MakeSolver = horizon_program
+    make_spline: MakeSpline = quartic_spline
+    samples: int = SAMPLES
+
+    def resolve(self, number: int, masses: str) -> pk.Motion:
+        """Return the motion along a trajectory."""
+        task = tringali_2021.problem(number, arm_of(masses), self.samples).task
+        return follow_predictively(
+            task,
+            self.method,
+            np.array(START),
+            tolerance=TRACKING_TOLERANCE,
+            make_solver=self.make_solver,
+            make_spline=self.make_spline,
+        )
+
+
+@dataclass(kw_only=True)
+class FirstUpdates:
+    """Solves so many windows and no more: the motion ends with the last prediction."""
+
+    solver: HorizonSolver
+    updates: int
+
+    def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
+        """Return the minimum from positions ahead, at first."""
+        self.updates -= 1
+        solution = self.solver.solve(q, posture, velocity, targets)
+        return solution if self.updates >= 0 else replace(solution, converged=False)
+
+
+def first_updates(updates: int) -> MakeSolver:
+    """Return what makes a solver of so many windows."""
+    return lambda *arguments: FirstUpdates(solver=horizon_program(*arguments), updates=updates)
+
+
+def slsqp(*, held: bool = False, precision: float = 1e-12, bound: float = np.inf) -> MakeSolver:
+    """Return what makes SLSQP on the energy [J s] itself, as fmincon has it, instead of on one scaled to 1."""
+    return lambda *arguments: Slsqp(
+        program=horizon_program(*arguments), exact=True, scaled=False, held=held, precision=precision, bound=bound
+    )
+
+
+def other_masses(masses: str) -> MakeSolver:
+    """Return what makes windows of the arm with other masses."""
+
+    def make(task: MotionTask, objective: Objective, horizon: int, interval: float, terminal: float) -> HorizonSolver:
+        return horizon_program(replace(task, arm=arm_of(masses)), objective, horizon, interval, terminal)
+
+    return make
+
+
+def last_sample(weight: float) -> MakeSolver:
+    """Return what makes windows whose last sample counts as much as that."""
+
+    def make(task: MotionTask, objective: Objective, horizon: int, interval: float, _: float) -> HorizonSolver:
+        return horizon_program(task, objective, horizon, interval, weight - 1.0)
+
+    return make
+
+
+def inertia_earlier(share: float) -> pk.methods.PredictiveKineticEnergy:
+    """Return the method with the inertia matrix of a posture earlier by such a share of ΔT."""
+
+    @pk.objective(unit="J s", form="integral")
+    def kinetic_energy(motion: pk.Motion) -> np.ndarray:
+        return replace(motion, q=motion.q - share * STEP * motion.dq).kinetic_energy
+
+    return pk.methods.PredictiveKineticEnergy(objective=kinetic_energy)
+
+
+def straight_pieces(points: np.ndarray, rate: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return straight pieces through points, as ``quartic_spline`` returns its."""
+    coefficients = np.zeros((len(points) - 1, DEGREE + 1, points.shape[1]))
+    coefficients[:, 0], coefficients[:, 1] = points[:-1], np.diff(points, axis=0)
+    return coefficients
+
+
+def cubic_spline(points: np.ndarray, rate: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return a cubic spline ("4th order" as Matlab counts) with velocities at both ends, accelerations at none."""
+    spline = CubicSpline(np.arange(len(points)), points, bc_type=((1, rate), (1, np.zeros_like(rate))))
+    return np.concatenate([spline.c[::-1], np.zeros((1, *spline.c.shape[1:]))]).swapaxes(0, 1)
+
+
+def without_acceleration(points: np.ndarray, rate: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the quartic spline that begins with no acceleration."""
+    return quartic_spline(points, rate, np.zeros_like(second))
+
+
+predictive = pk.methods.PredictiveKineticEnergy
+READINGS = (  # the first few are the quick study's: those that come near
+    Reading(name="as read"),
+    Reading(name="SLSQP on the energy itself, from the posture held", make_solver=slsqp(held=True)),
+    Reading(name="tracking error fed back, 10 1/s", method=predictive(feedback=10.0)),
+    Reading(name="the last update 4 s before the end", make_solver=first_updates(13)),
+    Reading(name="straight pieces instead of a spline", make_spline=straight_pieces),
+    Reading(name="SLSQP on the energy itself, stopped at 1e-7 J s", make_solver=slsqp(held=True, precision=1e-7)),
+    Reading(name="joint positions within ±π in the windows", make_solver=slsqp(bound=np.pi)),
+    Reading(name="windows with the masses as printed", make_solver=other_masses("printed")),
+    Reading(name="windows summed by trapezoids", make_solver=last_sample(0.5)),
+    Reading(name="M at the middle of ΔT", method=inertia_earlier(0.5)),
+    Reading(name="M at the beginning of ΔT", method=inertia_earlier(1.0)),
+    Reading(name="the last update 3 s before the end", make_solver=first_updates(15)),
+    Reading(name="cubic spline, velocities at both ends", make_spline=cubic_spline),
+    Reading(name="acceleration 0 at every update", make_spline=without_acceleration),
+    Reading(name="Δt = 0.005 s", samples=2 * SAMPLES - 1),
+    Reading(name="Δt = 0.02 s", samples=(SAMPLES + 1) // 2),
+    Reading(name="updates every 0.25 s", method=predictive(update_interval=0.25)),
+    Reading(name="updates every 0.8 s", method=predictive(update_interval=0.8)),
+    Reading(name="updates every 1 s", method=predictive(update_interval=1.0)),
+    Reading(name="ΔT = 0.8 s", method=predictive(prediction_step=0.8, update_interval=0.5)),
+    Reading(name="four samples ahead, ΔT = 0.5 s", method=predictive(horizon=4, update_interval=0.5)),
+)
+
+
+def reading_row(reading: Reading, masses: str, *, numbers: tuple[int, ...] = NUMBERS) -> Row:
+    """Return how far the energy farthest from Table 5 is off by a reading, and in words all energies and speeds."""
+    motions = {f"trajectory {number}": reading.resolve(number, masses) for number in numbers}
+    energies = {name: float(pk.kinetic_energy(motion)) for name, motion in motions.items()}
+    off = {name: 100 * (energy / paper()["Table 5", name, "PMKE"] - 1) for name, energy in energies.items()}
+    others: dict[str, list[str]] = {name: [] for name in motions}
+    for (table, name, column), printed in paper().items():
+        if name in motions and column.endswith("PMKE") and table != "Table 5":
+            others[name].append(f"{100 * (text_number(motions[name], table, name, column) / printed - 1):+.1f}")
+    return Row(
+        table=f"looking ahead by other readings of the paper, {masses} masses",
+        row=reading.name,
+        column="farthest from Table 5",
+        unit="%",
+        ours=max(off.values(), key=abs),
+        note=f"energies along trajectories {', '.join(name[-1] for name in off)}: "
+        f"{', '.join(f'{value:+.1f}' for value in off.values())} %; "
+        f"what the text says of them: {'; '.join(', '.join(each) for each in others.values())} %",
+    )
