@@ -35,14 +35,16 @@ def run_first(arrays, inputs, outputs, points):
     for start in range(0, points, width):
         n = min(width, points - start)
         for j in range(loaded):
-            row = input_rows[j]
-            for k in range(n):
-                registers[j, k] = inputs[row, start + k]
+            _copy(inputs[input_rows[j], start:], registers[j], n)
         run_block(code, registers, n)
         for j in range(output_registers.shape[0]):
-            row = output_registers[j]
-            for k in range(n):
-                outputs[j, start + k] = registers[row, k]
+            _copy(registers[output_registers[j]], outputs[j, start:], n)
+
+
+@compiled
+def _copy(values, to, n):
+    for k in range(n):
+        to[k] = values[k]
 
 
 @compiled

@@ -120,9 +120,14 @@ def _evaluate_objectives(start, objectives, count, w):
             for k in range(count):
                 rate[k] = (value[k] - before) / dt
     run_first(objectives.arrays, inputs, outputs, count)
+    failures = np.int64(0)
     for m in range(F.shape[0]):
+        values, children = outputs[m], F[m, parents:]
         for k in range(count):
-            F[m, parents + k] = outputs[m, k]
+            children[k] = values[k]
+            failures += np.int64(not abs(values[k]) < np.inf)
+    if failures == 0:
+        return
     for m in range(F.shape[0]):
         for k in range(count):
             if not abs(outputs[m, k]) < np.inf:

@@ -8,17 +8,23 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
-from paretoik.search.compiled.random_streams import lower_integer, next_bits, uniform, upper_integer
+from paretoik.search.compiled.random_streams import draw_bits, lower_integer, uniform, unit_number, upper_integer
+from paretoik.search.compiled.sorted_points import ONE, ZERO
 
 HALF_RANGE = 1 << 32  # of the integers that half of 64 bits stands for
 
 
 @compiled
-def tournament(state, fitness, count):
-    """Return the place of the fitter of two that are drawn; of equals the first."""
-    bits = next_bits(state)
+def tournament(bits, fitness, count):
+    """Return the place of the fitter of two that 64 bits stand for; of equals the first."""
     first, second = upper_integer(bits, count), lower_integer(bits, count)
     return first if fitness[first] >= fitness[second] else second
+
+
+@compiled
+def _decide(bits, probability):
+    """Return 1 with a probability, else 0: unsigned, as an index without a sign to check."""
+    return np.uint64(lower_integer(bits, HALF_RANGE) < probability * HALF_RANGE)
 
 
 @compiled
@@ -31,39 +37,58 @@ def generate_offspring(
     points) holds those of the parents by place, then those of the children. Random decisions are arithmetic instead of
     branches, which a processor cannot predict.
     """
-    size, count, parents = genes.shape[1], children.shape[1], order.shape[0]
-    new, last = 0, count - 1
-    for k in range(0, count, 2):
-        mother_place, father_place = tournament(state, fitness, parents), tournament(state, fitness, parents)
-        mother, father = order[mother_place], order[father_place]
-        bits, first_bits, second_bits = next_bits(state), next_bits(state), next_bits(state)
-        crossed = np.int64(lower_integer(bits, HALF_RANGE) < crossover_probability * HALF_RANGE)
-        first_mutated = np.int64(lower_integer(first_bits, HALF_RANGE) < mutation_probability * HALF_RANGE)
-        second_mutated = np.int64(lower_integer(second_bits, HALF_RANGE) < mutation_probability * HALF_RANGE)
+    size, count, parents = np.uint64(genes.shape[1]), np.uint64(children.shape[1]), np.uint64(order.shape[0])
+    length = np.uint64(row_size)
+    rows, pairs, unpaired = size // length, count >> ONE, count & ONE
+    draws = pairs * (rows + np.uint64(7)) + unpaired * (rows + np.uint64(6))
+    numbers = np.empty(draws, np.uint64)
+    draw_bits(state, numbers)
+    new, last, drawn = ZERO, count - ONE, ZERO
+    for pair in range(pairs + unpaired):
+        mother_place = np.uint64(tournament(numbers[drawn], fitness, parents))
+        father_place = np.uint64(tournament(numbers[drawn + ONE], fitness, parents))
+        drawn += np.uint64(2)
+        mother, father = np.uint64(order[mother_place]), np.uint64(order[father_place])
+        bits, first_bits, second_bits = numbers[drawn], numbers[drawn + ONE], numbers[drawn + np.uint64(2)]
+        drawn += np.uint64(3)
+        crossed = _decide(bits, crossover_probability)
+        first_mutated = _decide(first_bits, mutation_probability)
+        second_mutated = _decide(second_bits, mutation_probability)
         first_changed, second_changed = crossed | first_mutated, crossed | second_mutated
-        first = first_changed * new + (1 - first_changed) * last
-        new, last = new + first_changed, last - (1 - first_changed)
-        second = second_changed * new + (1 - second_changed) * last
-        if k + 1 == count:
+        first = new if first_changed else last
+        new, last = new + first_changed, last - (ONE - first_changed)
+        if pair == pairs:
             second = first
         else:
-            new, last = new + second_changed, last - (1 - second_changed)
-        for row in range(0, size, row_size):
-            cut = crossed * (1 + upper_integer(bits, row_size - 1)) + (1 - crossed) * row_size
-            bits = next_bits(state)
-            for j in range(row_size):
-                of_mother, of_father = genes[mother, row + j], genes[father, row + j]
-                children[row + j, second] = of_mother if j >= cut else of_father
-                children[row + j, first] = of_father if j >= cut else of_mother
-        for m in range(F.shape[0]):
+            second = new if second_changed else last
+            new, last = new + second_changed, last - (ONE - second_changed)
+        gene = ZERO
+        for _ in range(rows):
+            cut = crossed * (ONE + np.uint64(upper_integer(bits, row_size - 1))) + (ONE - crossed) * length
+            bits = numbers[drawn]
+            drawn += ONE
+            for j in range(length):
+                of_mother, of_father = genes[mother, gene], genes[father, gene]
+                children[gene, second] = of_mother if j >= cut else of_father
+                children[gene, first] = of_father if j >= cut else of_mother
+                gene += ONE
+        for m in range(np.uint64(F.shape[0])):
             F[m, parents + second] = F[m, father_place]
             F[m, parents + first] = F[m, mother_place]
-        if k + 1 < count:
-            gene, value = upper_integer(second_bits, size), lower + (upper - lower) * uniform(state)
-            children[gene, second] = value if second_mutated else children[gene, second]
-        gene, value = upper_integer(first_bits, size), lower + (upper - lower) * uniform(state)
-        children[gene, first] = value if first_mutated else children[gene, first]
-    return new
+        if pair < pairs:
+            _mutate(children, second, second_mutated, second_bits, numbers[drawn], lower, upper)
+            drawn += ONE
+        _mutate(children, first, first_mutated, first_bits, numbers[drawn], lower, upper)
+        drawn += ONE
+    return np.int64(new)
+
+
+@compiled
+def _mutate(children, child, mutated, bits, number, lower, upper):
+    """Replace one gene of a child, that ``bits`` stand for, where it is ``mutated``."""
+    gene = np.uint64(upper_integer(bits, children.shape[0]))
+    value = lower + (upper - lower) * unit_number(number)
+    children[gene, child] = value if mutated else children[gene, child]
 
 
 @compiled

@@ -37,9 +37,24 @@ def next_bits(state):
 
 
 @compiled
+def draw_bits(state, numbers):
+    """Write the next 64 bits to each of ``numbers``: a processor mixes several at once."""
+    origin = state[0]
+    for k in range(numbers.shape[0]):
+        numbers[k] = mix(origin + GOLDEN_GAMMA * np.uint64(k + 1))
+    state[0] = origin + GOLDEN_GAMMA * np.uint64(numbers.shape[0])
+
+
+@compiled
 def uniform(state):
     """Return the next number of the uniform distribution on [0, 1)."""
-    return np.float64(next_bits(state) >> U11) * 2.0**-53
+    return unit_number(next_bits(state))
+
+
+@compiled
+def unit_number(bits):
+    """Return the number of [0, 1) that 64 bits stand for."""
+    return np.float64(bits >> U11) * 2.0**-53
 
 
 @compiled

@@ -50,32 +50,39 @@ def merge_children(F, parents, children, single_rank, s):
     of a ``single_rank``, children that one weakly dominates are left out. Random decisions are arithmetic instead of
     branches.
     """
-    bucket, begins, child, points, values = s.spare, s.begins, s.chosen, s.points, s.values
-    for k in range(parents + 2):
-        begins[k] = 0
-    added = 0
+    bucket, child, points, ends = s.spare, s.chosen, s.points, s.begins
+    u, v, x, y = F[0], F[1], s.values[0], s.values[1]
+    for k in range(parents + 1):
+        ends[k] = 0
+    added = ZERO
     for k in range(children):
-        bucket[added], child[added] = np.int64(s.places[k]), parents + k
-        added += np.int64((not single_rank) | ((F[0, parents + k] < np.inf) & (s.dominated[k] == ZERO)))
+        place, point = s.places[k], parents + k
+        bucket[added], child[added] = np.int64(place), point
+        is_new = (not single_rank) | ((u[point] < np.inf) & (s.dominated[k] == ZERO))
+        added += np.uint64(is_new)
+        ends[place] += np.int64(is_new)
+    before = 0
+    for k in range(parents):  # behind its bucket; the bucket is empty first
+        begin = k + before
+        before += ends[k]
+        ends[k] = begin
+        i = np.uint64(k + before)
+        points[i], x[i], y[i] = k, u[k], v[k]
+    ends[parents] = parents + before
     for k in range(added):
-        begins[bucket[k] + 1] += 1
-    for k in range(parents + 1):
-        begins[k + 1] += begins[k]
-    for k in range(parents):
-        i = k + begins[k + 1]
-        points[i], values[0, i], values[1, i] = k, F[0, k], F[1, k]
-    for k in range(added):
-        i = bucket[k] + begins[bucket[k]]
-        begins[bucket[k]] += 1
-        points[i], values[0, i], values[1, i] = child[k], F[0, child[k]], F[1, child[k]]
-    for k in range(parents + 1):
-        end = k + begins[k]  # of the bucket before parent k
-        begin = k + begins[k - 1] if k > 0 else 0
-        if end - begin > INSERTION_SIZE:
-            merge_sort(points, values, begin, end, child)
-        else:
-            _insertion_sort(points, values, begin, end)
-    return parents + added
+        place, point = np.uint64(bucket[k]), np.uint64(child[k])
+        i = np.uint64(ends[place])
+        points[i], x[i], y[i] = child[k], u[point], v[point]
+        ends[place] += 1
+    for k in range(added):  # of its bucket a child that stands first sorts all: buckets of parents alone take no time
+        place = bucket[k]
+        begin, end = (ends[place - 1] + 1 if place > 0 else 0), ends[place]
+        if points[begin] == child[k] and end - begin > 1:
+            if end - begin > INSERTION_SIZE:
+                merge_sort(points, s.values, begin, end, s.rank)
+            else:
+                _insertion_sort(points, s.values, begin, end)
+    return parents + np.int64(added)
 
 
 @compiled
@@ -119,14 +126,15 @@ def merge_sort(points, values, begin, end, spare):
 @compiled
 def first_front(points, count, values, front, objectives):
     """Write the non-dominated of so many sorted points to ``front`` and ``objectives``; return how many."""
-    length, lowest, last = 0, np.inf, np.inf
+    x, y, first, second = values[0], values[1], objectives[0], objectives[1]
+    length, nondominated, lowest, last_x, last_y = ZERO, ONE, np.inf, np.inf, np.inf
     for k in range(count):
-        x, y = values[0, k], values[1, k]
-        nondominated = (y < lowest) | ((y == lowest) & (x == last))
-        front[length], objectives[0, length], objectives[1, length] = points[k], x, y
-        length += np.int64(nondominated)
-        lowest, last = min(lowest, y), (x if nondominated else last)
-    return length
+        is_copy = np.uint64((x[k] == last_x) & (y[k] == last_y))  # copies follow each other
+        nondominated = np.uint64(y[k] < lowest) | (is_copy & nondominated)
+        front[length], first[length], second[length] = points[k], x[k], y[k]
+        length += nondominated
+        lowest, last_x, last_y = min(lowest, y[k]), x[k], y[k]
+    return np.int64(length)
 
 
 @compiled

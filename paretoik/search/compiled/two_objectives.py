@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.compilation import compiled
+from paretoik.search.compiled.sorted_points import ONE, ZERO
 
 RANGE_TOLERANCE = 2.2250738585072014e-308  # an objective with a smaller range has no weight in distances
 
@@ -132,37 +133,40 @@ def _distances_to_better_ranks(values, count, rank, split, members, size, x_scal
 
 
 @compiled
-def insertion_distances(objectives, count, x, y, distance, stack):
+def insertion_distances(objectives, count, x, y, distance, queue):
     """Write the squared distance at which MaxiMin inserts each point of a sorted front; its ends have inf.
 
     Between two inserted points the next is the one whose nearer end is farthest; distances to either end grow along
-    the front, so that bisection finds it.
+    the front, so that bisection finds it. Stretches stand in a queue: what is next does not depend on what is found in
+    the last one, so that a processor works on several.
     """
-    x_scale = _inverse_range(objectives[0, count - 1] - objectives[0, 0])
-    y_scale = _inverse_range(objectives[1, 0] - objectives[1, count - 1])
+    first, second = objectives[0], objectives[1]
+    x_scale, y_scale = _inverse_range(first[count - 1] - first[0]), _inverse_range(second[0] - second[count - 1])
+    ideal_x, ideal_y = first[0], second[count - 1]
     for k in range(count):
-        x[k] = (objectives[0, k] - objectives[0, 0]) * x_scale
-        y[k] = (objectives[1, k] - objectives[1, count - 1]) * y_scale
+        x[k] = (first[k] - ideal_x) * x_scale
+        y[k] = (second[k] - ideal_y) * y_scale
     distance[0] = distance[count - 1] = np.inf
-    stack[0, 0], stack[0, 1] = 0, count - 1
-    stretches = np.int64(count > 2)
-    while stretches > 0:
-        stretches -= 1
-        begin, end = stack[stretches, 0], stack[stretches, 1]
+    queue[0, 0], queue[0, 1] = 0, count - 1
+    taken, stretches = ZERO, np.uint64(count > 2)
+    while taken < stretches:
+        begin, end = np.uint64(queue[taken, 0]), np.uint64(queue[taken, 1])
+        taken += ONE
         x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
-        low, length = begin + 1, end - begin - 1  # the first that is no nearer to the beginning than to the end
-        while length > 1:
-            half = length >> 1
-            u, v = x[low + half - 1], y[low + half - 1]
-            low += half * np.int64((u - x0) ** 2 + (v - y0) ** 2 < (x1 - u) ** 2 + (y1 - v) ** 2)
+        low, length = begin + ONE, end - begin - ONE  # the first that is no nearer to the beginning than to the end
+        while length > ONE:
+            half = length >> ONE
+            u, v = x[low + half - ONE], y[low + half - ONE]
+            is_nearer = np.uint64((u - x0) ** 2 + (v - y0) ** 2 < (x1 - u) ** 2 + (y1 - v) ** 2)
+            low += half >> ((ONE - is_nearer) << np.uint64(5))  # half or 0: a product would become a branch
             length -= half
-        best, other = _distance_to_ends(x, y, low, begin, end), _distance_to_ends(x, y, low - 1, begin, end)
-        chosen = low - np.int64((other >= best) & (low - 1 > begin))
+        best, other = _distance_to_ends(x, y, low, begin, end), _distance_to_ends(x, y, low - ONE, begin, end)
+        chosen = low - np.uint64((other >= best) & (low - ONE > begin))
         distance[chosen] = max(best, other)  # an end is at distance 0
-        stack[stretches, 0], stack[stretches, 1] = begin, chosen
-        stretches += np.int64(chosen - begin > 1)
-        stack[stretches, 0], stack[stretches, 1] = chosen, end
-        stretches += np.int64(end - chosen > 1)
+        queue[stretches, 0], queue[stretches, 1] = np.int64(begin), np.int64(chosen)
+        stretches += np.uint64(chosen - begin > ONE)
+        queue[stretches, 0], queue[stretches, 1] = np.int64(chosen), np.int64(end)
+        stretches += np.uint64(end - chosen > ONE)
 
 
 @compiled

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from paretoik.search.compiled.offspring import draw_chromosome, generate_offspring, tournament
-from paretoik.search.compiled.random_streams import seed_stream
+from paretoik.search.compiled.random_streams import next_bits, seed_stream
 
 ROWS, ROW_SIZE, PARENTS = 3, 4, 11
 SIZE = ROWS * ROW_SIZE
@@ -74,7 +74,7 @@ def test_new_children_come_first_and_every_place_is_filled(seed, count):
 
 def test_the_fitter_of_two_wins_as_often_as_two_draws_have_it():
     fitness, state, draws = np.arange(5.0), stream(1), 4000
-    places = np.bincount([tournament(state, fitness, 5) for _ in range(draws)], minlength=5)
+    places = np.bincount([tournament(np.uint64(next_bits(state)), fitness, 5) for _ in range(draws)], minlength=5)
     for place, times in enumerate(places):
         assert binomtest(int(times), draws, (2 * place + 1) / 25).pvalue > 1e-4
 

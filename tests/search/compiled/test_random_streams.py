@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2, kstest
 
 from paretoik.search.compiled.random_streams import (
+    draw_bits,
     lower_integer,
     next_bits,
     seed_stream,
@@ -41,6 +42,16 @@ def test_bits_are_those_of_split_mix(start):
     for _ in range(5):
         reference, bits = split_mix(reference)
         assert int(next_bits(state)) == bits
+
+
+@settings(max_examples=25)
+@given(words, st.integers(0, 20))
+def test_many_bits_at_once_are_those_one_after_another(start, count):
+    many, single = np.array([start], dtype=np.uint64), np.array([start], dtype=np.uint64)
+    numbers = np.empty(count, np.uint64)
+    draw_bits(many, numbers)
+    assert [int(bits) for bits in numbers] == [int(next_bits(single)) for _ in range(count)]
+    assert many[0] == single[0]
 
 
 def test_the_published_first_numbers_come_out():
