@@ -99,7 +99,8 @@ def _record(row: Row) -> dict[str, str | float | None]:
 
 @contextmanager
 def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of a size [inches] and write it into a file."""
+    """Yield a figure of a size [inches] and write it into a file; its name is told."""
+    tell(file.name)
     with matplotlib.rc_context({**PAPER.style, "font.size": 9.5, "axes.titlesize": 9.5}):
         figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
         yield figure

@@ -79,7 +79,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows, simulations, decline_curves, trades = results
     names = match_optima(simulations["fitted"][0])
     report(rows, json_file=options.json)
-    tell("pictures")
     pictures = draw(options.out, simulations, decline_curves, trades, names)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 

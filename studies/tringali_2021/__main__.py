@@ -59,7 +59,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tell("updates beside SLSQP's")
     rows += real_time_rows(rounds=rounds) + _window_rows(rounds)
     report(rows, json_file=options.json)
-    tell("pictures")
     pictures = draw(options.out, trajectories)
     print(f"{len(pictures)} pictures in {options.out}", file=sys.stderr)
 

@@ -15,7 +15,7 @@ OTHER_MINIMUM = (
     "readings, below)"
 )
 REASONS = {
-    ("trajectory 1", "joint 1 PMKE"): "printed with two digits, which are 3 % of it",
+    ("trajectory 1", "joint 1 PMKE"): "half of its last printed digit is 2.9 %",
     ("trajectory 2", "PMKE"): OTHERWISE,
     ("trajectory 2", "joint 1 PMKE"): f"{UNKNOWN}; half of it with the tracking error fed back (other readings, below)",
     ("trajectory 2", "joint 1 LSV"): f"{UNKNOWN}, and no mass enters it: joint 3 and the energy agree, and no other "
@@ -38,7 +38,8 @@ def reason(row: str, column: str, masses: str, difference: float) -> str:
     else:
         weighed = energy or method != "LSV" or "radius" in column  # speeds of least squares know no masses
         notes += [PRINTED] if masses == "printed" and weighed else []
-        notes += [REASONS[row, column]] if (row, column) in REASONS else []
+        explained = (row, column) in REASONS and not (method == "PMKE" and masses == "printed")
+        notes += [REASONS[row, column]] if explained else []
         if not notes or notes == [EXPONENT]:
             notes.append(UNKNOWN)
     return "; ".join(notes)

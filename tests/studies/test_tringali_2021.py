@@ -27,7 +27,7 @@ from studies.tringali_2021.readings import (
     straight_pieces,
 )
 from studies.tringali_2021.real_time import Slsqp, make_solver, real_time_rows
-from studies.tringali_2021.reasons import REASONS, reason
+from studies.tringali_2021.reasons import PRINTED, REASONS, reason
 from studies.tringali_2021.splines import spline_rows, thrice_continuous
 from studies.tringali_2021.trajectories import (
     NUMBERS,
@@ -225,6 +225,8 @@ def test_without_casadi_windows_are_left_out_with_a_line(monkeypatch, capsys):
 def test_every_difference_has_its_reason(trajectories):
     assert reason("trajectory 2", "LSV", "fitted", -0.001) == "the same within 1 %"
     assert "cannot have used" in reason("trajectory 2", "global", "printed", -0.27)
+    assert "several minima" in reason("trajectory 4", "joint 1 PMKE", "fitted", 0.02)
+    assert reason("trajectory 4", "joint 1 PMKE", "printed", 0.02) == PRINTED  # the other minimum is not looked at
     assert "read as e-4" in reason("trajectory 1", "PMKE", "fitted", 0.0)
     rows = [row for one in trajectories for row in (*table_5(one), *text_rows(one)) if row.reference is not None]
     assert all("; " in row.note for row in rows)
