@@ -53,7 +53,11 @@ class Evaluator:
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
         """Code, constants, inputs, outputs and new registers, as compiled code takes them."""
-        return self.code, self.constants, self.inputs, self.outputs, np.empty((self.registers, BLOCK_SIZE))
+        size = self.registers * BLOCK_SIZE
+        memory = np.empty(size + 7)
+        first = -memory.ctypes.data % 64 // 8  # vector instructions are slower on what crosses 64 bytes
+        registers = memory[first : first + size].reshape(self.registers, BLOCK_SIZE)
+        return self.code, self.constants, self.inputs, self.outputs, registers
 
 
 def compile_evaluator(tape: Tape, outputs: Sequence[int]) -> Evaluator:

@@ -30,13 +30,16 @@ def run_first(arrays, inputs, outputs, points):
     code, constants, input_rows, output_registers, registers = arrays
     width, loaded = registers.shape[1], input_rows.shape[0]
     for j in range(constants.shape[0]):
-        for k in range(min(points, width)):
+        for k in range(min((points + 7) & -8, width)):
             registers[loaded + j, k] = constants[j]
     for start in range(0, points, width):
         n = min(width, points - start)
+        whole = min((n + 7) & -8, width) if n > 8 else n  # vectors of eight: the last is filled with copies of a point
         for j in range(loaded):
             _copy(inputs[input_rows[j], start:], registers[j], n)
-        run_block(code, registers, n)
+            for k in range(n, whole):
+                registers[j, k] = registers[j, n - 1]
+        run_block(code, registers, whole)
         for j in range(output_registers.shape[0]):
             _copy(registers[output_registers[j]], outputs[j, start:], n)
 
