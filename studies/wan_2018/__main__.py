@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from studies.reporting import report, study_parser
+from studies.reporting import report, study_parser, tell
 from studies.wan_2018.events import event_rows
 from studies.wan_2018.fronts import comparison_rows
 from studies.wan_2018.methods import resolve_table
@@ -21,6 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     population, rounds, seeds = (60, 3, 3) if options.quick else (1000, 15, 31)
     tables = [resolve_table(table, population=population) for table in ("Table 2", "Table 3")]
     rows = [row for resolved in tables for row in table_rows(resolved)]
+    tell("events of the figures")
     rows += event_rows(tables)
     rows += [row for resolved in tables for row in running_time_rows(resolved, rounds=rounds)]
     rows.append(speed_row(rounds=rounds))

@@ -6,7 +6,6 @@ speed and roughness, over the ranges of the best of all, by the rules that peers
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 
 import moocore
@@ -15,7 +14,7 @@ from scipy.stats import bootstrap, mannwhitneyu
 
 import paretoik as pk
 from problems import wan_2018
-from studies.reporting import Row, holm
+from studies.reporting import Row, holm, tell
 
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
 LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
@@ -37,12 +36,11 @@ def comparison_rows(*, seeds: int, population: int = 24, generations: int = 15, 
     fronts: dict[str, list[np.ndarray]] = {family: [] for family in FAMILIES}
     for seed in range(seeds):
         for family in FAMILIES:
+            tell(f"front of {family}, {seed + 1} of {seeds} seeds")
             front = search_front(
                 family, seed, population=population, generations=generations, judged_starts=judged_starts
             )
             fronts[family].append(_log_scale(front))
-            print(f"\r{seed + 1} of {seeds} seeds", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
     union = np.concatenate([front for each in fronts.values() for front in each])
     union = union[moocore.is_nondominated(union)]
     lower, upper = np.quantile(union, [LOW, 1 - HIGH], axis=0)

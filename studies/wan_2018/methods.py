@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -24,7 +23,7 @@ from problems.wan_2018 import (
     REGION,
     REPULSION,
 )
-from studies.reporting import paper_numbers
+from studies.reporting import paper_numbers, tell
 
 AXES = {"x": "m", "y": "m", "z": "m", "α": "rad", "β": "rad", "γ": "rad"}
 VARIANTS: dict[str, Literal["paper", "consistent"]] = {"WGPM, as printed": "paper", "WGPM, consistent": "consistent"}
@@ -124,7 +123,7 @@ def resolve_table(table: str, *, population: int) -> Resolved:
     starts = start_postures(path, population)
     motions = {}
     for name, (method, limits) in all_methods(table).items():
-        print(f"{table}: {name} from {len(starts)} starts", file=sys.stderr, flush=True)
+        tell(f"{table}: {name} from {len(starts)} starts")
         motions[name] = pk.resolve(pk.arms.wan_7r(), path, method, start=starts, limits=limits, unreachable="track")
     return Resolved(table=table, motions=motions)
 

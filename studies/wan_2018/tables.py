@@ -11,7 +11,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.resolution.traces import ResolvedMotion
 from problems import wan_2018
-from studies.reporting import Row
+from studies.reporting import Row, tell
 from studies.wan_2018.methods import (
     AXES,
     Resolved,
@@ -185,7 +185,8 @@ def speed_row(*, rounds: int) -> Row:
 def _seconds(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
     """Return the seconds of every call in so many rounds, taken in turns, after a round that is not counted."""
     elapsed: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(rounds + 1):
+    for turn in range(rounds + 1):
+        tell(f"times of {len(calls)} calls, round {turn} of {rounds}")
         for name, call in calls.items():
             clock = time.perf_counter()
             call()
