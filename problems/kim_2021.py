@@ -26,8 +26,10 @@ def directions_dam() -> DirectionalMaxima:
 
 def speed_force_dam() -> DirectionalMaxima:
     """Speed upwards against force upwards in one posture, sliders along the links: gears that are fast are weak."""
-    ways, quantities = (WAYS[1], WAYS[1]), ("velocity", "force")
-    return DirectionalMaxima(arms.kim_3r(), capability.kim_sliders(), PLACE, ways, quantity=quantities, power=False)
+    ways = (WAYS[1], WAYS[1])
+    return DirectionalMaxima(
+        arms.kim_3r(), capability.kim_sliders(), PLACE, ways, quantity=("velocity", "force"), power=False
+    )
 
 
 def point_to_point_jam() -> PointToPoint:
