@@ -17,7 +17,7 @@ from paretoik.capability.joint_capability import joint_speeds
 from paretoik.robot.dynamics import gravity_torques
 from studies.kim_2021.continuous import TIE, improve_profile, resolved
 from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refine_profile, wrap_angles
-from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
+from studies.kim_2021.setting import ENERGY_UNPRINTED, MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
 from studies.kim_2021.trajectories import Trajectory
 from studies.reporting import Row
 
@@ -207,10 +207,10 @@ def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
                 rows += [_energy(table, one, column, value) for column, value in zip(names, values, strict=True)]
             rows.append(_energy(table, one, "total", totals[-1], EXCHANGED if name == "DAM" else ""))
         share = 100 * (totals[1] / totals[0] - 1)
-        lost = "LOSS: DAM takes more" if share > 0 else ""
+        note = f"{'LOSS: DAM takes more; ' if share > 0 else ''}{ENERGY_UNPRINTED}"
         printed = paper()[TABLE, "DAM beside JAM", "total"]
         rows.append(
-            Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, reference=printed, note=lost)
+            Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, reference=printed, note=note)
         )
     for name, one in by_mechanism.items():
         late = 100 * (one.lazy.times[-1] / one.soonest.times[-1] - 1)
@@ -223,7 +223,7 @@ def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
 
 def _energy(table: str, one: Postures, column: str, ours: float, more: str = "") -> Row:
     printed = one.printed[column]
-    note = f"{100 * (ours / printed - 1):+.0f} %{more}"
+    note = f"{100 * (ours / printed - 1):+.0f} %{more}; {ENERGY_UNPRINTED}"
     return Row(table=table, row=one.mechanism, column=column, unit="mJ", ours=ours, reference=printed, note=note)
 
 

@@ -22,6 +22,7 @@ from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
 from studies.kim_2021.motion_program import motion_program
+from studies.kim_2021.setting import ENERGY_UNPRINTED
 from studies.kim_2021.setting import paper as printed
 from studies.reporting import Row, drawing
 
@@ -183,7 +184,7 @@ def time_energy_rows(one: TimeEnergy) -> list[Row]:
             "mJ",
             1e3 * one.within,
             paper[1],
-            "" if np.isfinite(one.within) else "LOSS: none as soon was found",
+            ENERGY_UNPRINTED if np.isfinite(one.within) else "LOSS: none as soon was found",
         ),
         (
             "critical points",

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 import paretoik as pk
-from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, actuation_of, beside_paper
+from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, UNPRINTED, actuation_of, beside_paper
 from studies.reporting import Row
 
 TABLE = "Figures 5 and 6"
@@ -54,7 +54,7 @@ def polygon_rows(found: list[Polygons]) -> list[Row]:
 def _gains(name: str, gain: np.ndarray, note: str) -> list[Row]:
     better = int(np.count_nonzero(gain > EQUAL))
     told = {"least": gain.min(), "mean": gain.mean(), "largest": gain.max()}
-    rows = [beside_paper((TABLE, name, f"gain {what}"), "%", 100 * share) for what, share in told.items()]
+    rows = [beside_paper((TABLE, name, f"gain {what}"), "%", 100 * share, UNPRINTED) for what, share in told.items()]
     lost = "LOSS: " if name == "p6" and better < len(gain) else ""
     column = "directions in which DAM is faster"
     return [*rows, beside_paper((TABLE, name, column), f"of {len(gain)}", better, lost + note)]

@@ -19,6 +19,8 @@ POSITIONS = {
 DIRECTIONS = 16
 MECHANISMS = ("JAM", "DAM")
 paper = partial(paper_numbers, "kim_2021")
+UNPRINTED = "depends on masses and the base's angle, which the paper does not print"
+ENERGY_UNPRINTED = "the paper prints no masses, no postures on the way, and no formula of its energy"
 
 
 def actuation_of(mechanism: str) -> pk.capability.JointActuation | pk.capability.DistributedActuation:
