@@ -1,9 +1,10 @@
 """A control step's search beside pymoo and pygmo: ``python -m studies.benchmarks.closed_loop [--quick] [--json FILE]``.
 
 Processor time a generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled evaluation,
-pygmo's NSGA-II with the same compiled evaluation of whole populations (its own operators), all on one step, in turn;
-of several rounds the least. What an exact step takes. What the first call takes, compiled and from the cache. And
-whether our fronts are those of the readable path in pymoo.
+pygmo's NSGA-II with the same compiled evaluation of whole populations (its own operators), all on one step, in turn.
+Of several rounds the medians: of the times, and of the ratios within a round, which a busy machine moves less. What an
+exact step takes. What the first call takes, compiled and from the cache. And whether our fronts are those of the
+readable path in pymoo.
 """
 
 from __future__ import annotations
@@ -50,29 +51,30 @@ def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
     """Return microseconds a generation of everybody on the first step of an arm, ours beside each."""
     loop = loop_of(links)
     step = loop.control_step(1)
-    contestants: dict[str, tuple[Callable[[int, int], np.ndarray], int]] = {
-        "ours": (engine(loop, step), GENERATIONS),
-        "pymoo": (pymoo(loop, step, compiled=False), slow_generations),
-        "pymoo, compiled evaluation": (pymoo(loop, step, compiled=True), slow_generations),
+    contestants: dict[str, tuple[Callable[[int, int], np.ndarray], int, int]] = {  # generations, searches a round
+        "ours": (engine(loop, step), GENERATIONS, 10),
+        "pymoo": (pymoo(loop, step, compiled=False), slow_generations, 1),
+        "pymoo, compiled evaluation": (pymoo(loop, step, compiled=True), slow_generations, 1),
     }
     if PYGMO:
-        contestants["pygmo's NSGA-II"] = pygmo_nsga2(loop, step), GENERATIONS
-    for run, _ in contestants.values():
+        contestants["pygmo's NSGA-II"] = pygmo_nsga2(loop, step), GENERATIONS, 1
+    for run, *_ in contestants.values():
         run(0, 2)
-    seconds_taken = {name: seconds(run, many, rounds) / many for name, (run, many) in contestants.items()}
+    taken = np.array([[seconds(*each, seed) for each in contestants.values()] for seed in range(rounds)])
     rows = []
-    for name, one in seconds_taken.items():
-        ratio, goal = one / seconds_taken["ours"], GOALS.get(name)
+    for name, each in zip(contestants, taken.T, strict=True):
+        ratios, goal = each / taken[:, 0], GOALS.get(name)
+        ratio = float(np.median(ratios))
         lost = "LOSS: " if goal is not None and ratio < goal else ""
-        note = "" if name == "ours" else f"{lost}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
+        times = f"{lost}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
         rows.append(
             Row(
                 table="a generation, processor time",
                 row=f"{links}R, population {loop.population}",
                 column=name,
                 unit="µs",
-                ours=1e6 * one,
-                note=note,
+                ours=1e6 * float(np.median(each)),
+                note="" if name == "ours" else f"{times}; in rounds {ratios.min():.0f} to {ratios.max():.0f}",
             )
         )
     return rows

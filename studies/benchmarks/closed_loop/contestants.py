@@ -126,11 +126,12 @@ def pygmo_nsga2(loop: ClosedLoop, step: ControlStep) -> Callable[[int, int], FRO
     return run
 
 
-def seconds(run: Callable[[int, int], FRONT], generations: int, rounds: int) -> float:
-    """Return the least processor seconds of a search, of some rounds, in this thread: nobody has work for others."""
-    taken = []
-    for seed in range(rounds):
-        begun = time.thread_time()
+def seconds(run: Callable[[int, int], FRONT], generations: int, searches: int, turn: int) -> float:
+    """Return the processor seconds a generation, of this thread: nobody has work for others.
+
+    The searches of a ``turn`` have seeds of their own.
+    """
+    begun = time.thread_time()
+    for seed in range(turn * searches, (turn + 1) * searches):
         run(seed, generations)
-        taken.append(time.thread_time() - begun)
-    return min(taken)
+    return (time.thread_time() - begun) / (generations * searches)
