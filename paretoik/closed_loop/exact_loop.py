@@ -15,6 +15,7 @@ from paretoik.closed_loop.control_step import ControlStep, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
 from paretoik.closed_loop.null_space_steps import PlanarSteps
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
+from paretoik.closed_loop.obstacle_witnesses import WITNESSES
 from paretoik.closed_loop.programs import trace_nodes
 from paretoik.closed_loop.workspace import OPTIONS as ENGINE
 from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
@@ -29,18 +30,12 @@ class ExactStepOptions(NamedTuple):
 
     farthest: float = 8.0  # rad: steps whose joints have no bounds are within this of the one of least displacement
     tolerance: float = 1e-7  # of the range of the weighted sum: cells that promise less are left out
+    end_tolerance: float = 1e-11  # of the least displacement and the least error, whose differences are the ranges
     smallest: float = 1e-9  # rad: cells whose steps are not told admissible or not are halved down to this
     cells: int = 30_000  # that one minimisation looks at, at most
+    shares: int = 16  # of a step across a cell, at most, for the interval in which it is nearest to obstacles
     newton_iterations: int = 8
     rounding: float = 1e-15  # of the arm's length: the error of the tool is not known better
-    boundary_factor: float = 1e4  # of the tolerance: as much in cells across the boundary of an obstacle
-    boundary_span: float = 0.03  # of the radius of steps: so far along a boundary its best step is sought at first
-    narrowest_span: float = 3e-6  # and at last
-    boundary_standoff: float = 1e-8  # of the span: steps keep this far from a boundary, on which rounding would decide
-    narrower: float = 0.2  # the span of a round, as a share of the one before that had the least value well within
-    wider: float = 2.0  # and where it had not
-    boundary_rounds: int = 30
-    boundary_iterations: int = 32
 
 
 OPTIONS = ExactStepOptions()
@@ -59,8 +54,8 @@ def exact_steps(
     Which steps are admissible, ``ClosedLoop`` says: joints move by ``longest_step`` at most [rad] and keep their limits
     on position and velocity; of steps of any length (np.inf) the end alone is clear of obstacles, of others all the
     way. It is proven that no admissible step is better by more than the tolerance of the options, as long as their
-    ``cells`` suffice; of four links beside obstacles, by more than ``boundary_factor`` times that, and a search along
-    the boundary goes on from there. Raises InvalidInput for a weight that is not
+    ``cells`` suffice; beside boxes that are tilted out of the plane, of which cells are not cut, they may not. Raises
+    InvalidInput for a weight that is not
     from 0 to 1, for arms that are not planar, at the origin, with three or four joints, and for tasks that are not
     positions in the plane; Infeasible where no step is admissible or the arm is singular.
     """
@@ -110,6 +105,7 @@ def planar_steps(
 ) -> PlanarSteps:
     """Return the arrays of a step, and what all steps keep."""
     n = len(lengths)
+    cuts = (n * len(task.obstacles) + 1) * WITNESSES
     check_size("cells", options.cells, 2 * n + 4)
     constraints = StepConstraints(
         trace_nodes(task).arrays,
@@ -138,6 +134,10 @@ def planar_steps(
         workspace=allocate(n, n - 2, 1, 2, n),
         clearance=np.zeros(1),
         cells=np.empty((options.cells, 8)),
+        polygons=np.zeros((2, cuts + 3, 5)),
+        cuts=np.zeros((cuts, 4)),
+        nodes=np.zeros((2, n + 1, 2)),
+        turns=np.zeros(n),
     )
 
 

@@ -10,7 +10,7 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from paretoik.closed_loop.admissible_steps import clearance_at_start, excess_at
+from paretoik.closed_loop.admissible_steps import clearance_at_start
 from paretoik.closed_loop.null_space_steps import (
     configure,
     error_at,
@@ -20,7 +20,7 @@ from paretoik.closed_loop.null_space_steps import (
     weighted_sum,
     write_region,
 )
-from paretoik.closed_loop.obstacle_boundary import follow_boundary
+from paretoik.closed_loop.obstacle_cuts import bound_polygon, clear_step, cut_cell, may_be_clear
 from paretoik.closed_loop.step_cells import ADMISSIBLE, BOUND, contains, halve, lower_bound, model, place_region
 from paretoik.compilation import compiled
 from paretoik.compilation_references import refer
@@ -51,7 +51,7 @@ def best_step(home, target, weight, options, s, q):
     s.clearance[0] = clearance_at_start(s.start, s.constraints, s.workspace)
     corners, place = write_region(options.farthest, s), np.zeros(2)
     rounding = options.rounding * s.lengths.sum()
-    nearest = minimise(1.0, 0.0, 0.0, corners, options, s, place)
+    nearest = minimise(1.0, 0.0, 0.0, options.end_tolerance, corners, options, s, place)
     if not nearest < np.inf:
         return False
     near_u, near_v = place[0], place[1]
@@ -60,8 +60,7 @@ def best_step(home, target, weight, options, s, q):
         smallest, farthest = 0.0, nearest_zero(corners, rounding, options, s, place)
         if not farthest < np.inf:
             place[0], place[1] = near_u, near_v
-            enough = max(options.tolerance * largest, rounding)
-            smallest = minimise(0.0, 1.0, enough, corners, options, s, place)
+            smallest = minimise(0.0, 1.0, rounding, options.end_tolerance, corners, options, s, place)
             farthest = place[0] ** 2 + place[1] ** 2
         if weight > 0.0 and not (farthest > nearest and largest > smallest + rounding):
             place[0], place[1] = near_u, near_v
@@ -74,16 +73,16 @@ def best_step(home, target, weight, options, s, q):
             enough = max(options.tolerance, error_weight * rounding)
             radius = np.sqrt(min(far, square_weight * nearest + error_weight * largest) / square_weight)
             corners = write_region(min(radius, options.farthest), s)
-            minimise(square_weight, error_weight, enough, corners, options, s, place)
+            minimise(square_weight, error_weight, enough, options.rounding, corners, options, s, place)
     configure(place[0], place[1], s, q)
     return True
 
 
 @compiled
-def minimise(square_weight, error_weight, enough, corners, options, s, place):
+def minimise(square_weight, error_weight, enough, share, corners, options, s, place):
     """Return the least of square_weight ‖y‖² + error_weight ‖e‖ over admissible steps, inf where none is.
 
-    It is within ``enough``, or the tolerance's share of itself. The step is written to ``place``; what stands there
+    It is within ``enough``, or this share of itself. The step is written to ``place``; what stands there
     before is tried first.
     """
     best, weights = np.inf, (square_weight, error_weight)
@@ -94,28 +93,17 @@ def minimise(square_weight, error_weight, enough, corners, options, s, place):
     waiting = [(-np.inf, i) for i in range(count)]
     while len(waiting) > 0 and count < s.cells.shape[0]:
         bound, i = heappop(waiting)
-        if bound >= best - max(enough, options.tolerance * best):
+        gain = max(enough, share * best) if best < np.inf else enough
+        if bound >= best - gain:
             break
         u, v = halve(i, count, s)
         best = _try(u, v, weights, best, s.cells[i, ADMISSIBLE] > 0.0, s, place)
         for half in (i, count):
-            best, is_open = _look(half, weights, enough, best, options, s, place)
+            best, is_open = _look(half, weights, gain, best, options, s, place)
             if is_open:
                 heappush(waiting, (s.cells[half, BOUND], half))
         count += 1
-    if s.constraints.obstacles.shape[0] > 0 and s.lengths.shape[0] > 3 and best < np.inf:
-        best = follow_boundary(best, weights, options, s, place)
     return best
-
-
-@compiled
-def _gain(cell, best, enough, options, s):
-    """Return how much better than the best value the bound of a cell is to be, for the cell to be halved.
-
-    Of triangles across the boundary of obstacles, of which there are many, more: ``follow_boundary`` ends there.
-    """
-    gain = max(enough, options.tolerance * best)
-    return gain if cell[ADMISSIBLE] > 0.0 or s.lengths.shape[0] == 3 else options.boundary_factor * gain
 
 
 @compiled
@@ -123,19 +111,36 @@ def _look(i, weights, enough, best, options, s, place):
     """Try the middle of a cell, and write its bound; return the best value, and whether the cell is to be halved."""
     cell = s.cells[i]
     m = model(cell, s)
-    wanted = best - _gain(cell, best, enough, options, s)
+    wanted = best - enough
     bound = lower_bound(weights[0], weights[1], wanted, m)
     cell[BOUND] = bound
     if bound >= wanted or not m.size > options.smallest:
         return best, False
-    if not _admit(cell, m, s):
+    possible, interval = may_be_clear(cell, m, options, s)
+    if not possible:
         return best, False
     best = _try(m.u, m.v, weights, best, cell[ADMISSIBLE] > 0.0, s, place)
+    if not cell[ADMISSIBLE] > 0.0 and s.lengths.shape[0] > 3:
+        best = _cut(cell, m, interval, weights, best, options, s, place)
     if weights[1] * m.change < np.inf:
         best, is_done = _descend(cell, m, weights, enough, best, options, s, place)
         if is_done:
             return best, False
-    return best, cell[BOUND] < best - _gain(cell, best, enough, options, s)
+    return best, cell[BOUND] < best - enough
+
+
+@compiled
+def _cut(cell, m, interval, weights, best, options, s, place):
+    """Raise the bound of a cell to that over what obstacles leave of it; return the best value, a step there tried."""
+    corners, cuts = cut_cell(cell, m, interval, s)
+    bound, corner = bound_polygon(weights[0], weights[1], corners, m, s)
+    cell[BOUND] = max(cell[BOUND], bound)
+    if cuts == 0 or cell[BOUND] >= best:
+        return best
+    u, v = clear_step(corner, cuts, m, s)
+    if max(abs(u), abs(v)) > options.farthest:
+        return best
+    return _try(u, v, weights, best, False, s, place)
 
 
 @compiled
@@ -182,39 +187,6 @@ def _try(u, v, weights, best, admissible, s, place):
 
 
 @compiled
-def _admit(cell, m, s):
-    """Note where all steps of a cell are clear of obstacles; return whether some may be."""
-    c, w = s.constraints, s.workspace
-    if cell[ADMISSIBLE] > 0.0:
-        return True
-    configure(m.u, m.v, s, w.inputs[:, 0])
-    excess = excess_at(1.0, s.start, c, w)
-    if excess + m.travel <= c.standoff:
-        return False
-    if not c.swept:
-        cell[ADMISSIBLE] = 1.0 if excess - m.travel > c.standoff else 0.0
-        return True
-    travel = m.travel
-    for j in range(s.origin.shape[0]):
-        travel += c.reach[j] * abs(w.inputs[j, 0] - s.start.previous[j])
-    if excess - m.travel > c.standoff and s.clearance[0] + excess - m.travel > travel:
-        cell[ADMISSIBLE] = 1.0
-    if cell[ADMISSIBLE] > 0.0:
-        return True
-    return not _is_blocked(m.travel, s)
-
-
-@compiled
-def _is_blocked(travel, s):
-    """Return whether a point of the arm is deeper in an obstacle on the way than steps differ by ``travel``."""
-    for k in range(1, 8):
-        share = k / 8.0
-        if excess_at(share, s.start, s.constraints, s.workspace) + share * travel <= 0.0:
-            return True
-    return False
-
-
-@compiled
 def nearest_zero(corners, rounding, options, s, place):
     """Return ‖y‖² of the nearest admissible step that reaches the target, written to ``place``; inf where none does.
 
@@ -245,7 +217,7 @@ def _seek(i, best, rounding, options, s, place):
     cell[BOUND] = min(m.squares)
     if cell[BOUND] >= best or not m.size > options.smallest:
         return best, False
-    if lower_bound(0.0, 1.0, 0.0, m) > rounding or not _admit(cell, m, s):
+    if lower_bound(0.0, 1.0, 0.0, m) > rounding or not may_be_clear(cell, m, options, s)[0]:
         return best, False
     u, v = m.u, m.v
     for _ in range(options.newton_iterations):

@@ -24,7 +24,8 @@ class PlanarSteps(NamedTuple):
     second and third derivatives of the error along y [m]. ``corners`` (2, 2 · dof + 4, 2) are those of the region
     of y that ``write_region`` finds, and what it was clipped from. ``start``, ``constraints``, ``options`` and
     ``workspace`` are the search's, for one step; ``clearance`` (1,) [m] is that before the step. ``cells`` (cells, 8)
-    are parts of the region: three corners, a lower bound, and 1 where all is admissible.
+    are parts of the region: three corners, a lower bound, and 1 where all is admissible. ``polygons`` (2, corners, 5),
+    ``cuts`` (cuts, 4), ``nodes`` (2, dof + 1, 2) and ``turns`` (dof,) are those of ``obstacle_cuts``.
     """
 
     lengths: np.ndarray
@@ -41,6 +42,10 @@ class PlanarSteps(NamedTuple):
     workspace: Workspace
     clearance: np.ndarray
     cells: np.ndarray
+    polygons: np.ndarray
+    cuts: np.ndarray
+    nodes: np.ndarray
+    turns: np.ndarray
 
 
 @compiled
@@ -162,13 +167,16 @@ def write_region(farthest, s):
         moved = s.origin[k] - s.start.previous[k]
         for sign, bound in ((1.0, s.constraints.upper[k] - moved), (-1.0, moved - s.constraints.lower[k])):
             if bound < np.inf:
-                count = _clip(corners, count, sign * s.null_space[k, 0], sign * s.null_space[k, 1], bound, spare)
+                count = clip(corners, count, sign * s.null_space[k, 0], sign * s.null_space[k, 1], bound, spare)
     return count
 
 
 @compiled
-def _clip(corners, count, a, b, bound, spare):
-    """Cut a convex polygon, or an interval of two corners, by a u + b v ≤ bound; return how many corners are left."""
+def clip(corners, count, a, b, bound, spare):
+    """Cut a convex polygon, or an interval of two corners, by a u + b v ≤ bound; return how many corners are left.
+
+    Rows of corners begin with u and v; what follows is linear in them.
+    """
     left = 0
     for i in range(count):
         spare[i] = corners[i]
@@ -181,7 +189,7 @@ def _clip(corners, count, a, b, bound, spare):
             left += 1
         if (here < 0.0 < there or there < 0.0 < here) and not (count == 2 and i == 1):
             share = here / (here - there)
-            for m in range(2):
+            for m in range(corners.shape[1]):
                 corners[left, m] = spare[i, m] + share * (spare[j, m] - spare[i, m])
             left += 1
     return left

@@ -1,0 +1,208 @@
+"""Cells cut by obstacles, compiled: polygons that hold all steps of a cell which may be clear, and bounds over them.
+
+A step is clear whose end keeps the standoff, and for which the distances at both ends of every shortest interval are
+together more than the arm's travel in it: then halving, as ``find_inadmissible`` does, proves it. Bounds of distances
+(``obstacle_witnesses``) make both half-planes. What is minimised is bounded over the polygon as over the cell, so that
+beside obstacles too the bound is off by the square of the cell's size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.closed_loop.admissible_steps import excess_at
+from paretoik.closed_loop.null_space_steps import clip, configure
+from paretoik.closed_loop.obstacle_distances import evaluate_distances
+from paretoik.closed_loop.obstacle_witnesses import WITNESSES, witness
+from paretoik.closed_loop.step_cells import ADMISSIBLE
+from paretoik.compilation import compiled
+
+DIRECTIONS = 3  # of the error, one from the other, of which each gives a bound
+
+
+@compiled
+def may_be_clear(cell, m, options, s):
+    """Note where all steps of a cell are clear of obstacles; return whether some may be.
+
+    Also in which interval of the step to its middle obstacles are nearest, for others to be cut; negative for none.
+    """
+    c, w = s.constraints, s.workspace
+    if cell[ADMISSIBLE] > 0.0:
+        return True, -1
+    configure(m.u, m.v, s, w.inputs[:, 0])
+    excess = excess_at(1.0, s.start, c, w)
+    if excess + m.travel <= c.standoff:
+        return False, -1
+    is_clear = excess - m.travel > c.standoff
+    if not c.swept:
+        cell[ADMISSIBLE] = 1.0 if is_clear else 0.0
+        return True, -1
+    travel, spread, width = 0.0, 0.0, s.options.shortest_interval
+    for j in range(s.origin.shape[0]):
+        du, dv, moved = s.null_space[j, 0], s.null_space[j, 1], 0.0
+        for i in range(3):
+            moved = max(moved, abs(du * (cell[2 * i] - m.u) + dv * (cell[2 * i + 1] - m.v)))
+        travel += c.reach[j] * abs(w.inputs[j, 0] - s.start.previous[j])
+        spread += c.reach[j] * moved * width
+    least, interval = nearest_interval(excess, travel, 2.0 * m.travel + spread, options.shares, s)
+    if interval < 0:
+        cell[ADMISSIBLE] = 1.0 if is_clear else 0.0
+        return True, -1
+    return least + 2.0 * (interval + 1) * width * m.travel + spread > 0.0, interval
+
+
+@compiled
+def nearest_interval(end, travel, enough, shares, s):
+    """Return by how much the distances at the ends of a shortest interval of the step are more than the travel in it.
+
+    It is the least of all intervals, and which; ``enough`` and -1 where none has less. After so many ``shares`` of the
+    step it is that of an interval, if not of the nearest. The step is that in ``s.workspace.inputs``, ``travel`` that
+    of all of it [m], ``end`` [m] by how much its end exceeds the required distance.
+    """
+    waiting, stack, shortest, nearest = 1, s.workspace.intervals, s.options.shortest_interval, -1
+    stack[0, 0], stack[1, 0], stack[2, 0], stack[3, 0] = 0.0, 1.0, s.clearance[0], end
+    while waiting > 0:
+        waiting -= 1
+        begin, width, first, last = stack[0, waiting], stack[1, waiting], stack[2, waiting], stack[3, waiting]
+        if first + last - travel * width >= enough:
+            continue
+        if width <= shortest:
+            enough, nearest = first + last - travel * width, int(begin / shortest + 0.5)
+            continue
+        if shares == 0:
+            return enough, max(nearest, 0)
+        shares, half = shares - 1, 0.5 * width
+        middle = excess_at(begin + half, s.start, s.constraints, s.workspace)
+        later = waiting if first <= last else waiting + 1  # the nearer half is looked at first
+        earlier = 2 * waiting + 1 - later
+        stack[0, earlier], stack[1, earlier], stack[2, earlier], stack[3, earlier] = begin, half, first, middle
+        stack[0, later], stack[1, later], stack[2, later], stack[3, later] = begin + half, half, middle, last
+        waiting += 2
+    return enough, nearest
+
+
+@compiled
+def cut_cell(cell, m, interval, s):
+    """Write the polygon of the steps of a cell that may be clear (corners, 5); return how many corners and cuts it has.
+
+    Its columns are the step from the middle of the cell, the model's error [m] and the tangent of ‖y‖² there.
+    ``interval`` is that in which the step to the middle is nearest to obstacles, none if negative.
+    """
+    polygon, w = s.polygons[0], s.workspace
+    for i in range(3):
+        polygon[i, 0], polygon[i, 1] = cell[2 * i] - m.u, cell[2 * i + 1] - m.v
+        polygon[i, 2], polygon[i, 3], polygon[i, 4] = m.x[i], m.y[i], m.squares[i]
+    for k in range(s.turns.shape[0]):
+        s.turns[k] = 0.0
+        for i in range(3):
+            s.turns[k] = max(s.turns[k], abs(s.slopes[k, 0] * polygon[i, 0] + s.slopes[k, 1] * polygon[i, 1]))
+    configure(m.u, m.v, s, w.inputs[:, 0])
+    corners, cuts = _cut_at_end(m, s)
+    if interval >= 0:
+        corners, cuts = _cut_in_interval(corners, cuts, interval, s)
+    return corners, cuts
+
+
+@compiled
+def _place(share, row, s):
+    """Write the nodes of the arm after a share of the step, all but the base."""
+    excess_at(share, s.start, s.constraints, s.workspace)
+    for k in range(s.lengths.shape[0] + 1):
+        s.nodes[row, k, 0], s.nodes[row, k, 1] = s.workspace.nodes[3 * k + 3, 0], s.workspace.nodes[3 * k + 4, 0]
+
+
+@compiled
+def _excess(k, i, s):
+    """Return by how much link k, where the workspace has it, exceeds the required distance from an obstacle."""
+    w, obstacles, row = s.workspace, s.constraints.obstacles, 3 * k + 3
+    evaluate_distances(obstacles[i : i + 1], w.nodes[row : row + 6], 1, w.distances)
+    return w.distances[0] - s.constraints.required
+
+
+@compiled
+def _cut_at_end(m, s):
+    """Cut a cell by the links that come near an obstacle at the end of its steps."""
+    corners, cuts, c = 3, 0, s.constraints
+    _place(1.0, 0, s)
+    for k in range(s.lengths.shape[0]):
+        for i in range(c.obstacles.shape[0]):
+            if _excess(k, i, s) > c.standoff + m.travel:
+                continue
+            for which in range(WITNESSES):
+                excess, gu, gv, off = witness(which, k, c.obstacles[i], 1.0, s.nodes[0], s)
+                corners, cuts = _cut(corners, cuts, excess - c.required - c.standoff, gu, gv, off, s)
+    return corners, cuts
+
+
+@compiled
+def _cut_in_interval(corners, cuts, interval, s):
+    """Cut a cell by the link and the obstacle that are nearest in an interval of the step to its middle."""
+    c, w, width = s.constraints, s.workspace, s.options.shortest_interval
+    first, last = interval * width, (interval + 1) * width
+    _place(last, 1, s)
+    _place(first, 0, s)
+    least, link, obstacle = np.inf, 0, 0
+    for k in range(s.lengths.shape[0]):
+        for i in range(c.obstacles.shape[0]):
+            excess = _excess(k, i, s)
+            if excess < least:
+                least, link, obstacle = excess, k, i
+    travel, tu, tv = 2.0 * c.required, 0.0, 0.0  # a tangent from below
+    for j in range(s.origin.shape[0]):
+        moved = w.inputs[j, 0] - s.start.previous[j]
+        rate = width * c.reach[j] * (1.0 if moved > 0.0 else -1.0)
+        travel, tu, tv = travel + rate * moved, tu + rate * s.null_space[j, 0], tv + rate * s.null_space[j, 1]
+    for which in range(WITNESSES):
+        before, bu, bv, off = witness(which, link, c.obstacles[obstacle], first, s.nodes[0], s)
+        after, au, av, more = witness(which, link, c.obstacles[obstacle], last, s.nodes[1], s)
+        corners, cuts = _cut(corners, cuts, before + after - travel, bu + au - tu, bv + av - tv, off + more, s)
+    return corners, cuts
+
+
+@compiled
+def _cut(corners, cuts, value, gu, gv, off, s):
+    """Keep of the polygon what has value + gᵀ y + off ≥ 0; note the cut where it takes something away."""
+    least = np.inf
+    for i in range(corners):
+        least = min(least, value + gu * s.polygons[0, i, 0] + gv * s.polygons[0, i, 1] + off)
+    if not least < 0.0:  # also where there is no bound
+        return corners, cuts
+    s.cuts[cuts, 0], s.cuts[cuts, 1], s.cuts[cuts, 2], s.cuts[cuts, 3] = value, gu, gv, off
+    return clip(s.polygons[0], corners, -gu, -gv, value + off, s.polygons[1]), cuts + 1
+
+
+@compiled
+def bound_polygon(square_weight, error_weight, corners, m, s):
+    """Return a lower bound of square_weight ‖y‖² + error_weight ‖e‖ over the polygon, and its best corner by the model.
+
+    The bound is inf where no corner is left.
+    """
+    polygon, best, bound, corner, x, y = s.polygons[0], np.inf, -np.inf, 0, 0.0, 0.0
+    for i in range(corners):
+        x, y = x + polygon[i, 2], y + polygon[i, 3]
+        value = square_weight * polygon[i, 4] + error_weight * np.hypot(polygon[i, 2], polygon[i, 3])
+        if value < best:
+            best, corner = value, i
+    for _ in range(DIRECTIONS):
+        norm, least, lowest = np.hypot(x, y), np.inf, 0
+        ux, uy = (error_weight * x / norm, error_weight * y / norm) if norm > 0.0 else (0.0, 0.0)
+        for i in range(corners):
+            value = square_weight * polygon[i, 4] + ux * polygon[i, 2] + uy * polygon[i, 3]
+            if value < least:
+                least, lowest = value, i
+        bound = max(bound, least)
+        if corners > 0:
+            x, y = polygon[lowest, 2], polygon[lowest, 3]
+    return bound - error_weight * m.remainder, corner
+
+
+@compiled
+def clear_step(corner, cuts, m, s):
+    """Return a step about a corner of the polygon, as far into it as the models of the cuts may be off."""
+    u, v = s.polygons[0, corner, 0], s.polygons[0, corner, 1]
+    for i in range(cuts):
+        value, gu, gv, off = s.cuts[i, 0], s.cuts[i, 1], s.cuts[i, 2], s.cuts[i, 3]
+        missing, square = off - value - gu * u - gv * v, gu * gu + gv * gv
+        if missing > 0.0 and square > 0.0:
+            u, v = u + gu * missing / square, v + gv * missing / square
+    return m.u + u, m.v + v

@@ -1,0 +1,127 @@
+"""Upper bounds of the distance of a link from an obstacle over a cell of steps, compiled: linear, up to a remainder.
+
+A fixed point of a link and a fixed point of an obstacle are never nearer than the two. Beside a box that stands upright
+in the plane, a joint is as far away as from the side that it faces, and a link that passes a corner as far as the
+corner is from its line; both are signed, so that steps which the box blocks are told too. A bound holds for all steps
+of the cell that are clear. The remainder is of the square of the cell's size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.closed_loop.obstacle_tables import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
+from paretoik.compilation import compiled
+
+WITNESSES = 6  # of a link and an obstacle, at most
+NONE = (np.inf, 0.0, 0.0, 0.0)
+
+
+@compiled
+def witness(which, k, obstacle, share, nodes, s):
+    """Return a bound [m] of the distance of link ``k`` at the middle of the cell, its slopes by y, and its remainder.
+
+    It is the one of this number, from 0 to ``WITNESSES``; inf where there is none. ``nodes`` (dof + 1, 2) are the
+    arm's after a ``share`` of the step to the middle of the cell, of which ``s.turns`` (dof,) tells by how much the
+    links turn.
+    """
+    cx, cy, cz = obstacle[FIRST], obstacle[FIRST + 1], obstacle[FIRST + 2]
+    if obstacle[KIND] == POINT:
+        flat = obstacle[AXES + 8]
+        if which > 0:
+            return NONE
+        return _to_ball(_fraction(k, cx, cy, nodes), cx, cy, flat * cz, obstacle, k, share, nodes, s)
+    if obstacle[KIND] == SEGMENT:
+        if which > 2:
+            return NONE
+        dx, dy, dz = obstacle[SECOND] - cx, obstacle[SECOND + 1] - cy, obstacle[SECOND + 2] - cz
+        along = float(which)
+        if which == 2:  # the end of the link, and what of the segment is nearest to it
+            square = dx * dx + dy * dy + dz * dz
+            along = (nodes[k + 1, 0] - cx) * dx + (nodes[k + 1, 1] - cy) * dy - cz * dz
+            along = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
+        cx, cy, cz = cx + along * dx, cy + along * dy, cz + along * dz
+        fraction = 1.0 if which == 2 else _fraction(k, cx, cy, nodes)
+        return _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s)
+    is_upright = abs(obstacle[AXES + 8]) == 1.0 and abs(cz) <= obstacle[SECOND + 2]
+    if not is_upright:
+        return NONE
+    return (
+        _to_side(which, k, obstacle, share, nodes, s) if which < 2 else _to_corner(which, k, obstacle, share, nodes, s)
+    )
+
+
+@compiled
+def _fraction(k, x, y, nodes):
+    """Return where on link k it is nearest to a point, from 0 to 1."""
+    lx, ly = nodes[k + 1, 0] - nodes[k, 0], nodes[k + 1, 1] - nodes[k, 1]
+    return min(max(((x - nodes[k, 0]) * lx + (y - nodes[k, 1]) * ly) / (lx * lx + ly * ly), 0.0), 1.0)
+
+
+@compiled
+def _move(k, fraction, nx, ny, share, nodes, s):
+    """Return how a point of link k moves with y along (nx, ny), how far in the cell, and how far off a linear model."""
+    gu, gv, travel, remainder = 0.0, 0.0, 0.0, 0.0
+    for j in range(k + 1):
+        part = fraction if j == k else 1.0
+        lx, ly = part * (nodes[j + 1, 0] - nodes[j, 0]), part * (nodes[j + 1, 1] - nodes[j, 1])
+        across, turn = share * (ny * lx - nx * ly), share * s.turns[j]
+        gu, gv = gu + across * s.slopes[j, 0], gv + across * s.slopes[j, 1]
+        travel, remainder = travel + part * s.lengths[j] * turn, remainder + 0.5 * part * s.lengths[j] * turn * turn
+    return gu, gv, travel, remainder
+
+
+@compiled
+def _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s):
+    """Return the bound that the distance of a point of the link from the middle of a ball gives."""
+    x = nodes[k, 0] + fraction * (nodes[k + 1, 0] - nodes[k, 0]) - cx
+    y = nodes[k, 1] + fraction * (nodes[k + 1, 1] - nodes[k, 1]) - cy
+    distance = np.sqrt(x * x + y * y + cz * cz)
+    if not distance > 0.0:
+        return NONE
+    gu, gv, travel, remainder = _move(k, fraction, x / distance, y / distance, share, nodes, s)
+    if not distance > travel:
+        return NONE
+    return distance - obstacle[RADIUS], gu, gv, remainder + 0.5 * travel * travel / (distance - travel)
+
+
+@compiled
+def _to_side(which, k, box, share, nodes, s):
+    """Return the bound that the end of the link gives where all of the cell it faces one side of the box."""
+    x, y = nodes[k + 1, 0] - box[FIRST], nodes[k + 1, 1] - box[FIRST + 1]
+    nx, ny = box[AXES + 3 * which], box[AXES + 3 * which + 1]
+    out, aside = x * nx + y * ny, abs(x * ny - y * nx)
+    sign = 1.0 if out > 0.0 else -1.0
+    gu, gv, travel, remainder = _move(k, 1.0, sign * nx, sign * ny, share, nodes, s)
+    if not (abs(out) > travel and aside + travel <= box[SECOND + 1 - which]):
+        return NONE
+    return abs(out) - box[SECOND + which], gu, gv, remainder
+
+
+@compiled
+def _to_corner(which, k, box, share, nodes, s):
+    """Return the bound that a corner of the box gives where the link passes between it and no middle of the box.
+
+    On the far side of the corner the link meets the line from there to the middle of the box, in all of the cell.
+    """
+    hx, hy = box[SECOND] if which % 2 == 0 else -box[SECOND], box[SECOND + 1] if which < 4 else -box[SECOND + 1]
+    mx, my = box[FIRST] - nodes[k, 0], box[FIRST + 1] - nodes[k, 1]  # the middle
+    vx, vy = mx + hx * box[AXES] + hy * box[AXES + 3], my + hx * box[AXES + 1] + hy * box[AXES + 4]
+    length = s.lengths[k]
+    ex, ey = (nodes[k + 1, 0] - nodes[k, 0]) / length, (nodes[k + 1, 1] - nodes[k, 1]) / length
+    sign = 1.0 if ex * my - ey * mx > 0.0 else -1.0
+    distance, middle, along = sign * (ex * vy - ey * vx), sign * (ex * my - ey * mx), ex * vx + ey * vy
+    turn = share * s.turns[k]
+    gu, gv, travel, _ = _move(k, 0.0, sign * ey, -sign * ex, share, nodes, s)
+    least_middle, most = middle - travel - np.hypot(mx, my) * turn, travel + np.hypot(vx, vy) * turn
+    if not least_middle > 0.0:
+        return NONE
+    beyond = max(most - distance, 0.0)
+    aside = most + np.hypot(hx, hy) * beyond / (least_middle + beyond)
+    if not (along >= aside and along + aside <= length):
+        return NONE
+    remainder = 0.5 * np.hypot(vx + nodes[k, 0], vy + nodes[k, 1]) * turn * turn
+    for j in range(k):
+        remainder += 0.5 * s.lengths[j] * (turn + share * s.turns[j]) ** 2
+    gu, gv = gu - sign * along * share * s.slopes[k, 0], gv - sign * along * share * s.slopes[k, 1]
+    return distance, gu, gv, remainder
