@@ -34,6 +34,7 @@ class ExactStepOptions(NamedTuple):
     smallest: float = 1e-9  # rad: cells whose steps are not told admissible or not are halved down to this
     cells: int = 30_000  # that one minimisation looks at, at most
     shares: int = 16  # of a step across a cell, at most, for the interval in which it is nearest to obstacles
+    directions: int = 3  # of the error, one from the other, of which each bounds a cell beside obstacles
     newton_iterations: int = 8
     rounding: float = 1e-15  # of the arm's length: the error of the tool is not known better
 

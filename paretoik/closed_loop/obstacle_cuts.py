@@ -17,7 +17,6 @@ from paretoik.closed_loop.obstacle_witnesses import WITNESSES, witness
 from paretoik.closed_loop.step_cells import ADMISSIBLE
 from paretoik.compilation import compiled
 
-DIRECTIONS = 3  # of the error, one from the other, of which each gives a bound
 
 
 @compiled
@@ -172,10 +171,10 @@ def _cut(corners, cuts, value, gu, gv, off, s):
 
 
 @compiled
-def bound_polygon(square_weight, error_weight, corners, m, s):
+def bound_polygon(square_weight, error_weight, corners, m, directions, s):
     """Return a lower bound of square_weight ‖y‖² + error_weight ‖e‖ over the polygon, and its best corner by the model.
 
-    The bound is inf where no corner is left.
+    Each of so many ``directions`` of the error, one from the other, gives a bound. It is inf where no corner is left.
     """
     polygon, best, bound, corner, x, y = s.polygons[0], np.inf, -np.inf, 0, 0.0, 0.0
     for i in range(corners):
@@ -183,7 +182,7 @@ def bound_polygon(square_weight, error_weight, corners, m, s):
         value = square_weight * polygon[i, 4] + error_weight * np.hypot(polygon[i, 2], polygon[i, 3])
         if value < best:
             best, corner = value, i
-    for _ in range(DIRECTIONS):
+    for _ in range(directions):
         norm, least, lowest = np.hypot(x, y), np.inf, 0
         ux, uy = (error_weight * x / norm, error_weight * y / norm) if norm > 0.0 else (0.0, 0.0)
         for i in range(corners):

@@ -18,6 +18,7 @@ from paretoik.capability.joint_capability import Quantity
 from paretoik.review.palette import PAPER
 from paretoik.review.plots import label
 from problems.kim_2021 import PLACE, WAYS
+from studies.kim_2021.exactness import SAME
 from studies.kim_2021.posture_program import posture_program
 from studies.kim_2021.setting import MECHANISMS, actuation_of
 from studies.reporting import Row, drawing
@@ -29,7 +30,6 @@ CASES: dict[str, tuple[tuple[tuple[float, float], ...], tuple[Quantity, ...]]] =
     "fast and strong upwards": ((WAYS[1], WAYS[1]), ("velocity", "force")),
 }
 POPULATION, GENERATIONS = 60, 30
-SAME = 1e-6  # share by which IPOPT may gain and the point be the same
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

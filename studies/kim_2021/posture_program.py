@@ -16,9 +16,9 @@ from jaxtyping import Float
 import paretoik as pk
 from paretoik.robot.dynamics import gravity_torques
 from studies.kim_2021.full_program import LENGTHS, QUIET, SPEED, diamond, linkage, solver_options
+from studies.kim_2021.motion_program import JOINTS
 
 FORCE = 10.0  # N: what forces are counted in
-JOINTS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -99,7 +99,7 @@ def test_bounds_beside_obstacles_come_near_with_the_square_of_the_size(obstacles
                 if contains(cell, u, v, s) and is_clear(u, v, s) and weighted_sum(*weights, u, v, s)[0] < least:
                     best, least = np.array([u, v]), weighted_sum(*weights, u, v, s)[0]
         polygon, m, _ = cut(cell, s)
-        gaps.append((least - bound_polygon(*weights, len(polygon), m, s)[0]) / size)
+        gaps.append((least - bound_polygon(*weights, len(polygon), m, OPTIONS.directions, s)[0]) / size)
     assert all(gap > 0 for gap in gaps)
     assert gaps[2] < 0.1 * gaps[0]
 
