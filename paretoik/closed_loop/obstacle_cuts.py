@@ -18,7 +18,6 @@ from paretoik.closed_loop.step_cells import ADMISSIBLE
 from paretoik.compilation import compiled
 
 
-
 @compiled
 def may_be_clear(cell, m, options, s):
     """Note where all steps of a cell are clear of obstacles; return whether some may be.

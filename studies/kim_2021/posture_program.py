@@ -18,15 +18,13 @@ from paretoik.robot.dynamics import gravity_torques
 from studies.kim_2021.full_program import LENGTHS, QUIET, SPEED, diamond, linkage, solver_options
 from studies.kim_2021.motion_program import JOINTS
 
-FORCE = 10.0  # N: what forces are counted in
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PostureProgram:
     """The most of the second objective with no less of the first than so much.
 
     Unknowns: joint positions, for sliders their front positions [rods' lengths], for every speed the motors' speeds as
-    shares of the fastest, and both values [``SPEED``, ``FORCE``].
+    shares of the fastest, and both values [``SPEED``, 10 N].
     """
 
     problem: pk.DirectionalMaxima
@@ -62,7 +60,7 @@ def posture_program(problem: pk.DirectionalMaxima, tolerance: float = 1e-9) -> P
     place, columns, load = linkage(q)
     gears, rows = _gears(motors, q, front)
     equal = [(place[a] - problem.position[a]) / LENGTHS[0] for a in range(2)]
-    sizes = np.array([SPEED if quantity == "velocity" else FORCE for quantity in quantities])
+    sizes = np.array([SPEED if quantity == "velocity" else 10.0 for quantity in quantities])
     before = 0
     for k, (quantity, way) in enumerate(zip(quantities, problem.directions, strict=True)):
         if quantity == "force":

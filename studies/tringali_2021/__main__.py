@@ -25,7 +25,7 @@ from studies.tringali_2021.trajectories import (
     text_rows,
 )
 
-QUICK_READINGS = 5
+QUICK_READINGS = READINGS[:5]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = study_parser(
         "Tringali & Cocuzza 2021.",
         quick="8 starts of the global method, no bound, 1 round of timing, one schedule searched, splines of 3 pieces, "
-        f"{QUICK_READINGS} of {len(READINGS)} readings",
+        f"{len(QUICK_READINGS)} of {len(READINGS)} readings",
         out="tringali_2021",
     ).parse_args(arguments)
     quick = options.quick
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows += [row for one in trajectories for row in text_rows(one)] + singularity_rows(trajectories)
     tell("trajectory 2 along other circles")
     rows.append(circle_row("fitted"))
-    for reading in READINGS[:QUICK_READINGS] if quick else READINGS:
+    for reading in QUICK_READINGS if quick else READINGS:
         tell(f"reading: {reading.name}")
         rows.append(reading_row(reading, "fitted"))
     tell("splines through more samples ahead")
