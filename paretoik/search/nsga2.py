@@ -19,7 +19,7 @@ from paretoik.search.constraints import EQUALITY_TOLERANCE, TOLERANCE
 from paretoik.search.mating import BranchwiseMating
 from paretoik.search.maximin import MaxiMin, column
 from paretoik.search.seeding import SMALLEST_POPULATION, check_bounds, check_sizes, seeded_population
-from paretoik.search.variables import Operators, has_real_genes, operators_for
+from paretoik.search.variables import Operators, has_real_genes, operators_for, samples_bits
 
 
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
@@ -31,7 +31,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
     pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20). The rest is explained at ``MaxiMin``.
 
     Genes may be of any kind: real numbers without bounds want ``sampling``; integers, binary and named variables are
-    sampled and varied by pymoo's own operators.
+    sampled and varied by pymoo's own operators. They are binary too where ``sampling`` is, as pymoo's ZDT5 wants it.
 
     Raises InvalidInput for a size or bound that cannot be used, and for a misspelt option of pymoo's ``minimize``.
     """
@@ -79,11 +79,12 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
     def setup(self, problem: Any, **options: Any) -> Any:
         """Prepare for a problem; the options are pymoo's (seed, termination, callback, verbose, ...)."""
         check_sizes(problem)
-        if has_real_genes(problem):
+        binary = samples_bits(self.sampling)
+        if has_real_genes(problem) and not binary:
             check_bounds(problem, initial=self.sampling)
             self.mating, self._operators = self._branchwise, None
         else:
-            operators = operators_for(problem, self.crossover, self.mutation)
+            operators = operators_for(problem, self.crossover, self.mutation, binary=binary)
             self.mating, self._operators = operators.mating, operators
         for name in options:
             if name not in self.__dict__ and name not in ("verbose", "progress"):

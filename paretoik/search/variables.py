@@ -15,6 +15,7 @@ from pymoo.algorithms.moo.nsga2 import binary_tournament
 from pymoo.core.duplicate import DefaultDuplicateElimination
 from pymoo.core.mating import Mating
 from pymoo.core.mixed import MixedVariableDuplicateElimination, MixedVariableMating, MixedVariableSampling
+from pymoo.core.population import Population
 from pymoo.operators.crossover.pntx import TwoPointCrossover
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.mutation.bitflip import BitflipMutation
@@ -53,6 +54,12 @@ def has_real_genes(problem: Any) -> bool:
     return getattr(problem, "vars", None) is None and problem.vtype in (None, float)
 
 
+def samples_bits(sampling: Any) -> bool:
+    """Return whether what a first population starts with is binary: pymoo's ZDT5 for one calls its genes real."""
+    genes = sampling.get("X") if isinstance(sampling, Population) else sampling
+    return isinstance(sampling, BinaryRandomSampling) or (isinstance(genes, np.ndarray) and genes.dtype == bool)
+
+
 def bounds_of(problem: Any) -> tuple[Float[np.ndarray, " genes"], Float[np.ndarray, " genes"]]:
     """Return the bounds of real genes, infinite where there is none."""
     sides = ((problem.xl, -np.inf), (problem.xu, np.inf))
@@ -76,10 +83,10 @@ def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) ->
     return SimpleNamespace(n_var=problem.n_var, xl=xl, xu=xu, bounds=lambda: (xl, xu), has_bounds=lambda: True)
 
 
-def operators_for(problem: Any, crossover: Any = None, mutation: Any = None) -> Operators:
+def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, binary: bool = False) -> Operators:
     """Return pymoo's operators for genes that are no real numbers, but for those that are given.
 
-    Raises InvalidInput where pymoo has none for such genes and none are given.
+    They are ``binary`` whatever the problem calls them, or what it does. Raises InvalidInput where pymoo has none for such genes and none are given.
     """
     selection = TournamentSelection(func_comp=binary_tournament)
     if getattr(problem, "vars", None) is not None:
@@ -90,7 +97,7 @@ def operators_for(problem: Any, crossover: Any = None, mutation: Any = None) -> 
         mating = MixedVariableMating(selection=selection, eliminate_duplicates=duplicates)
         return Operators(sampling=MixedVariableSampling(), mating=mating, duplicates=duplicates)
     sampling = None
-    if np.issubdtype(problem.vtype, np.bool_):
+    if binary or np.issubdtype(problem.vtype, np.bool_):
         sampling = BinaryRandomSampling()
         crossover, mutation = crossover or TwoPointCrossover(), mutation or BitflipMutation()
     elif np.issubdtype(problem.vtype, np.integer):

@@ -10,7 +10,7 @@ from pymoo.core.problem import ElementwiseProblem, Problem
 from pymoo.core.variable import Binary, Choice, Integer, Real
 from pymoo.operators.crossover.ox import OrderCrossover
 from pymoo.operators.mutation.inversion import InversionMutation
-from pymoo.operators.sampling.rnd import PermutationRandomSampling
+from pymoo.operators.sampling.rnd import BinaryRandomSampling, PermutationRandomSampling
 from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
@@ -162,3 +162,13 @@ def test_genes_of_a_type_that_pymoo_has_no_operators_for_want_them_by_name():
 def test_more_individuals_than_places_are_refused():
     with pytest.raises(InvalidInput, match="sampling: at most 20 individuals wanted, got 25"):
         solved(Bits(), sampling=np.zeros((25, 20), dtype=bool))
+
+
+@pytest.mark.parametrize("sampling", [BinaryRandomSampling(), np.random.default_rng(0).random((20, 80)) < 0.5])
+def test_genes_are_binary_where_the_sampling_is_whatever_pymoo_calls_them(sampling):
+    problem = get_problem("zdt5")
+    assert problem.vtype is float
+    result = minimize(problem, MaxiMinNSGA2(pop_size=20, sampling=sampling), ("n_gen", 30), seed=1)
+    assert result.X.dtype == bool
+    ones = result.X[:, :30].sum(axis=1)
+    np.testing.assert_allclose(result.F[:, 0], (1 + ones - 1) / 30, atol=1e-12)  # f1 = 1 + ones, normalised

@@ -35,6 +35,7 @@ class Case:
     constrained: bool = False
     box: tuple[tuple[float, ...], tuple[float, ...]] | None = None  # lower, upper
     peers: tuple[str, ...] | None = None
+    binary: bool = False  # genes that pymoo calls real
 
 
 class SteepTail(Problem):  # type: ignore[misc]  # pymoo has no types
@@ -74,7 +75,7 @@ def pymoo_case(name: str, generations: int, *settings: int, n_obj: int = 2, n_va
 
 
 def _unconstrained_cases() -> Iterator[Case]:
-    yield from (pymoo_case(f"ZDT{k}", 250) for k in range(1, 7))
+    yield from (replace(pymoo_case(f"ZDT{k}", 250), binary=k == 5) for k in range(1, 7))
     distances = {1: 5, 7: 20}  # variables that say how far from the front a point is
     for n_obj, numbers in ((3, range(1, 8)), (5, (1, 2, 7))):
         for k in numbers:

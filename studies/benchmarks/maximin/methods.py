@@ -39,7 +39,7 @@ def first_genes(problem: Any, case: Case, seed: int) -> Genes:
     """Return the first population of a seed, the same for every method."""
     size = POPULATION[case.n_obj]
     rng = np.random.default_rng([seed, size])
-    if has_real_genes(problem):
+    if has_real_genes(problem) and not case.binary:
         return seeded_population(problem, size, rng=rng)
     genes: Genes = BinaryRandomSampling().do(problem, size, random_state=rng).get("X")
     return genes
@@ -51,7 +51,7 @@ def algorithm(name: str, case: Case, problem: Any, first: Genes) -> Any:
     if name in (OURS, BOXED):
         return MaxiMinNSGA2(pop_size=size, sampling=first, ranges=case.box if name == BOXED else None)
     binary = {"crossover": TwoPointCrossover(), "mutation": BitflipMutation()}  # pymoo's own are of real genes
-    operators = {} if has_real_genes(problem) else binary
+    operators = {} if has_real_genes(problem) and not case.binary else binary
     if name == ONE_LINE:
         return NSGA2(pop_size=size, sampling=first, survival=MaxiMin(), **operators)
     return pymoo_algorithm(name, case.n_obj, first, **operators)
