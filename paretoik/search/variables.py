@@ -86,7 +86,8 @@ def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) ->
 def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, binary: bool = False) -> Operators:
     """Return pymoo's operators for genes that are no real numbers, but for those that are given.
 
-    They are ``binary`` whatever the problem calls them, or what it does. Raises InvalidInput where pymoo has none for such genes and none are given.
+    They are ``binary`` whatever the problem calls them, or what it does. Raises InvalidInput where pymoo has none for
+    such genes and none are given.
     """
     selection = TournamentSelection(func_comp=binary_tournament)
     if getattr(problem, "vars", None) is not None:
