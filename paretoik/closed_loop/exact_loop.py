@@ -15,7 +15,6 @@ from paretoik.closed_loop.control_step import ControlStep, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
 from paretoik.closed_loop.null_space_steps import PlanarSteps
 from paretoik.closed_loop.obstacle_tables import tabulate, tabulate_balls
-from paretoik.closed_loop.obstacle_witnesses import WITNESSES
 from paretoik.closed_loop.programs import trace_nodes
 from paretoik.closed_loop.workspace import OPTIONS as ENGINE
 from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
@@ -35,6 +34,7 @@ class ExactStepOptions(NamedTuple):
     cells: int = 30_000  # that one minimisation looks at, at most
     shares: int = 16  # of a step across a cell, at most, for the interval in which it is nearest to obstacles
     directions: int = 3  # of the error, one from the other, of which each bounds a cell beside obstacles
+    witnesses: int = 6  # bounds of a link's distance from an obstacle, at most
     newton_iterations: int = 8
     rounding: float = 1e-15  # of the arm's length: the error of the tool is not known better
 
@@ -106,7 +106,7 @@ def planar_steps(
 ) -> PlanarSteps:
     """Return the arrays of a step, and what all steps keep."""
     n = len(lengths)
-    cuts = (n * len(task.obstacles) + 1) * WITNESSES
+    cuts = (n * len(task.obstacles) + 1) * options.witnesses
     check_size("cells", options.cells, 2 * n + 4)
     constraints = StepConstraints(
         trace_nodes(task).arrays,

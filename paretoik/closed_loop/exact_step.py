@@ -132,7 +132,7 @@ def _look(i, weights, enough, best, options, s, place):
 @compiled
 def _cut(cell, m, interval, weights, best, options, s, place):
     """Raise the bound of a cell to that over what obstacles leave of it; return the best value, a step there tried."""
-    corners, cuts = cut_cell(cell, m, interval, s)
+    corners, cuts = cut_cell(cell, m, interval, options.witnesses, s)
     bound, corner = bound_polygon(weights[0], weights[1], corners, m, options.directions, s)
     cell[BOUND] = max(cell[BOUND], bound)
     if cuts == 0 or cell[BOUND] >= best:

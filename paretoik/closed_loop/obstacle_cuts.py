@@ -13,7 +13,7 @@ import numpy as np
 from paretoik.closed_loop.admissible_steps import excess_at
 from paretoik.closed_loop.null_space_steps import clip, configure
 from paretoik.closed_loop.obstacle_distances import evaluate_distances
-from paretoik.closed_loop.obstacle_witnesses import WITNESSES, witness
+from paretoik.closed_loop.obstacle_witnesses import witness
 from paretoik.closed_loop.step_cells import ADMISSIBLE
 from paretoik.compilation import compiled
 
@@ -80,11 +80,12 @@ def nearest_interval(end, travel, enough, shares, s):
 
 
 @compiled
-def cut_cell(cell, m, interval, s):
+def cut_cell(cell, m, interval, witnesses, s):
     """Write the polygon of the steps of a cell that may be clear (corners, 5); return how many corners and cuts it has.
 
     Its columns are the step from the middle of the cell, the model's error [m] and the tangent of ‖y‖² there.
-    ``interval`` is that in which the step to the middle is nearest to obstacles, none if negative.
+    ``interval`` is that in which the step to the middle is nearest to obstacles, none if negative; ``witnesses`` are
+    looked at of a link and an obstacle, at most.
     """
     polygon, w = s.polygons[0], s.workspace
     for i in range(3):
@@ -95,9 +96,9 @@ def cut_cell(cell, m, interval, s):
         for i in range(3):
             s.turns[k] = max(s.turns[k], abs(s.slopes[k, 0] * polygon[i, 0] + s.slopes[k, 1] * polygon[i, 1]))
     configure(m.u, m.v, s, w.inputs[:, 0])
-    corners, cuts = _cut_at_end(m, s)
+    corners, cuts = _cut_at_end(m, witnesses, s)
     if interval >= 0:
-        corners, cuts = _cut_in_interval(corners, cuts, interval, s)
+        corners, cuts = _cut_in_interval(corners, cuts, interval, witnesses, s)
     return corners, cuts
 
 
@@ -118,7 +119,7 @@ def _excess(k, i, s):
 
 
 @compiled
-def _cut_at_end(m, s):
+def _cut_at_end(m, witnesses, s):
     """Cut a cell by the links that come near an obstacle at the end of its steps."""
     corners, cuts, c = 3, 0, s.constraints
     _place(1.0, 0, s)
@@ -126,14 +127,14 @@ def _cut_at_end(m, s):
         for i in range(c.obstacles.shape[0]):
             if _excess(k, i, s) > c.standoff + m.travel:
                 continue
-            for which in range(WITNESSES):
+            for which in range(witnesses):
                 excess, gu, gv, off = witness(which, k, c.obstacles[i], 1.0, s.nodes[0], s)
                 corners, cuts = _cut(corners, cuts, excess - c.required - c.standoff, gu, gv, off, s)
     return corners, cuts
 
 
 @compiled
-def _cut_in_interval(corners, cuts, interval, s):
+def _cut_in_interval(corners, cuts, interval, witnesses, s):
     """Cut a cell by the link and the obstacle that are nearest in an interval of the step to its middle."""
     c, w, width = s.constraints, s.workspace, s.options.shortest_interval
     first, last = interval * width, (interval + 1) * width
@@ -150,7 +151,7 @@ def _cut_in_interval(corners, cuts, interval, s):
         moved = w.inputs[j, 0] - s.start.previous[j]
         rate = width * c.reach[j] * (1.0 if moved > 0.0 else -1.0)
         travel, tu, tv = travel + rate * moved, tu + rate * s.null_space[j, 0], tv + rate * s.null_space[j, 1]
-    for which in range(WITNESSES):
+    for which in range(witnesses):
         before, bu, bv, off = witness(which, link, c.obstacles[obstacle], first, s.nodes[0], s)
         after, au, av, more = witness(which, link, c.obstacles[obstacle], last, s.nodes[1], s)
         corners, cuts = _cut(corners, cuts, before + after - travel, bu + au - tu, bv + av - tv, off + more, s)

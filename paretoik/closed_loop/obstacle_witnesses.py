@@ -13,15 +13,12 @@ import numpy as np
 from paretoik.closed_loop.obstacle_tables import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
 from paretoik.compilation import compiled
 
-WITNESSES = 6  # of a link and an obstacle, at most
-NONE = (np.inf, 0.0, 0.0, 0.0)
-
 
 @compiled
 def witness(which, k, obstacle, share, nodes, s):
     """Return a bound [m] of the distance of link ``k`` at the middle of the cell, its slopes by y, and its remainder.
 
-    It is the one of this number, from 0 to ``WITNESSES``; inf where there is none. ``nodes`` (dof + 1, 2) are the
+    It is the one of this number, from 0 to 6; inf where there is none. ``nodes`` (dof + 1, 2) are the
     arm's after a ``share`` of the step to the middle of the cell, of which ``s.turns`` (dof,) tells by how much the
     links turn.
     """
@@ -29,11 +26,11 @@ def witness(which, k, obstacle, share, nodes, s):
     if obstacle[KIND] == POINT:
         flat = obstacle[AXES + 8]
         if which > 0:
-            return NONE
+            return _none()
         return _to_ball(_fraction(k, cx, cy, nodes), cx, cy, flat * cz, obstacle, k, share, nodes, s)
     if obstacle[KIND] == SEGMENT:
         if which > 2:
-            return NONE
+            return _none()
         dx, dy, dz = obstacle[SECOND] - cx, obstacle[SECOND + 1] - cy, obstacle[SECOND + 2] - cz
         along = float(which)
         if which == 2:  # the end of the link, and what of the segment is nearest to it
@@ -45,7 +42,7 @@ def witness(which, k, obstacle, share, nodes, s):
         return _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s)
     is_upright = abs(obstacle[AXES + 8]) == 1.0 and abs(cz) <= obstacle[SECOND + 2]
     if not is_upright:
-        return NONE
+        return _none()
     return (
         _to_side(which, k, obstacle, share, nodes, s) if which < 2 else _to_corner(which, k, obstacle, share, nodes, s)
     )
@@ -78,10 +75,10 @@ def _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s):
     y = nodes[k, 1] + fraction * (nodes[k + 1, 1] - nodes[k, 1]) - cy
     distance = np.sqrt(x * x + y * y + cz * cz)
     if not distance > 0.0:
-        return NONE
+        return _none()
     gu, gv, travel, remainder = _move(k, fraction, x / distance, y / distance, share, nodes, s)
     if not distance > travel:
-        return NONE
+        return _none()
     return distance - obstacle[RADIUS], gu, gv, remainder + 0.5 * travel * travel / (distance - travel)
 
 
@@ -94,7 +91,7 @@ def _to_side(which, k, box, share, nodes, s):
     sign = 1.0 if out > 0.0 else -1.0
     gu, gv, travel, remainder = _move(k, 1.0, sign * nx, sign * ny, share, nodes, s)
     if not (abs(out) > travel and aside + travel <= box[SECOND + 1 - which]):
-        return NONE
+        return _none()
     return abs(out) - box[SECOND + which], gu, gv, remainder
 
 
@@ -115,13 +112,19 @@ def _to_corner(which, k, box, share, nodes, s):
     gu, gv, travel, _ = _move(k, 0.0, sign * ey, -sign * ex, share, nodes, s)
     least_middle, most = middle - travel - np.hypot(mx, my) * turn, travel + np.hypot(vx, vy) * turn
     if not least_middle > 0.0:
-        return NONE
+        return _none()
     beyond = max(most - distance, 0.0)
     aside = most + np.hypot(hx, hy) * beyond / (least_middle + beyond)
     if not (along >= aside and along + aside <= length):
-        return NONE
+        return _none()
     remainder = 0.5 * np.hypot(vx + nodes[k, 0], vy + nodes[k, 1]) * turn * turn
     for j in range(k):
         remainder += 0.5 * s.lengths[j] * (turn + share * s.turns[j]) ** 2
     gu, gv = gu - sign * along * share * s.slopes[k, 0], gv - sign * along * share * s.slopes[k, 1]
     return distance, gu, gv, remainder
+
+
+@compiled
+def _none():
+    """Return what stands for no witness: no bound."""
+    return np.inf, 0.0, 0.0, 0.0

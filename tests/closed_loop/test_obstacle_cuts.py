@@ -50,7 +50,9 @@ def cut(cell, s):
     """
     m = model(cell, s)
     possible, interval = may_be_clear(cell, m, OPTIONS, s)
-    corners, cuts = cut_cell(cell, m, interval, s) if possible and not cell[ADMISSIBLE] > 0.0 else (3, 0)
+    corners, cuts = (
+        cut_cell(cell, m, interval, OPTIONS.witnesses, s) if possible and not cell[ADMISSIBLE] > 0.0 else (3, 0)
+    )
     return s.polygons[0, :corners].copy() if possible else np.empty((0, 5)), m, cuts
 
 
