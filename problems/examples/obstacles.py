@@ -1,0 +1,54 @@
+# %% [markdown]
+# # Obstacles
+#
+# Links are capsules of `link_radius`; obstacles are circles, spheres, capsules and boxes. How far links stay away is a
+# limit, `pk.Limits(clearance=)`, and can be an objective too: the front then says what each millimetre costs.
+
+# %%
+import numpy as np
+
+import paretoik as pk
+
+arm = pk.arms.tringali_3r()
+path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
+post = pk.obstacles.Circle([0.33, -0.1], 0.04)  # m
+limits = pk.Limits(position=np.deg2rad([90, 120, 120]), clearance=0.005)  # rad, m
+
+free = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=limits), starts=12).best
+seen = pk.Motion(arm=arm, time=free.motion.time, q=free.motion.q, obstacles=(post,), link_radius=0.015)
+print(f"without the post: {free.objective:.4g} J s, links {seen.clearance.min() * 1e3:.1f} mm from where it will be")
+
+# %% [markdown]
+# With the post, the front begins where the links pass it at the least distance that is allowed, and ends where they
+# stay away as far as they can.
+
+# %%
+problem = pk.Tracking(
+    arm,
+    path,
+    objectives=[pk.kinetic_energy, pk.obstacle_clearance],
+    obstacles=[post],
+    link_radius=0.015,
+    limits=limits,
+)
+front = pk.epsilon_front(problem, points=6, starts=6)
+for energy, clearance in front.objectives:
+    print(f"{energy:.4g} J s keeps {clearance * 1e3:.1f} mm")
+
+# %% [markdown]
+# In space they are balls, boxes (a table) and capsules; a rotated box is centred on a pose.
+
+# %%
+table = pk.obstacles.Box([0.5, 0.0, -0.02], [0.5, 0.5, 0.02])
+tilted = pk.obstacles.Box(pk.Pose.from_rpy([0.4, 0.3, 0.2], [0.0, 0.3, 0.0]), [0.1, 0.1, 0.1])
+print(table, tilted, pk.obstacles.Sphere([0.4, 0.3, 0.4], 0.1), sep="\n")
+
+# %% [markdown]
+# Where no way is left, the error says which link meets which obstacle, and when.
+
+# %%
+blocked = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], obstacles=[pk.obstacles.Circle([0.283, 0.0763], 0.03)])
+try:
+    pk.plan(blocked)
+except pk.Infeasible as error:
+    print(f"refused: {error}")
