@@ -18,9 +18,9 @@ from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
+from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.front.indicators import hypervolume
-from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.pareto.scalarisation import ranges_of
@@ -106,12 +106,12 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording with the motion of equal weights, and draw the front; neither after a signal."""
+        """Finish the recording with the compromise and its motion, and draw the front; neither after a signal."""
         if session.folder is None or session.recorder is None or session.signal is not None:
             return
         from paretoik.review.plots import front_picture  # here: matplotlib takes its time
 
-        session.recorder.finish(front, front.select(Weights(dict.fromkeys(front.names, 1.0))))
+        session.recorder.finish(front, compromise(front))
         front_picture(front, session.folder / PICTURE)
         if front.certificates is not None:
             from paretoik.review.certificate_plots import certificates_picture
