@@ -24,7 +24,7 @@ from paretoik.front.indicators import hypervolume
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.pareto.scalarisation import ranges_of
-from paretoik.review.recorder import Generation
+from paretoik.review.recorder import Generation, SearchEnd
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
@@ -106,12 +106,14 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording with the compromise and its motion, and draw the front; neither after a signal."""
-        if session.folder is None or session.recorder is None or session.signal is not None:
+        """Finish the recording with the compromise and its motion, and, unless a signal came, draw the front."""
+        if session.folder is None:
+            return
+        session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
+        if session.signal is not None:
             return
         from paretoik.review.plots import front_picture  # here: matplotlib takes its time
 
-        session.recorder.finish(front, compromise(front))
         front_picture(front, session.folder / PICTURE)
         if front.certificates is not None:
             from paretoik.review.certificate_plots import certificates_picture
