@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from paretoik.arrays import Values
+from paretoik.arrays import Objectives, Values
 from paretoik.errors import Infeasible
 from paretoik.front.ties import first_row
 
@@ -38,5 +38,10 @@ def compromise(front: Front) -> Choice:
 
 def compromise_scores(front: Front) -> Values:
     """Return what the compromise has least: max Z + 1e-4 ΣZ of every point (points,)."""
-    scores: Values = front.shares.max(axis=1) + AUGMENTATION * front.shares.sum(axis=1)
+    return score_shares(front.shares)
+
+
+def score_shares(shares: Objectives) -> Values:
+    """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
+    scores: Values = shares.max(axis=1) + AUGMENTATION * shares.sum(axis=1)
     return scores
