@@ -91,11 +91,25 @@ class FinishedSearch:
     def _log_generation(self, stream: rr.RecordingStream, generation: Generation) -> None:
         self.scene.log_generation(stream, generation, self._canvases, self._parallel)
         log_series(self.scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(text_of(self.scene, generation), media_type="text/markdown"))
+        stream.log(
+            TEXT, rr.TextDocument(text_of(self.scene, generation, self._moved(generation)), media_type="text/markdown")
+        )
         if self._motions is not None:
             self._motions.log_whole(stream, generation.points)
         for chart, _, _ in self._charts:
             chart.log_cursor(stream, float(generation.number))
+
+    def _moved(self, generation: Generation) -> int | None:
+        """Return the generation whose motions are shown with one: the last whose marked points were these."""
+        ids = [point.id for point in generation.points]
+        shown = None
+        for each in self.generations:
+            if each.number > generation.number:
+                break
+            shown = each if has_motions(each.points) else shown
+        if shown is None:
+            return None
+        return generation.number if [point.id for point in shown.points] == ids else shown.number
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Let what follows stand at the end, on all timelines."""
@@ -202,11 +216,7 @@ class FinishedSearch:
         points = [*self._walk, *self._end_points, *(point for each in self.generations for point in each.points)]
         if cell is None or not any(point.motion is not None and point.axis is None for point in points):
             return None
-        return MotionScene(workcell=cell, names=self.scene.names, points=points, title=self._title)
-
-    @property
-    def _title(self) -> str:
-        return "arm" if self.end.choice is None else f"arm, at the end of point {self.end.choice.id}"
+        return MotionScene(workcell=cell, names=self.scene.names, points=points)
 
     @cached_property
     def _postures(self) -> DrawnChart | None:

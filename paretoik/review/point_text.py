@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -41,14 +41,17 @@ def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
     return choice_text(front, front.choice(row, ""), title=title)
 
 
-def text_of(scene: SearchScene, generation: Generation) -> str:
-    """Return what is to be known of a generation and its compromise, or of a step of a closed loop."""
-    return screen_text(
-        _step_text(scene, generation) if scene.timeline == "step" else _generation_text(scene, generation)
-    )
+def text_of(scene: SearchScene, generation: Generation, moved: int | None = None) -> str:
+    """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
+
+    ``moved`` is the generation whose motions are shown with it.
+    """
+    if scene.timeline == "step":
+        return screen_text(_step_text(scene, generation))
+    return screen_text(_generation_text(scene, generation, moved))
 
 
-def _generation_text(scene: SearchScene, generation: Generation) -> str:
+def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
     size = front_size(generation)
     found = f"{size} {'point' if size == 1 else 'points'} on the front"
     if generation.hypervolume is not None:
@@ -58,47 +61,40 @@ def _generation_text(scene: SearchScene, generation: Generation) -> str:
     chosen = next((point for point in generation.points if point.axis is None), None)
     if len(generation.front):
         best = scene.best(generation.front)
-        heads = ["objective", "best"] + ([] if chosen is None else [f"compromise, point {chosen.id}"])
-        rows = [
-            [_cell(name), f"{best[axis]:.4g} {_cell(scene.units[axis])}"]
-            + ([] if chosen is None else [f"{chosen.objectives[axis]:.4g}"])
-            for axis, name in enumerate(scene.names)
+        lines += [
+            f"- **{scene.names[axis]}**: best {_value(best[axis], scene.units[axis])}"
+            + ("" if chosen is None else f", compromise {chosen.objectives[axis]:.4g}")
+            for axis in range(len(scene.names))
         ]
-        lines.append(_table(heads, rows))
     if chosen is not None:
-        lines.append(f"The compromise is {COMPROMISE_IN_WORDS}.")
-    return "\n\n".join(lines)
+        lines.append(f"The compromise, point {chosen.id}, is {COMPROMISE_IN_WORDS}.")
+    if moved is not None and moved != generation.number:
+        lines.append(f"The arm shows generation {moved}: these motions were not kept.")
+    return "\n".join(lines)
 
 
 def _step_text(scene: SearchScene, generation: Generation) -> str:
     lines = [f"# Step {generation.number}", f"{len(generation.front)} points on its front."]
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
-        rows = [
-            [
-                _cell(name),
-                f"{generation.chosen[axis]:.4g} {_cell(scene.units[axis])}",
-                f"{low[axis]:.4g} to {high[axis]:.4g}",
-            ]
+        lines += [
+            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from {low[axis]:.6g} to "
+            f"{high[axis]:.6g}"
             for axis, name in enumerate(scene.names)
         ]
-        lines.append(_table(["objective", "chosen", "on the step's front"], rows))
-    return "\n\n".join(lines)
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(lines)
 
 
 def _objectives(front: Front, row: int) -> str:
-    rows = []
+    lines = ["## Objectives", ""]
     for axis, name in enumerate(front.names):
         low, high = front.ranges[axis]
         sense = ", more is better" if front.maximised[axis] else ""
-        value = f"{front.objectives[row, axis]:.4g} {_cell(front.units[axis])}"
-        rows.append([_cell(name) + sense, value, f"{low:.4g} to {high:.4g}", f"{front.shares[row, axis]:.0%}"])
-    return "## Objectives\n\n" + _table(["objective", "value", "on the front", "share"], rows)
+        lines.append(
+            f"- **{name}{sense}**: {_value(front.objectives[row, axis], front.units[axis])}; {low:.4g} to {high:.4g} on "
+            f"the front, {front.shares[row, axis]:.0%} of it from the best"
+        )
+    return "\n".join(lines)
 
 
 def _certificate(front: Front, row: int) -> str:
@@ -137,5 +133,5 @@ def _run(provenance: Mapping[str, Any]) -> str:
     return "## Run\n\n" + "\n".join(lines) if lines else ""
 
 
-def _cell(words: str) -> str:
-    return words.replace("|", "\\|")
+def _value(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}".rstrip()
