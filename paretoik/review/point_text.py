@@ -78,8 +78,8 @@ def _step_text(scene: SearchScene, generation: Generation) -> str:
     if generation.chosen is not None and len(generation.front):
         low, high = generation.front.min(axis=0), generation.front.max(axis=0)
         lines += [
-            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from {low[axis]:.6g} to "
-            f"{high[axis]:.6g}"
+            f"- **{name}**: chosen {generation.chosen[axis]:.6g} {scene.units[axis]}, the front from "
+            f"{low[axis]:.6g} to {high[axis]:.6g}"
             for axis, name in enumerate(scene.names)
         ]
     return "\n".join(lines)
@@ -91,8 +91,8 @@ def _objectives(front: Front, row: int) -> str:
         low, high = front.ranges[axis]
         sense = ", more is better" if front.maximised[axis] else ""
         lines.append(
-            f"- **{name}{sense}**: {_value(front.objectives[row, axis], front.units[axis])}; {low:.4g} to {high:.4g} on "
-            f"the front, {front.shares[row, axis]:.0%} of it from the best"
+            f"- **{name}{sense}**: {_value(front.objectives[row, axis], front.units[axis])}; on the front "
+            f"{low:.4g} to {high:.4g}, {front.shares[row, axis]:.0%} of that from the best"
         )
     return "\n".join(lines)
 
