@@ -23,7 +23,7 @@ class Ground:
 
     @staticmethod
     def around(points: np.ndarray) -> Ground:
-        """Return the ground of points (points, 3), its corners on round lengths, as high as the arm's world or below."""
+        """Return the ground of points (points, 3), its corners on round lengths, and not above 0 where all is near."""
         low, high = points.min(axis=0), points.max(axis=0)
         width = max(float((high - low).max()), 1e-6)
         step = float(np.diff(nice_ticks(0.0, width, count=4))[0])

@@ -21,24 +21,27 @@ FACTS = {"problem": "problem", "status": "ended by"}
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen") -> str:
     """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run."""
-    parts = [f"# Point {choice.id}, {title}", choice.reason, _objectives(front, choice.index)]
-    if front.certificates is not None:
-        parts += [_certificate(front, choice.index), _rates(front, choice.index)]
-    elif front.violation is not None:
-        parts.append(
-            f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
-            f"{front.violation[choice.index]:.2g} of a limit's range."
-        )
-    parts.append(_run(front.provenance))
-    return screen_text("\n\n".join(part for part in parts if part))
+    return _point_text(front, choice.index, title, choice.reason)
 
 
 def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
     """Return what is to be known of any point of a front."""
     if chosen is not None and chosen.index == row:
         return choice_text(front, chosen)
-    title = f"of {len(front)} on the front"
-    return choice_text(front, front.choice(row, ""), title=title)
+    return _point_text(front, row, f"one of {len(front)}", "")
+
+
+def _point_text(front: Front, row: int, title: str, reason: str) -> str:
+    parts = [f"# Point {front.ids[row]}, {title}", reason, _objectives(front, row)]
+    if front.certificates is not None:
+        parts += [_certificate(front, row), _rates(front, row)]
+    elif front.violation is not None:
+        parts.append(
+            f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
+            f"{front.violation[row]:.2g} of a limit's range."
+        )
+    parts.append(_run(front.provenance))
+    return screen_text("\n\n".join(part for part in parts if part))
 
 
 def text_of(scene: SearchScene, generation: Generation, moved: int | None = None) -> str:
