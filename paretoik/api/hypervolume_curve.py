@@ -43,15 +43,15 @@ class HypervolumeCurve:
 
     def measure(self, front: Objectives, number: int) -> float | None:
         """Return the hypervolume of the front of a generation; None where there is no time for it."""
-        import moocore  # noqa: F401  here: loading it takes longer than what is to be measured
-
         corner, elapsed = self.corner(front), time.monotonic() - self._started
         if self._latest > OPTIONS.free and self._spent > OPTIONS.share * elapsed:
             return None
         started = time.thread_time()
-        self._value, self._number = 0.0 if corner is None else hypervolume(front, corner), number
-        self._latest = time.thread_time() - started
-        self._spent += self._latest
+        self._value = 0.0 if corner is None else hypervolume(front, corner)
+        if self._number:  # the first loads a library, too
+            self._latest = time.thread_time() - started
+            self._spent += self._latest
+        self._number = number
         return self._value
 
     def summary(self, number: int) -> str:
