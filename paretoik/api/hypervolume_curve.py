@@ -47,11 +47,11 @@ class HypervolumeCurve:
         if self._latest > OPTIONS.free and self._spent > OPTIONS.share * elapsed:
             return None
         started = time.thread_time()
+        former, self._number = self._value, number
         self._value = 0.0 if corner is None else hypervolume(front, corner)
-        if self._number:  # the first loads a library, too
+        if former:  # the first loads a library, too
             self._latest = time.thread_time() - started
             self._spent += self._latest
-        self._number = number
         return self._value
 
     def summary(self, number: int) -> str:
