@@ -10,21 +10,19 @@ import numpy as np
 
 from paretoik.api.completion import complete_front
 from paretoik.api.generation_motions import GenerationMotions
+from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
-from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
-from paretoik.front.indicators import hypervolume
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.recorder import Generation, SearchEnd
 from paretoik.review.workcell import workcell_of
 from paretoik.run_files import CERTIFICATES, PICTURE
@@ -73,7 +71,7 @@ class FrontSearch:
         self._solve_settings = settings
         self._known = exact_points(problem, settings.initial)
         self._motions = GenerationMotions(self.search)
-        self._corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it only grows
+        self._hypervolume = HypervolumeCurve()
         self.settings = {
             "population": population,
             "generations": self.generations,
@@ -159,25 +157,25 @@ class FrontSearch:
         if not session.is_watched:
             return
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
-        if self._corner is None and len(front):
-            worst = front.max(axis=0)
-            self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
-        volume = 0.0 if self._corner is None else hypervolume(front, self._corner)
+        number, curve = progress.generation, self._hypervolume
+        corner = curve.corner(front)
+        volume = None if session.observe is None else curve.measure(front, number)  # a recording computes its own
         generation = Generation(
-            number=progress.generation,
+            number=number,
             population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
             front=front * signs,
             front_ids=progress.ids,
             hypervolume=volume,
+            reference=None if corner is None else corner * signs,
             failed=failed,
             points=() if session.recorder is None else self._motions.points(progress),
         )
         shown = RunProgress(
             stage="generation",
-            done=progress.generation,
+            done=number,
             total=self.generations,
             seconds=progress.seconds,
-            summary=f"front {len(front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else ""),
+            summary=f"front {len(front)}, {curve.summary(number)}" + (f", {failed} failed" if failed else ""),
             generation=generation,
             then="refinement" if self._solve_settings.refine else "",
         )

@@ -99,7 +99,7 @@ class FinishedSearch:
 
     @cached_property
     def _moved(self) -> list[int | None]:
-        """The generation whose motions are shown with each: itself where it has the points of the last that has some."""
+        """The generation whose motions are shown with each: itself where it has the points of these."""
         moved, shown = list[int | None](), None
         for each in self.generations:
             shown = each if has_motions(each.points) else shown
