@@ -13,13 +13,15 @@ from typing import Any
 
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.progress_display import open_observer
+from paretoik.errors import InvalidInput
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
-from paretoik.inputs import file_path
+from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
-from paretoik.review.recorder import Recorder
+from paretoik.review.recorder import Recorder, SearchedFront
+from paretoik.review.workcell import Workcell
 from paretoik.run_files import RECORDING, write_run
 from paretoik.stop_flag import Interrupted
 
@@ -73,22 +75,33 @@ class RunSession(VerbSession):
     provenance: Mapping[str, Any]
     folder: Path | None
     title: str
+    live: bool = False
     recorder: Recorder | None = None
     draft: Front | None = None
     finished: bool = False
 
     def start(
-        self, *, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], timeline: Timeline
+        self,
+        *,
+        names: Sequence[str],
+        units: Sequence[str],
+        maximised: Sequence[bool],
+        timeline: Timeline,
+        workcell: Workcell | None = None,
     ) -> None:
         """Start, where the run has a folder, the recording of objectives along generations or steps."""
         if self.folder is not None:
             self.recorder = Recorder(
                 self.folder / RECORDING,
                 title=self.title,
-                names=names,
-                units=units,
-                maximised=maximised,
-                timeline=timeline,
+                scene=SearchedFront(
+                    names=tuple(names),
+                    units=tuple(units),
+                    maximised=tuple(maximised),
+                    timeline=timeline,
+                    workcell=workcell,
+                ),
+                live=self.live,
             )
 
     @property
@@ -102,6 +115,12 @@ class RunSession(VerbSession):
             self.recorder.record(progress.generation)
         if self.observe is not None:
             self.observe(progress)
+
+    def finish_recording(self, end: Any) -> None:
+        """Complete the recording with the end of the run, which may take some seconds."""
+        if self.recorder is not None:
+            self.show(RunProgress(stage="recording", summary="completing the recording"))
+            self.recorder.finish(end)
 
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
@@ -137,11 +156,16 @@ def run_session(
     reference: str | None,
     observe: Observer | bool | None,
     time_limit: float | None = None,
+    live: bool = False,
 ) -> Iterator[RunSession]:
     """Open a run of a problem: claim its folder, catch signals, and save why it failed if it does.
 
-    Raises InvalidInput where the folder cannot be used, or a setting cannot be JSON.
+    Raises InvalidInput where the folder cannot be used, a setting cannot be JSON, or what is to be seen live has no
+    folder to be recorded in.
     """
+    check_flag("live", live)
+    if live and out is None:
+        raise InvalidInput("live: a folder wanted that keeps the recording (out=), got none")
     provenance = {
         "problem": reference,
         "fingerprint": fingerprint(problem),
@@ -157,6 +181,7 @@ def run_session(
             interruption=verb.interruption,
             observe=verb.observe,
             title=reference or type(problem).__name__,
+            live=live,
         )
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})

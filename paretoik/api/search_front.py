@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.completion import complete_front
+from paretoik.api.generation_motions import GenerationMotions
+from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
-from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
-from paretoik.front.indicators import hypervolume
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.pareto.scalarisation import ranges_of
-from paretoik.review.recorder import Generation
+from paretoik.review.recorder import Generation, SearchEnd
+from paretoik.review.workcell import workcell_of
 from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
@@ -70,7 +70,8 @@ class FrontSearch:
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
         self._known = exact_points(problem, settings.initial)
-        self._corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it only grows
+        self._motions = GenerationMotions(self.search)
+        self._hypervolume = HypervolumeCurve()
         self.settings = {
             "population": population,
             "generations": self.generations,
@@ -106,12 +107,14 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording with the compromise and its motion, and draw the front; neither after a signal."""
-        if session.folder is None or session.recorder is None or session.signal is not None:
+        """Finish the recording with the compromise and its motion, and, unless a signal came, draw the front."""
+        if session.folder is None:
+            return
+        session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
+        if session.signal is not None:
             return
         from paretoik.review.plots import front_picture  # here: matplotlib takes its time
 
-        session.recorder.finish(front, compromise(front))
         front_picture(front, session.folder / PICTURE)
         if front.certificates is not None:
             from paretoik.review.certificate_plots import certificates_picture
@@ -120,7 +123,13 @@ class FrontSearch:
 
     def _evolve(self, session: RunSession) -> Front:
         search = self.search
-        session.start(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
+        session.start(
+            names=search.names,
+            units=search.units,
+            maximised=search.maximised,
+            timeline="generation",
+            workcell=workcell_of(self.problem),
+        )
         observe = partial(self._show, session)
         status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
         front = search.front_of(self._solve_settings.points)
@@ -148,24 +157,25 @@ class FrontSearch:
         if not session.is_watched:
             return
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
-        if self._corner is None and len(front):
-            worst = front.max(axis=0)
-            self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
-        volume = 0.0 if self._corner is None else hypervolume(front, self._corner)
+        number, curve = progress.generation, self._hypervolume
+        corner = curve.corner(front)
+        volume = None if session.observe is None else curve.measure(front, number)  # a recording computes its own
         generation = Generation(
-            number=progress.generation,
+            number=number,
             population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
             front=front * signs,
             front_ids=progress.ids,
             hypervolume=volume,
+            reference=None if corner is None else corner * signs,
             failed=failed,
+            points=() if session.recorder is None else self._motions.points(progress),
         )
         shown = RunProgress(
             stage="generation",
-            done=progress.generation,
+            done=number,
             total=self.generations,
             seconds=progress.seconds,
-            summary=f"front {len(front)}, hypervolume {volume:.4g}" + (f", {failed} failed" if failed else ""),
+            summary=f"front {len(front)}, {curve.summary(number)}" + (f", {failed} failed" if failed else ""),
             generation=generation,
             then="refinement" if self._solve_settings.refine else "",
         )

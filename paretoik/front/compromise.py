@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from paretoik.arrays import Objectives, Values
 from paretoik.errors import Infeasible
 from paretoik.front.reason import percent, subject
 from paretoik.front.ties import first_row
@@ -28,7 +29,7 @@ class Compromise:
 
     def choose(self, front: Front) -> Choice:
         """Return the compromise of a front that has at least one point."""
-        scores = front.shares.max(axis=1) + AUGMENTATION * front.shares.sum(axis=1)
+        scores = score_shares(front.shares)
         row = first_row(front, scores)
         worst = int(front.shares[row].argmax())
         return front.choice(
@@ -38,6 +39,12 @@ class Compromise:
             preference=self,
             score=float(scores[row]),
         )
+
+
+def score_shares(shares: Objectives) -> Values:
+    """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
+    scores: Values = shares.max(axis=1) + AUGMENTATION * shares.sum(axis=1)
+    return scores
 
 
 def compromise(front: Front) -> Choice:
