@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from paretoik.front.front import Choice, Front
 from paretoik.review.curve_charts import Chart
 from paretoik.review.drawn_axes import Canvas
-from paretoik.review.front_reduction import FrontReduction
+from paretoik.review.front_reduction import FrontReduction, reduction_note
 from paretoik.review.motion_scene import MotionScene
 from paretoik.review.recorder import Generation, SearchedFront, SearchEnd
 from paretoik.review.recording_process import RecorderOptions
@@ -65,7 +65,7 @@ class Recording:
         """
         self._generations = list(generations)
         end = SearchEnd(front=None) if end is None else end
-        note = " ".join(filter(None, (note, self._reduction.note())))
+        note = " ".join(filter(None, (note, reduction_note(generations))))
         if note:
             self._stream.log(NOTE, rr.TextDocument(note), static=True)
             self._notes = [rrb.TextDocumentView(origin=NOTE, name="what was left out")]
