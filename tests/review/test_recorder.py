@@ -12,6 +12,7 @@ from paretoik.review.recorder import SearchedFront, SearchEnd
 from paretoik.review.recording_file import RecordingFile
 from paretoik.review.recording_process import Opening, RecorderOptions
 from paretoik.review.search_scene import SearchScene
+from tests.review.reading import read, rows
 
 
 @pytest.fixture(autouse=True)
@@ -46,30 +47,6 @@ def recorded(file: Path, front, generations, *, finished: bool = True, weights=N
     else:
         started.close()
     return choice
-
-
-def read(file: Path) -> dict[str, list]:
-    """Return the record batches of each entity of the data recording, blueprint left out."""
-    reader = rr.chunk.RrdReader(file)
-    (store,) = reader.recordings()
-    batches: dict[str, list] = {}
-    for chunk in reader.stream(store=store):
-        batches.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
-    return batches
-
-
-def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
-    """Return what the last row logged at each time of `timeline` holds in `component`."""
-    last_values = {}
-    for batch in batches:
-        names = batch.schema.names
-        matching = [name for name in names if name.split(":")[-1] == component]
-        if timeline in names and matching:
-            times = batch.column(timeline).cast("int64").to_pylist()
-            for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
-                if value is not None:
-                    last_values[time] = np.array(value)
-    return last_values
 
 
 def timelines(batches: list) -> set[str]:

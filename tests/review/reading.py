@@ -1,0 +1,32 @@
+"""What stands in a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+
+def read(file: Path) -> dict[str, list]:
+    """Return the record batches of each entity of the data recording, blueprint left out."""
+    reader = rr.chunk.RrdReader(file)
+    (store,) = reader.recordings()
+    batches: dict[str, list] = {}
+    for chunk in reader.stream(store=store):
+        batches.setdefault(str(chunk.entity_path), []).append(chunk.to_record_batch())
+    return batches
+
+
+def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
+    """Return what the last row logged at each time of `timeline` holds in `component`."""
+    last_values = {}
+    for batch in batches:
+        names = batch.schema.names
+        matching = [name for name in names if name.split(":")[-1] == component]
+        if timeline in names and matching:
+            times = batch.column(timeline).cast("int64").to_pylist()
+            for time, value in zip(times, batch.column(matching[0]).to_pylist(), strict=True):
+                if value is not None:
+                    last_values[time] = np.array(value)
+    return last_values
