@@ -11,13 +11,13 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Vector3
+from paretoik.arrays import Jacobians, Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, file_path, finite_array
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.pose import Pose, check_pose
+from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
@@ -259,6 +259,33 @@ class Arm:
         for joint, value in {**(positions or {}), **joints}.items():
             arm = fix_joint(arm, joint, value)
         return arm
+
+    def pose(self, q: ArrayLike, *, frame: str = "tool") -> Pose:
+        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m]: a batch of poses.
+
+        At one posture (dof,) it is one pose, and goes wherever one is wanted, such as ``pk.line(arm.pose(q), ...)``.
+
+        Raises InvalidInput for a wrong number of joints, a value that is not finite, or an unknown frame.
+
+        >>> Arm.planar(lengths=[1.0, 1.0]).pose([0.0, np.pi / 2]).position.round(12)
+        array([1., 1., 0.])
+        """
+        from paretoik.robot.kinematics import forward_kinematics  # here, because it builds on this class
+
+        rotation, position = forward_kinematics(self, finite_array("q", q), frame)
+        return pose_batch(position, matrix_to_quaternion(rotation))
+
+    def jacobian(self, q: ArrayLike, *, frame: str = "tool") -> Jacobians:
+        """Return the geometric Jacobian (*batch, 6, dof) of a frame at joint positions q (*batch, dof) [rad, m].
+
+        In world axes: J q̇ is the linear velocity of the frame's origin, x, y, z [m/s], then the frame's angular
+        velocity [rad/s]; a planar arm moves in rows 0, 1 and 5 alone. Siciliano et al., section 3.1.
+
+        Raises InvalidInput as ``pose`` does.
+        """
+        from paretoik.robot.kinematics import jacobian  # here, because it builds on this class
+
+        return jacobian(self, finite_array("q", q), frame)
 
     def frame(self, name: str) -> Frame:
         """Return the frame called ``name``: "tool", "base", a link named after its joint, or a link of the URDF.
