@@ -1,6 +1,7 @@
 from . import capability as capability
 from . import errors as errors
 from .api.epsilon_front import epsilon_front as epsilon_front
+from .api.export import export as export
 from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
@@ -23,6 +24,7 @@ from .formulations.tuning import Tuning as Tuning
 from .front.front import Choice as Choice
 from .front.front import Front as Front
 from .front.preferences import Weights as Weights
+from .joint_trajectory import controllers as controllers
 from .resolution import measures as measures
 from .resolution import methods as methods
 from .resolution.resolve import resolve as resolve
