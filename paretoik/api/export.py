@@ -44,7 +44,8 @@ def export(
 
     ``controller``, one of ``pk.controllers`` or its name, or "franka", "ur" or "kinova", gives the rate where there is
     none, and its limits hold every sample: positions; velocities, accelerations and jerks, as differences of what is
-    sent and of the curve; torques of an arm with masses; rest at both ends. Without one nothing is checked.
+    sent and of the curve; torques of an arm with masses; rest at both ends. Without one nothing is checked. At a lower
+    rate than its own the controller interpolates between samples, and that is not checked.
 
     ``time_scale`` ≥ 1 slows the motion down; with ``slow_down`` it is slowed down further, as little as the limits ask
     for; ``ramp`` [s] lets it start from rest and come to rest, each within that time. All three keep to the curve, and

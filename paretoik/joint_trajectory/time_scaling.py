@@ -14,6 +14,8 @@ from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_number, positive_number
 
+MAX_RATE = 1e6  # Hz: times in whole nanoseconds still differ, and stay even
+MAX_PERIODS = 1_000_000  # a quarter of an hour at 1 kHz, some gigabytes of work
 WHOLE_TOLERANCE = 1e-9  # of a period: a duration that is this near to whole periods has no part of one
 
 
@@ -60,15 +62,16 @@ class TimeScaling:
 def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp: float = 0.0) -> TimeScaling:
     """Return the scaling of a motion by ``time_scale``, or a little more, so that it takes whole periods.
 
-    Raises InvalidInput for a time scale below 1, a ramp shorter than a period or longer than the motion, and fewer
-    than three periods.
+    Raises InvalidInput for a time scale below 1, a ramp shorter than a period or longer than the motion, and a
+    rate with too few or too many periods.
     """
     scale, ramp = positive_number("time_scale", time_scale, ""), finite_number("ramp", ramp)
     if scale < 1:
         raise InvalidInput(f"time_scale: 1 or more, to slow down, wanted, got {scale:g}; faster is another motion")
     if ramp != 0 and not 1 / rate <= ramp <= duration:
         raise InvalidInput(f"ramp: 0, or from one period to the motion's {duration:g} s wanted, got {ramp:g} s")
-    periods = int(np.ceil((duration + ramp) * scale * rate - WHOLE_TOLERANCE))
-    if periods < 3:
-        raise InvalidInput(f"rate: at least 3 periods in {duration:g} s wanted, got {rate:g} Hz")
-    return TimeScaling(duration=duration, periods=periods, rate=rate, ramp=ramp)
+    periods = np.ceil((duration + ramp) * scale * rate - WHOLE_TOLERANCE)
+    if rate > MAX_RATE or not 3 <= periods <= MAX_PERIODS:
+        wish = f"at most {MAX_RATE:g} Hz, and from 3 to {MAX_PERIODS} periods"
+        raise InvalidInput(f"rate: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
+    return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)
