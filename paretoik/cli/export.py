@@ -94,7 +94,7 @@ def _row(front: Front, point: int | None) -> int:
 
 def _text(trajectory: JointTrajectory, place: Path) -> str:
     made: dict[str, Any] = dict(trajectory.metadata)
-    scaled = f", {made['time_scale']:.4g} times as long as planned" if made["time_scale"] > 1 else ""
+    scaled = f", slowed down {made['time_scale']:.4g} times" if made["time_scale"] > 1 else ""
     ramped = f", with ramps of {made['ramp']:g} s" if made["ramp"] else ""
     lines = [
         f"{place}: point {made['point']}, {len(trajectory.time)} samples of {len(trajectory.joint_names)} joints at "

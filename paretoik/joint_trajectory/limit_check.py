@@ -18,8 +18,8 @@ from paretoik.joint_trajectory.trajectory import JointTrajectory
 from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
 
-# Of a limit, or of the motion's largest value if that is less: what is below at an end is at rest there. Jumps of that
-# size are what cubic splines leave of a law with no acceleration at its ends; as differences they are checked too.
+# Of a limit, or where there is none of the motion's largest value: what is below at an end is at rest there. Jumps of
+# that size are what cubic splines leave of a law without acceleration at its ends; as differences they are checked too.
 REST_TOLERANCES = {"velocity": 1e-3, "acceleration": 1e-2}
 ROUNDING = 1e-9  # of a limit: what exceeds it by less keeps it
 UNITS = {
@@ -108,13 +108,14 @@ def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str
     if controller.rest_acceleration:
         kinds.append(("acceleration", trajectory.ddq, controller.acceleration))
     for quantity, values, limit in kinds:
-        tolerance = REST_TOLERANCES[quantity] * np.minimum(limit, np.abs(values).max())
+        tolerance = REST_TOLERANCES[quantity] * np.where(np.isfinite(limit), limit, np.abs(values).max())
         for end, verb in ((0, "start"), (-1, "end")):
             excess = np.abs(values[end]) / np.maximum(tolerance, np.finfo(float).tiny)
             joint = int(np.argmax(excess))
             if excess[joint] > 1:
                 value = with_unit(values[end, joint], quantity, arm.joint_types[joint] == "prismatic")
-                return f"it must {verb} at rest, but {trajectory.joint_names[joint]} {verb}s with {value}"
+                planned = " (end_velocity=0 plans it so)" if end and not controller.rest_acceleration else ""
+                return f"it must {verb} at rest{planned}, but {trajectory.joint_names[joint]} {verb}s with {value}"
     return None
 
 

@@ -99,7 +99,10 @@ def test_a_slide_has_metres_and_newtons():
     (use,) = limit_uses(trajectory, bench(SLIDE, velocity=1.0), SLIDE)
     assert "m/s at" in str(use)
     assert "rad" not in str(use)
-    assert unrest(trajectory, bench(SLIDE), SLIDE) == "it must end at rest, but rail ends with 6 m/s"
+    assert (
+        unrest(trajectory, bench(SLIDE), SLIDE)
+        == "it must end at rest (end_velocity=0 plans it so), but rail ends with 6 m/s"
+    )
 
 
 def test_torques_are_the_arms_own_with_gravity_and_rise_from_those_that_hold_it():
