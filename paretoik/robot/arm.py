@@ -261,14 +261,10 @@ class Arm:
         return arm
 
     def pose(self, q: ArrayLike, *, frame: str = "tool") -> Pose:
-        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m]: a batch of poses.
+        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m]; of many, a batch of them.
 
-        At one posture (dof,) it is one pose, and goes wherever one is wanted, such as ``pk.line(arm.pose(q), ...)``.
-
-        Raises InvalidInput for a wrong number of joints, a value that is not finite, or an unknown frame.
-
-        >>> Arm.planar(lengths=[1.0, 1.0]).pose([0.0, np.pi / 2]).position.round(12)
-        array([1., 1., 0.])
+        One pose goes wherever one is wanted: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number of
+        joints, a value that is not finite, or an unknown frame.
         """
         from paretoik.robot.kinematics import forward_kinematics  # here, because it builds on this class
 
@@ -278,10 +274,8 @@ class Arm:
     def jacobian(self, q: ArrayLike, *, frame: str = "tool") -> Jacobians:
         """Return the geometric Jacobian (*batch, 6, dof) of a frame at joint positions q (*batch, dof) [rad, m].
 
-        In world axes: J q̇ is the linear velocity of the frame's origin, x, y, z [m/s], then the frame's angular
-        velocity [rad/s]; a planar arm moves in rows 0, 1 and 5 alone. Siciliano et al., section 3.1.
-
-        Raises InvalidInput as ``pose`` does.
+        J q̇ is the linear velocity of the frame's origin [m/s], then its angular velocity [rad/s], in world axes; a
+        planar arm moves in rows 0, 1 and 5. Raises as ``pose`` does. Siciliano et al., section 3.1.
         """
         from paretoik.robot.kinematics import jacobian  # here, because it builds on this class
 
@@ -305,5 +299,4 @@ class Arm:
 
 
 def _all_revolute(count: int) -> tuple[JointType, ...]:
-    types: list[JointType] = ["revolute"] * count
-    return tuple(types)
+    return tuple[JointType, ...](["revolute"] * count)
