@@ -1,6 +1,7 @@
 from . import capability as capability
 from . import errors as errors
 from .api.epsilon_front import epsilon_front as epsilon_front
+from .api.export import export as export
 from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
@@ -31,6 +32,7 @@ from .front.preferences import Knee as Knee
 from .front.preferences import Lexicographic as Lexicographic
 from .front.preferences import Robust as Robust
 from .front.preferences import Weights as Weights
+from .joint_trajectory import controllers as controllers
 from .resolution import measures as measures
 from .resolution import methods as methods
 from .resolution.resolve import resolve as resolve

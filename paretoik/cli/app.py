@@ -11,6 +11,7 @@ import typer
 
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.console import print_message, print_what_is_printable
+from paretoik.cli.export import export
 from paretoik.cli.list_problems import list_problems
 from paretoik.cli.select import select
 from paretoik.cli.show import show
@@ -29,6 +30,7 @@ app.command("list")(list_problems)
 app.command()(solve)
 app.command()(select)
 app.command()(show)
+app.command()(export)
 app.command("check-robot")(check_robot)
 
 

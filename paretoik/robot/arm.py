@@ -11,13 +11,13 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Vector3
+from paretoik.arrays import Jacobians, Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, file_path, finite_array
 from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symmetric_limits
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.pose import Pose, check_pose
+from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
@@ -260,6 +260,27 @@ class Arm:
             arm = fix_joint(arm, joint, value)
         return arm
 
+    def pose(self, q: ArrayLike, *, frame: str = "tool") -> Pose:
+        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m]; of many, a batch of them.
+
+        One pose goes wherever one is wanted: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number of
+        joints, a value that is not finite, or an unknown frame.
+        """
+        from paretoik.robot.kinematics import forward_kinematics  # here, because it builds on this class
+
+        rotation, position = forward_kinematics(self, finite_array("q", q), frame)
+        return pose_batch(position, matrix_to_quaternion(rotation))
+
+    def jacobian(self, q: ArrayLike, *, frame: str = "tool") -> Jacobians:
+        """Return the geometric Jacobian (*batch, 6, dof) of a frame at joint positions q (*batch, dof) [rad, m].
+
+        J q̇ is the linear velocity of the frame's origin [m/s], then its angular velocity [rad/s], in world axes; a
+        planar arm moves in rows 0, 1 and 5. Raises as ``pose`` does. Siciliano et al., section 3.1.
+        """
+        from paretoik.robot.kinematics import jacobian  # here, because it builds on this class
+
+        return jacobian(self, finite_array("q", q), frame)
+
     def frame(self, name: str) -> Frame:
         """Return the frame called ``name``: "tool", "base", a link named after its joint, or a link of the URDF.
 
@@ -278,5 +299,4 @@ class Arm:
 
 
 def _all_revolute(count: int) -> tuple[JointType, ...]:
-    types: list[JointType] = ["revolute"] * count
-    return tuple(types)
+    return tuple[JointType, ...](["revolute"] * count)

@@ -1,4 +1,4 @@
-"""Poses: position and orientation of one frame, and functions on arrays of rotations.
+"""Poses: position and orientation of a frame, and functions on arrays of rotations.
 
 Quaternions are (w, x, y, z) of length 1; a quaternion and its negative are the same orientation. Rotation matrices turn
 coordinates in the frame into coordinates outside it: a pose takes a point to ``position + rotation @ point``.
@@ -6,12 +6,12 @@ coordinates in the frame into coordinates outside it: a pose takes a point to ``
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Matrix3, Quaternion, Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array
 
@@ -20,25 +20,26 @@ UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonor
 
 @dataclass(frozen=True, init=False, eq=False)
 class Pose:
-    """Position and orientation of one frame: ``position`` [m] and unit ``quaternion`` (w, x, y, z).
+    """Position and orientation of one frame: ``position`` (3,) [m] and unit ``quaternion`` (4,), (w, x, y, z).
 
     A quaternion within 1e-6 of length 1 is normalised. Both arrays are read-only. Raises InvalidInput for anything but
     three finite coordinates and a finite unit quaternion.
+
+    ``arm.pose`` of many postures gives a batch of poses: position (*batch, 3), quaternion (*batch, 4), all else
+    alike; ``poses[i]`` picks from it. Where one pose is wanted a batch is refused.
 
     >>> tool = Pose.planar(1.0, 0.0, angle=np.pi / 2) @ Pose([0.5, 0.0, 0.0])
     >>> tool.position.round(12)
     array([1. , 0.5, 0. ])
     """
 
-    position: Vector3
-    quaternion: Quaternion
+    position: Float[np.ndarray, "*batch 3"]
+    quaternion: Float[np.ndarray, "*batch 4"]
 
     def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         coordinates = finite_array("pose position", position, shape=(3,))
         orientation = unit_quaternions("pose quaternion", finite_array("pose quaternion", quaternion, shape=(4,)))
-        for name, value in (("position", coordinates), ("quaternion", orientation)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        _freeze(self, coordinates, orientation)
 
     @classmethod
     def from_xyzw(cls, position: ArrayLike, xyzw: ArrayLike) -> Pose:
@@ -80,35 +81,74 @@ class Pose:
         half = float(finite_array("pose angle", angle, shape=())) / 2
         return cls((x, y, 0.0), (np.cos(half), 0.0, 0.0, np.sin(half)))
 
+    def __len__(self) -> int:
+        """Return the size of the leading batch axis; a single pose has none."""
+        if self.position.ndim == 1:
+            raise TypeError("a single pose has no length")
+        return len(self.position)
+
+    def __getitem__(self, index: int | slice | np.ndarray) -> Pose:
+        if self.position.ndim == 1:
+            raise TypeError("a single pose cannot be indexed")
+        return pose_batch(self.position[index], self.quaternion[index])
+
+    def __iter__(self) -> Iterator[Pose]:
+        return (self[i] for i in range(len(self)))
+
     @property
-    def rotation(self) -> Matrix3:
-        """The (3, 3) rotation matrix; its columns are the frame's axes."""
+    def rotation(self) -> Float[np.ndarray, "*batch 3 3"]:
+        """The (*batch, 3, 3) rotation matrix; its columns are the frame's axes."""
         return quaternion_to_matrix(self.quaternion)
 
     @property
-    def matrix(self) -> Float[np.ndarray, "4 4"]:
-        """The (4, 4) homogeneous matrix."""
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = self.rotation, self.position
+    def matrix(self) -> Float[np.ndarray, "*batch 4 4"]:
+        """The (*batch, 4, 4) homogeneous matrix."""
+        matrix = np.zeros((*self.position.shape[:-1], 4, 4))
+        matrix[..., :3, :3], matrix[..., :3, 3], matrix[..., 3, 3] = self.rotation, self.position, 1.0
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
         """Return the pose of ``other``, which is given in this frame, in the frame that this pose is given in."""
         if not isinstance(other, Pose):
             return NotImplemented
-        return Pose(self.apply(other.position), quaternion_product(self.quaternion, other.quaternion))
+        position, quaternion = self.apply(other.position), quaternion_product(self.quaternion, other.quaternion)
+        return Pose(position, quaternion) if position.ndim == 1 else pose_batch(position, quaternion)
 
     def inverse(self) -> Pose:
         """Return the pose with which ``pose @ pose.inverse()`` is the identity."""
-        return Pose(-(self.rotation.T @ self.position), self.quaternion * (1.0, -1.0, -1.0, -1.0))
+        conjugate = self.quaternion * (1.0, -1.0, -1.0, -1.0)
+        if self.position.ndim == 1:
+            return Pose(-(self.rotation.T @ self.position), conjugate)
+        return pose_batch(-np.einsum("...ji,...j->...i", self.rotation, self.position), conjugate)
 
     def apply(self, points: ArrayLike) -> Float[np.ndarray, "*batch 3"]:
-        """Return ``points`` (..., 3) [m], given in this frame, in the frame that this pose is given in."""
+        """Return ``points`` (..., 3) [m], given in this frame, in the frame that this pose is given in.
+
+        Each pose of a batch takes its own point, or all of them one point (3,).
+        """
         inside = finite_array("points", points)
         if inside.shape[-1:] != (3,):
             raise InvalidInput(f"points: the last axis must have 3 coordinates, got shape {inside.shape}")
-        outside: np.ndarray = inside @ self.rotation.T + self.position
-        return outside
+        if self.position.ndim == 1:
+            outside: np.ndarray = inside @ self.rotation.T + self.position
+            return outside
+        batch = self.position.shape[:-1]
+        if inside.shape[:-1] not in ((), batch):
+            raise InvalidInput(f"points: one wanted, or one for each of {batch} poses, got shape {inside.shape}")
+        return np.einsum("...ij,...j->...i", self.rotation, inside) + self.position
+
+
+def pose_batch(position: Float[np.ndarray, "*batch 3"], quaternion: Float[np.ndarray, "*batch 4"]) -> Pose:
+    """Return a batch of poses from finite positions and quaternions of length 1 up to rounding."""
+    poses = object.__new__(Pose)
+    _freeze(poses, np.array(position), quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
+    return poses
+
+
+def _freeze(pose: Pose, position: np.ndarray, quaternion: np.ndarray) -> None:
+    for name, value in (("position", position), ("quaternion", quaternion)):
+        value.setflags(write=False)
+        object.__setattr__(pose, name, value)
 
 
 def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
@@ -203,6 +243,8 @@ def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.nda
 
 
 def check_pose(name: str, pose: object) -> None:
-    """Raise InvalidInput unless ``pose`` is a Pose."""
+    """Raise InvalidInput unless ``pose`` is one Pose."""
     if not isinstance(pose, Pose):
         raise InvalidInput(f"{name}: a Pose wanted, got {pose!r}")
+    if pose.position.ndim > 1:
+        raise InvalidInput(f"{name}: one pose wanted, got a batch of {pose.position.shape[:-1]}; pick one: poses[0]")

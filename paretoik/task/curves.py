@@ -4,17 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Quaternion, Times, Vector3
-from paretoik.robot.pose import quaternion_product, vector_to_quaternion
-from paretoik.task.time_laws import check_law, progress
+from paretoik.robot.pose import quaternion_product, quaternion_to_matrix, vector_to_quaternion
+from paretoik.task.time_laws import check_law, progress, progress_rates
 
 Samples: TypeAlias = tuple[Float[np.ndarray, "time axes"], Float[np.ndarray, "time 4"] | None]
 Curve: TypeAlias = Callable[[np.ndarray], Samples]
+
+
+class Rates(NamedTuple):
+    """Derivatives of a curve: of positions [m], and of orientations, turned about world axes [rad]; None on points."""
+
+    velocity: Float[np.ndarray, "time axes"]
+    acceleration: Float[np.ndarray, "time axes"]
+    angular_velocity: Float[np.ndarray, "time 3"] | None
+    angular_acceleration: Float[np.ndarray, "time 3"] | None
+
+
+@runtime_checkable
+class SmoothCurve(Protocol):
+    """A curve that knows its first and second derivatives by its own parameter."""
+
+    def __call__(self, parameters: Times, /) -> Samples:
+        """Return positions and orientations at parameters."""
+
+    def rates(self, parameters: Times, /) -> Rates:
+        """Return first and second derivatives at parameters."""
+
 
 CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: points and ends that are nearer are the same
 
@@ -23,7 +44,7 @@ CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: points and e
 class TimedCurve:
     """A ``shape``, a curve over the fraction covered (0 to 1), travelled in ``duration`` [s] by a time law."""
 
-    shape: Curve
+    shape: SmoothCurve
     duration: float
     law: str
 
@@ -33,6 +54,15 @@ class TimedCurve:
     def __call__(self, times: Times) -> Samples:
         """Return positions and orientations at times [s]."""
         return self.shape(progress(times, self.duration, self.law))
+
+    def rates(self, times: Times) -> Rates:
+        """Return velocities and accelerations at times [s]."""
+        speed, acceleration = (values[:, None] for values in progress_rates(times, self.duration, self.law))
+        v, a, omega, alpha = self.shape.rates(progress(times, self.duration, self.law))
+        linear = v * speed, v * acceleration + a * speed**2
+        if omega is None or alpha is None:
+            return Rates(*linear, None, None)
+        return Rates(*linear, omega * speed, omega * acceleration + alpha * speed**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +82,15 @@ class Line:
             return positions, None
         return positions, quaternion_product(self.quaternion, vector_to_quaternion(fraction * self.rotation_vector))
 
+    def rates(self, fractions: Times) -> Rates:
+        """Return derivatives by the fraction covered."""
+        count = len(fractions)
+        velocity = np.tile(self.step, (count, 1))
+        if self.quaternion is None:
+            return Rates(velocity, np.zeros_like(velocity), None, None)
+        axis = quaternion_to_matrix(self.quaternion) @ self.rotation_vector
+        return Rates(velocity, np.zeros_like(velocity), np.tile(axis, (count, 1)), np.zeros((count, 3)))
+
 
 @dataclass(frozen=True, eq=False)
 class Circle:
@@ -69,6 +108,14 @@ class Circle:
         positions = self.center + np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self.axes
         return positions, None if self.quaternion is None else np.tile(self.quaternion, (len(fractions), 1))
 
+    def rates(self, fractions: Times) -> Rates:
+        """Return derivatives by the fraction covered."""
+        angles = self.phase + self.sweep * fractions
+        velocity = self.sweep * np.stack([-np.sin(angles), np.cos(angles)], axis=1) @ self.axes
+        acceleration = -(self.sweep**2) * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self.axes
+        still = None if self.quaternion is None else np.zeros((len(fractions), 3))
+        return Rates(velocity, acceleration, still, still)
+
 
 @dataclass(frozen=True, eq=False)
 class Spline:
@@ -81,6 +128,14 @@ class Spline:
         """Return positions and orientations at parameters within the knots."""
         positions = self.positions(knots)
         return positions, None if self.rotations is None else np.roll(self.rotations(knots).as_quat(), 1, axis=1)
+
+    def rates(self, knots: Times) -> Rates:
+        """Return derivatives by the parameter of the knots."""
+        velocity, acceleration = self.positions(knots, 1), self.positions(knots, 2)
+        if self.rotations is None:
+            return Rates(velocity, acceleration, None, None)
+        turned = self.rotations(knots)  # SciPy's rates are in the turning frame; (R ω)˙ = R ω̇ there, as ω × ω = 0
+        return Rates(velocity, acceleration, *(turned.apply(self.rotations(knots, order)) for order in (1, 2)))
 
 
 def interpolate(

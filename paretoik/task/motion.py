@@ -9,7 +9,6 @@ from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths, Rotations, Series
 from paretoik.errors import Infeasible, InvalidInput
@@ -26,8 +25,9 @@ from paretoik.task.differences import (
     simpson_weights,
 )
 from paretoik.task.distances import clearance
+from paretoik.task.joint_curve import JointState, interpolate, project_rates
 from paretoik.task.obstacles import Obstacle
-from paretoik.task.retraction import retract_nearest, task_errors
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
 from paretoik.task.task import Task
 
@@ -234,39 +234,50 @@ class Motion:
 
         Raises InvalidInput for times outside the motion, Infeasible where it cannot be projected.
         """
+        instants = self._instants(t)
+        q = self._curve(instants)
+        return self._project(q, instants) if self.tasks and project else q
+
+    def state(self, t: Float[np.ndarray, " instants"], *, project: bool = True) -> JointState:
+        """Return joint positions, velocities and accelerations, each (*batch, instants, dof), at times t [s].
+
+        ``q, dq, ddq = motion.state(t)``: q is what ``at`` gives, with its own exact derivatives: J q̇ is the velocity of
+        the path. At samples they differ from ``motion.dq`` and ``ddq`` by the error of the motion's ``differences``.
+
+        Raises what ``at`` does, and InvalidInput where a path does not know its own velocities.
+        """
+        instants = self._instants(t)
+        spline = JointState(*(self._curve(instants, order) for order in range(3)))
+        if not (self.tasks and project):
+            return spline
+        return project_rates(self.arm, self.tasks, spline, self._project(spline.q, instants), instants)
+
+    def _instants(self, t: np.ndarray) -> np.ndarray:
+        """Return times as an array; raises InvalidInput for those outside the motion."""
         instants = np.atleast_1d(real_array("at: times", t))
         first, last = self.time[..., 0].max(), self.time[..., -1].min()
         rounding = 1e-12 * (last - first)
         outside = instants[~((instants >= first - rounding) & (instants <= last + rounding))]
         if len(outside):
             raise InvalidInput(f"at: wants times from {first:g} s to {last:g} s, got {outside[0]:g} s")
-        if self.differences == "spline" and self.derivatives is None:
-            q = self.spline.at(instants)[0]
-        else:
-            q = self._interpolate(instants)
-        return self._project(q, instants) if self.tasks and project else q
+        return instants
 
-    def _interpolate(self, instants: np.ndarray) -> Float[np.ndarray, "*batch instants dof"]:
-        """Return the cubic spline through the samples."""
-        ends = "periodic" if self.cyclic else "not-a-knot"
-        flat, times = self.q.reshape(-1, *self.q.shape[-2:]), self.time.reshape(-1, self.time.shape[-1])
-        if np.all(times == times[0]):
-            interpolated = CubicSpline(times[0], flat, axis=1, bc_type=ends)(instants)
-        else:
-            interpolated = np.stack(
-                [CubicSpline(s, q, bc_type=ends)(instants) for s, q in zip(times, flat, strict=True)]
-            )
-        return interpolated.reshape(*self.q.shape[:-2], len(instants), self.arm.dof)
+    def _curve(self, instants: np.ndarray, order: int = 0) -> Float[np.ndarray, "*batch instants dof"]:
+        """Return the spline of the motion, or its derivative of an order up to 2."""
+        if self.differences == "spline" and self.derivatives is None:
+            return self.spline.at(instants)[order]
+        return interpolate(self.q, self.time, instants, cyclic=self.cyclic, order=order)
 
     def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
         targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
         retraction = retract_nearest(self.arm, self.tasks, q, targets)
         if not retraction.on_path.all():
             lost = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
-            raise Infeasible(
-                f"at: the motion must follow its path, but at {instants[lost[-1]]:g} s its tool is "
-                f"{retraction.error[lost]:.3g} rad or lengths of the arm off"
-            )
+            where = f"at: the motion must follow its path, but at {instants[lost[-1]]:g} s"
+            error = retraction.error[lost]
+            if error <= ON_PATH_TOLERANCE:
+                raise Infeasible(f"{where} it meets a singularity of its tasks, where it has no direction")
+            raise Infeasible(f"{where} its tool is {error:.3g} rad or lengths of the arm off")
         return retraction.q
 
     @property

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array, positive_number
-from paretoik.robot.pose import Pose
+from paretoik.robot.pose import Pose, check_pose
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -78,6 +78,7 @@ class Box:
         if not isinstance(center, Pose):
             point = finite_array("box center", center, shape=sizes.shape)
             center = Pose(np.pad(point, (0, 3 - len(point))))
+        check_pose("box center", center)
         _freeze(self, pose=center, half_sizes=sizes)
 
 

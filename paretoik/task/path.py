@@ -13,7 +13,7 @@ from paretoik.arrays import Times
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array, positive_number
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
-from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line
+from paretoik.task.curves import CLOSURE_TOLERANCE, Curve, Line, Rates, SmoothCurve
 
 Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
@@ -68,13 +68,8 @@ class Path:
         InvalidInput
             For times outside the path by more than rounding (1e-9 of its duration).
         """
-        instants = finite_array("time on the path", t)
-        outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
-        if len(outside):
-            raise InvalidInput(
-                f"time on the path: must lie in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}"
-            )
-        times = instants.clip(0.0, self.duration).ravel()
+        instants = self._instants(t)
+        times = instants.ravel()
         positions, quaternions = self.curve(times)
         positions = positions.reshape(*instants.shape, -1)
         if self.quaternions is None or quaternions is None:
@@ -83,6 +78,31 @@ class Path:
         nearest = later - (times - self.times[later - 1] < self.times[later] - times)
         flipped = (quaternions * self.quaternions[nearest]).sum(axis=1) < 0
         return positions, np.where(flipped[:, None], -quaternions, quaternions).reshape(*instants.shape, 4)
+
+    def rates(self, t: Times) -> Rates:
+        """Velocities and accelerations of the path at times ``t`` (time,) [s], exact; turning about world axes.
+
+        Raises
+        ------
+        InvalidInput
+            For times outside the path, or where its ``curve`` is a bare function, which has no derivatives.
+        """
+        if not isinstance(self.curve, SmoothCurve):
+            raise InvalidInput(
+                "path: velocities want a curve with rates, as of pk.line, circle, waypoints and poses, "
+                f"got {type(self.curve).__name__}"
+            )
+        return self.curve.rates(self._instants(t))
+
+    def _instants(self, t: ArrayLike) -> np.ndarray:
+        """Return times as an array, cut off to the path by rounding alone."""
+        instants = finite_array("time on the path", t)
+        outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
+        if len(outside):
+            raise InvalidInput(
+                f"time on the path: must lie in [0, {self.duration:g}] s, got {instants.flat[outside[0]]:g}"
+            )
+        return instants.clip(0.0, self.duration)
 
     def resample(self, samples: int) -> Path:
         """Return the same path with that many samples, evenly spaced in time."""

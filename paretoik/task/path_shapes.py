@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, finite_array, positive_number
-from paretoik.robot.pose import Pose, rotation_vector
+from paretoik.robot.pose import Pose, check_pose, rotation_vector
 from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Line, TimedCurve, interpolate
 from paretoik.task.path import Path, even_times, rotation_angles, sample_count, sample_curve
 
@@ -40,6 +40,8 @@ def line(
     """
     times = even_times(duration, samples)
     if isinstance(start, Pose) and isinstance(end, Pose):
+        check_pose("line start", start)
+        check_pose("line end", end)
         rotation = rotation_vector(start.rotation.T @ end.rotation)
         shape = Line(start.position, end.position - start.position, start.quaternion, rotation)
     elif isinstance(start, Pose) or isinstance(end, Pose):
@@ -89,6 +91,7 @@ def circle(
     phase = float(finite_array("circle start_angle", start_angle, shape=()))
     origin = center.position if isinstance(center, Pose) else _point("circle center", center)
     if isinstance(center, Pose):
+        check_pose("circle center", center)
         axes = center.rotation.T[:2]
     elif len(origin) == 2:
         axes = np.eye(2)
@@ -102,7 +105,7 @@ def circle(
 
 
 def waypoints(
-    points: Sequence[Pose] | ArrayLike,
+    points: Sequence[Pose] | Pose | ArrayLike,
     *,
     duration: float,
     samples: int = 101,
@@ -140,7 +143,7 @@ def waypoints(
     return sample_curve(TimedCurve(interpolate(knots, positions, quaternions), times[-1], timing), times)
 
 
-def poses(times: ArrayLike, poses: Sequence[Pose] | ArrayLike) -> Path:
+def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
     """Path through ``poses`` at ``times`` [s]: a sequence of poses, or an array of points (time, 2 or 3) [m].
 
     The given times, which start at 0, are the samples. Between them runs a C² cubic spline, periodic if the last
@@ -177,12 +180,16 @@ def _point(name: str, value: ArrayLike) -> np.ndarray:
     return point
 
 
-def _points_or_poses(name: str, values: Sequence[Pose] | ArrayLike) -> tuple[np.ndarray, np.ndarray | None]:
+def _points_or_poses(name: str, values: Sequence[Pose] | Pose | ArrayLike) -> tuple[np.ndarray, np.ndarray | None]:
+    if isinstance(values, Pose) and values.position.ndim == 2:
+        return values.position.copy(), values.quaternion.copy()
     poses = [value for value in values if isinstance(value, Pose)] if isinstance(values, Sequence) else []
     if isinstance(values, Sequence) and poses:
         if len(poses) < len(values):
             first = next(i for i, value in enumerate(values) if not isinstance(value, Pose))
             raise InvalidInput(f"{name}: must be all poses or all points, but index {first} is no pose")
+        for pose in poses:
+            check_pose(name, pose)
         return np.stack([pose.position for pose in poses]), np.stack([pose.quaternion for pose in poses])
     points = finite_array(name, cast(ArrayLike, values))
     if points.ndim != 2 or points.shape[1] not in (2, 3):

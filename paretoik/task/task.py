@@ -109,6 +109,22 @@ class Task:
             columns.append(quaternion_to_matrix(quaternions).reshape(-1, 9))
         return np.concatenate(columns, axis=1)
 
+    def target_rates(self, t: Times) -> tuple[Float[np.ndarray, "time numbers"], Float[np.ndarray, "time numbers"]]:
+        """Return the first and second time derivatives of ``targets`` at times t [s]."""
+        rates = self.path.rates(t)
+        size = self.position_rows
+        first, second = [rates.velocity[:, :size]], [rates.acceleration[:, :size]]
+        if self.has_orientation:
+            assert rates.angular_velocity is not None
+            assert rates.angular_acceleration is not None
+            rotation = self.targets(t)[:, size:].reshape(-1, 3, 3)
+            turning = _cross_matrices(rates.angular_velocity)
+            # Siciliano et al., Eq. 3.4: Ṙ = [ω] R, so that R̈ = ([ω̇] + [ω]²) R.
+            first.append((turning @ rotation).reshape(-1, 9))
+            bend = _cross_matrices(rates.angular_acceleration) + turning @ turning
+            second.append((bend @ rotation).reshape(-1, 9))
+        return np.concatenate(first, axis=1), np.concatenate(second, axis=1)
+
     def displacements(self, t: Times) -> Float[np.ndarray, "time displacements"]:
         """Return the displacement of the target from each of the times t [s] to the next, 0 from the last.
 
@@ -217,6 +233,14 @@ def _over_tasks(
 @lru_cache(maxsize=64)
 def _frame(arm: Arm, name: str) -> Frame:
     return arm.frame(name)  # it searches and builds; retraction calls this a thousand times
+
+
+def _cross_matrices(vectors: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "time 3 3"]:
+    """Return [a], with [a] b = a × b."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    matrices[:, 2, 1], matrices[:, 0, 2], matrices[:, 1, 0] = x, y, z
+    return matrices - matrices.swapaxes(-1, -2)
 
 
 def _matrix(entries: Components) -> Matrix:

@@ -40,6 +40,28 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
     return covered
 
 
+def progress_rates(
+    t: Float[np.ndarray, "*batch"], duration: float, law: str
+) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
+    """First and second time derivatives [1/s, 1/s²] of ``progress`` at times ``t`` in [0, duration] [s].
+
+    Raises InvalidInput for an unknown law.
+    """
+    check_law(law)
+    fraction = np.asarray(t, dtype=float) / duration
+    if law == "uniform":
+        return np.full_like(fraction, 1 / duration), np.zeros_like(fraction)
+    from_nearer_end = np.minimum(fraction, 1 - fraction)
+    if law == "quintic":
+        rest = from_nearer_end * (1 - from_nearer_end)
+        speed, acceleration = 30 * rest**2, 60 * rest * (1 - 2 * from_nearer_end)
+    else:
+        angle = 4 * np.pi * from_nearer_end
+        speed, acceleration = 4 * from_nearer_end - np.sin(angle) / np.pi, 8 * np.sin(angle / 2) ** 2
+    signs = np.where(fraction <= 0.5, 1.0, -1.0)  # s(τ) = 1 - s(1 - τ): its speed is even about the middle
+    return speed / duration, signs * acceleration / duration**2
+
+
 def check_law(law: str) -> None:
     """Refuse an unknown law."""
     if law not in TIME_LAWS:

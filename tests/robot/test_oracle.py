@@ -45,6 +45,34 @@ def test_jacobian_agrees_with_pinocchio(oracle, samples):
     agree(kinematics.jacobian(oracle.arm, q), theirs)
 
 
+def test_poses_and_jacobians_of_a_batch_agree_with_pinocchio(oracle, samples):
+    arm, q = oracle.arm, samples(oracle.arm)[0]
+    poses = arm.pose(q.reshape(4, 5, -1))
+
+    def peer(x):
+        pinocchio.framesForwardKinematics(oracle.model, oracle.data, x)
+        return oracle.data.oMf[oracle.tool].homogeneous.copy()
+
+    agree(poses.matrix.reshape(20, 4, 4), oracle.over(peer, q))
+
+
+@pytest.mark.parametrize("joint", [0, -1])
+def test_origins_and_jacobians_of_a_joints_frame_agree_with_pinocchio(oracle, samples, joint):
+    arm, q = oracle.arm, samples(oracle.arm)[0]
+    number = oracle.model.njoints - 1 if joint else 1
+
+    def peer(x):
+        pinocchio.computeJointJacobians(oracle.model, oracle.data, x)
+        jacobian = pinocchio.getJointJacobian(oracle.model, oracle.data, number, WORLD)
+        return np.concatenate([oracle.data.oMi[number].translation[:, None], jacobian[:3], jacobian[3:]], axis=1)
+
+    theirs = oracle.over(peer, q)
+    frame = arm.joint_names[joint]
+    np.testing.assert_allclose(arm.pose(q, frame=frame).position, theirs[..., 0], atol=1e-12)
+    ours = arm.jacobian(q, frame=frame)
+    np.testing.assert_allclose(np.concatenate([ours[:, :3], ours[:, 3:]], axis=-1), theirs[..., 1:], atol=1e-12)
+
+
 def test_jacobian_rate_agrees_with_pinocchio(oracle, samples):
     q, dq, _ = samples(oracle.arm)
 

@@ -11,14 +11,18 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from paretoik.errors import InvalidInput
+from paretoik.robot.arm import Arm
 from paretoik.robot.pose import (
     Pose,
     matrix_to_quaternion,
+    pose_batch,
     quaternion_product,
     quaternion_to_matrix,
     rotation_vector,
     vector_to_quaternion,
 )
+from paretoik.task.obstacles import Box
+from paretoik.task.path_shapes import circle, line, waypoints
 
 coordinates = st.floats(-10, 10)
 points = st.tuples(coordinates, coordinates, coordinates)
@@ -177,3 +181,46 @@ def test_a_pose_cannot_be_changed_nor_shares_memory_with_what_it_was_made_from()
 def test_what_is_no_pose_is_refused_with_name_wish_and_fact(make, message):
     with pytest.raises(InvalidInput, match=re.escape(message)):
         make()
+
+
+@given(st.integers(0, 10**6))
+def test_a_batch_of_poses_composes_inverts_and_acts_as_each_of_them_does(seed):
+    rng = np.random.default_rng(seed)
+    places, spins, points = rng.normal(size=(3, 4, 3))
+    singles = [Pose.from_rpy(place, spin) for place, spin in zip(places, spins, strict=True)]
+    batch = pose_batch(places, np.stack([pose.quaternion for pose in singles]))
+    tool = Pose.from_rpy([0.1, 0.2, 0.3], [0.4, 0.5, 0.6])
+    shared = batch.apply(tool.position)
+    for i, one in enumerate(singles):
+        same(batch[i], one)
+        same((batch @ tool)[i], one @ tool)
+        same((tool @ batch)[i], tool @ one)
+        same((batch @ batch)[i], one @ one)
+        same(batch.inverse()[i], one.inverse())
+        np.testing.assert_allclose(batch.apply(points)[i], one.apply(points[i]), atol=1e-12)
+        np.testing.assert_allclose(shared[i], one.apply(tool.position), atol=1e-12)
+    with pytest.raises(InvalidInput, match=r"points: one wanted, or one for each of \(4,\) poses, got shape \(3, 3\)"):
+        batch.apply(points[:3])
+
+
+def test_a_batch_is_refused_where_one_pose_is_wanted():
+    batch = pose_batch(np.zeros((5, 3)), random_quaternions(5))
+    arm = Arm.planar(lengths=[0.5, 0.5])
+    for use in (
+        lambda: arm.with_tool(batch),
+        lambda: arm.mounted(base=batch),
+        lambda: line(batch, batch, duration=1.0),
+        lambda: circle(batch, 0.1, duration=1.0),
+        lambda: waypoints([batch, batch], duration=1.0),
+        lambda: Box(batch, [0.1, 0.1, 0.1]),
+    ):
+        with pytest.raises(InvalidInput, match=r"one pose wanted, got a batch of \(5,\); pick one: poses\[0\]"):
+            use()
+    with pytest.raises(TypeError):
+        len(batch[0])
+
+
+def test_a_path_leads_through_a_batch_of_poses():
+    batch = pose_batch(np.random.default_rng(1).normal(size=(5, 3)), random_quaternions(5))
+    through = waypoints(batch, duration=1.0, samples=21)
+    np.testing.assert_array_equal(through.positions, waypoints(list(batch), duration=1.0, samples=21).positions)

@@ -7,10 +7,14 @@ import pickle
 import numpy as np
 import pytest
 
+from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose, quaternion_to_matrix
 from paretoik.task.curves import Circle, Line, TimedCurve, interpolate
 from paretoik.task.time_laws import TIME_LAWS, progress
+from tests.task.paths import EVERY_KIND
 
+FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60  # differences of sixth order
+SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180
 FRACTIONS = np.linspace(0.0, 1.0, 9)
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 LINE = Line(np.array([1.0, 2.0]), np.array([0.5, -1.0]), None, np.zeros(3))
@@ -63,3 +67,42 @@ def test_an_interpolation_whose_ends_meet_is_periodic(order):
 def test_a_curve_survives_pickling(curve):
     times = np.linspace(0.0, 1.0, 5)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(curve))(times)[0], curve(times)[0])
+
+
+@pytest.mark.parametrize("kind", EVERY_KIND)
+def test_rates_of_every_path_are_its_derivatives(kind):
+    path, step = EVERY_KIND[kind], 1e-3
+    t = np.linspace(0.01, 0.69, 68)
+    t = t[np.abs(t[:, None] - np.append(path.times[1:-1], 0.35)).min(axis=1) > 3 * step]  # its third may jump there
+    if kind.startswith("waypoints"):
+        ends = [
+            np.searchsorted(path.curve.shape.positions.x, progress(t + k * step, 0.7, path.curve.law)) for k in (-3, 3)
+        ]
+        t = t[ends[0] == ends[1]]  # and at the knots
+    rates = path.rates(t)
+    around = np.stack([path.at(t + k * step)[0] for k in range(-3, 4)])
+    first, second = np.tensordot(FIRST, around, 1) / step, np.tensordot(SECOND, around, 1) / step**2
+    np.testing.assert_allclose(rates.velocity, first, atol=1e-9 * (1 + np.abs(first).max()))
+    np.testing.assert_allclose(rates.acceleration, second, atol=1e-7 * (1 + np.abs(second).max()))
+    if path.quaternions is None:
+        assert rates.angular_velocity is None
+        return
+    matrices = np.stack([quaternion_to_matrix(path.at(t + k * step)[1]) for k in range(-3, 4)])
+    middle = np.swapaxes(matrices[3], -1, -2)
+    turning = np.tensordot(FIRST, matrices, 1) / step @ middle  # Ṙ Rᵀ = [ω]
+    bending = np.tensordot(SECOND, matrices, 1) / step**2 @ middle  # R̈ Rᵀ = [ω̇] + [ω]², whose skew part is [ω̇]
+    bending = (bending - np.swapaxes(bending, -1, -2)) / 2
+    for values, skew, tolerance in ((rates[2], turning, 1e-8), (rates[3], bending, 1e-6)):
+        expected = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+        np.testing.assert_allclose(values, expected, atol=tolerance * (1 + np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("kind", ["line of poses", "circle of points"])
+def test_rates_are_zero_at_the_ends_of_a_path_from_rest_to_rest(kind):
+    for values in EVERY_KIND[kind].rates(np.array([0.0, 0.7])):
+        assert values is None or np.abs(values).max() < 1e-12
+
+
+def test_rates_outside_the_path_are_refused():
+    with pytest.raises(InvalidInput, match=r"time on the path: must lie in \[0, 0\.7\] s, got 0\.71"):
+        EVERY_KIND["timed poses"].rates(np.array([0.1, 0.71]))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
-from paretoik.task.time_laws import TIME_LAWS, progress
+from paretoik.task.time_laws import TIME_LAWS, progress, progress_rates
 
 laws = st.sampled_from(TIME_LAWS)
 durations = st.floats(0.01, 100.0)
@@ -62,3 +62,17 @@ def test_quintic_is_the_polynomial_of_least_jerk():
 def test_an_unknown_law_is_refused_with_the_names_of_the_known():
     with pytest.raises(InvalidInput, match=r"raised-cosine, quintic, uniform, got 'cubic'"):
         progress(np.array([0.1]), 1.0, "cubic")
+
+
+@given(laws, durations, st.floats(0.001, 0.999))
+def test_its_rates_are_its_derivatives(law, duration, share):
+    step = 1e-3 * min(share, 1 - share)
+    around = progress((share + step * np.arange(-1, 2)) * duration, duration, law)
+    speed, acceleration = progress_rates(np.array(share * duration), duration, law)
+    assert speed * duration == pytest.approx((around[2] - around[0]) / (2 * step), abs=1e-4)
+    if abs(share - 0.5) > step:  # the third derivative of a raised cosine turns its sign there
+        assert acceleration * duration**2 == pytest.approx(
+            progress_rates(np.array((share + step) * duration), duration, law)[0] * duration / (2 * step)
+            - progress_rates(np.array((share - step) * duration), duration, law)[0] * duration / (2 * step),
+            abs=1e-3,
+        )

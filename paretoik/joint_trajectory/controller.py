@@ -1,0 +1,111 @@
+"""A robot's controller: its rate, the limits it enforces on every command, and what it wants at both ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.errors import InvalidInput
+from paretoik.inputs import check_flag, positive_number
+from paretoik.robot.arm import Arm
+from paretoik.robot.arm_inputs import limit_rows, symmetric_limits
+
+JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Braking:
+    """How a velocity limit shrinks towards the ends of a joint's range, so that it can always brake.
+
+    q̇ ≤ √(2 d (q⁺ − q)) − offset, not below 0, and likewise towards q⁻: with ``double_deceleration`` 2 d (dof,)
+    [rad/s²], ``offset`` (dof,) [rad/s] and the ends ``position`` (dof, 2) [rad]. FCI documentation, Position-Based
+    Velocity Limits.
+    """
+
+    double_deceleration: Float[np.ndarray, " dof"]
+    offset: Float[np.ndarray, " dof"]
+    position: Float[np.ndarray, "dof 2"]
+
+    def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
+        """Return the lower and upper velocities [rad/s] that leave room to brake at joint positions q."""
+        room = np.stack([q - self.position[:, 0], self.position[:, 1] - q])
+        speed = np.maximum(np.sqrt(np.maximum(self.double_deceleration * room, 0.0)) - self.offset, 0.0)
+        return speed * np.array([-1.0, 1.0])[:, None, None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Controller:
+    """What a robot's controller takes: joints by name, one command every 1/``rate`` [Hz], each within its limits.
+
+    ``position`` as (lower, upper) or symmetric [rad, m], the others symmetric, a number or one a joint: ``velocity``
+    [rad/s], ``acceleration`` [rad/s²], ``jerk`` [rad/s³], ``torque`` [N m], ``torque_rate`` [N m/s]; None where there
+    is none, or none is published. Every motion must start and end at rest; ``rest_acceleration`` says that its
+    acceleration must be 0 there too. ``source`` says where the figures are from.
+
+    Raises InvalidInput where a name repeats, or a figure is not positive or not one a joint.
+
+    >>> mine = Controller(name="bench", joint_names=("joint1", "joint2"), rate=250, velocity=[1.5, 2.0])
+    >>> mine.velocity
+    array([1.5, 2. ])
+    """
+
+    name: str
+    joint_names: Sequence[str]
+    rate: float
+    position: Any = None
+    velocity: Any = None
+    acceleration: Any = None
+    jerk: Any = None
+    torque: Any = None
+    torque_rate: Any = None
+    rest_acceleration: bool = False
+    braking: Braking | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        assign = object.__setattr__
+        names, about = check_joint_names("joint_names", self.joint_names), f"controller {self.name}"
+        assign(self, "joint_names", names)
+        assign(self, "rate", positive_number(f"{about}: rate", self.rate, "Hz"))
+        check_flag(f"{about}: rest_acceleration", self.rest_acceleration)
+        assign(self, "position", limit_rows(f"{about}: position", self.position, len(names)))
+        for kind in JOINT_LIMITS:
+            assign(self, kind, symmetric_limits(f"{about}: {kind}", getattr(self, kind), len(names)))
+
+    def __repr__(self) -> str:
+        return f"Controller({self.name!r}, {self.rate:g} Hz, {len(self.joint_names)} joints)"
+
+    def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
+        """Return the lower and upper velocity limits [rad/s] at joint positions q."""
+        bounds = np.stack(np.broadcast_arrays(-self.velocity, self.velocity))[:, None, :]
+        if self.braking is None:
+            return np.broadcast_to(bounds, (2, *q.shape))
+        lower, upper = self.braking.velocity_bounds(q)
+        return np.stack([np.maximum(bounds[0], lower), np.minimum(bounds[1], upper)])
+
+    def check_arm(self, arm: Arm) -> None:
+        """Raise InvalidInput unless the arm's joints are the controller's in its order, names prefixed or not."""
+        prefixes = {
+            theirs.removesuffix(ours) if theirs.endswith(ours) else None
+            for ours, theirs in zip(self.joint_names, arm.joint_names, strict=False)
+        }
+        if len(arm.joint_names) != len(self.joint_names) or len(prefixes) != 1 or None in prefixes:
+            raise InvalidInput(
+                f"controller {self.name}: wants the joints {', '.join(self.joint_names)}, with one prefix or none, "
+                f"got {', '.join(arm.joint_names)} of {arm.name}"
+            )
+
+
+def check_joint_names(name: str, values: object) -> tuple[str, ...]:
+    """Return joint names; raises InvalidInput, by ``name``, for what is no list of different texts."""
+    names = tuple(values) if isinstance(values, Sequence) and not isinstance(values, str) else ()
+    if not names or not all(isinstance(value, str) and value for value in names):
+        raise InvalidInput(f"{name}: a list of joint names wanted, got {values!r}")
+    twice = next((joint for i, joint in enumerate(names) if joint in names[:i]), None)
+    if twice is not None:
+        raise InvalidInput(f"{name}: each joint once wanted, got {twice} twice")
+    return names

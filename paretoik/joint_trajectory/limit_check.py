@@ -1,0 +1,167 @@
+"""A trajectory against a controller's limits, at every sample: as the controller computes them, and as they are.
+
+A controller knows positions alone: it takes their differences over one period each, and the robot rests before the
+first and after the last. Velocities, accelerations and jerks are held against their limits as such differences, and as
+derivatives of the curve itself; its jerk as the change of its acceleration over a period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.joint_trajectory.controller import Controller
+from paretoik.joint_trajectory.trajectory import JointTrajectory
+from paretoik.robot import dynamics
+from paretoik.robot.arm import Arm
+
+# Of a limit, or where there is none of the motion's largest value: what is below at an end is at rest there. Jumps of
+# that size are what cubic splines leave of a law without acceleration at its ends; as differences they are checked too.
+REST_TOLERANCES = {"velocity": 1e-3, "acceleration": 1e-2}
+ROUNDING = 1e-9  # of a limit: what exceeds it by less keeps it
+UNITS = {
+    "position": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s²",
+    "jerk": "rad/s³",
+    "torque": "N m",
+    "torque rate": "N m/s",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LimitedSeries:
+    """Values (samples, dof) of a ``quantity`` with their bounds; value i is that of sample i + ``shift``.
+
+    ``center`` (dof,) is where none of a limit is used: 0, or of positions the middle of their range.
+    """
+
+    quantity: str
+    values: Float[np.ndarray, "samples dof"]
+    lower: Float[np.ndarray, "#samples dof"]
+    upper: Float[np.ndarray, "#samples dof"]
+    shift: int = 0
+    center: Float[np.ndarray, "*dof"] | float = 0.0
+
+    @property
+    def use(self) -> Float[np.ndarray, "samples dof"]:
+        """How much of its limit each value uses: 1 at the limit, 0 at the center."""
+        distance = self.values - self.center
+        room = np.where(distance < 0, self.center - self.lower, self.upper - self.center)
+        return np.where(distance == 0, 0.0, np.abs(distance) / np.maximum(room, np.finfo(float).tiny))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitUse:
+    """The largest use of a kind of limit: a joint's ``value`` at ``time`` [s]; ``use`` 1 is all of ``limit``."""
+
+    quantity: str
+    joint: str
+    prismatic: bool
+    time: float
+    value: float
+    limit: float
+    use: float
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether the value is beyond its limit by more than rounding."""
+        return self.use > 1 + ROUNDING
+
+    def __str__(self) -> str:
+        value, limit = (with_unit(number, self.quantity, self.prismatic) for number in (self.value, self.limit))
+        return f"{self.quantity} of {self.joint} is {value} at {self.time:g} s, its limit {limit}"
+
+
+def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> list[LimitUse]:
+    """Return the largest use of each kind of limit, the fullest first; joints are in the arm's order.
+
+    Torques are the arm's own, gravity included, where it has masses.
+    """
+    largest: dict[str, LimitUse] = {}
+    for series in _limited_series(trajectory, controller, arm):
+        use = series.use
+        sample, joint = (int(i) for i in np.unravel_index(int(np.argmax(use)), use.shape))
+        value = float(series.values[sample, joint])
+        bounds = series.lower if value < np.broadcast_to(series.center, arm.dof)[joint] else series.upper
+        limit = float(np.broadcast_to(bounds, use.shape)[sample, joint])
+        before = largest.get(series.quantity)
+        if np.isfinite(limit) and (before is None or use[sample, joint] > before.use):
+            largest[series.quantity] = LimitUse(
+                quantity=series.quantity,
+                joint=trajectory.joint_names[joint],
+                prismatic=arm.joint_types[joint] == "prismatic",
+                time=float(trajectory.time[np.clip(sample + series.shift, 0, len(trajectory.time) - 1)]),
+                value=value,
+                limit=limit,
+                use=float(use[sample, joint]),
+            )
+    return sorted(largest.values(), key=lambda each: -each.use)
+
+
+def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str | None:
+    """Say which joint does not rest at an end where the controller wants it to, None where all do."""
+    kinds = [("velocity", trajectory.dq, controller.velocity)]
+    if controller.rest_acceleration:
+        kinds.append(("acceleration", trajectory.ddq, controller.acceleration))
+    for quantity, values, limit in kinds:
+        tolerance = REST_TOLERANCES[quantity] * np.where(np.isfinite(limit), limit, np.abs(values).max())
+        for end, verb in ((0, "start"), (-1, "end")):
+            excess = np.abs(values[end]) / np.maximum(tolerance, np.finfo(float).tiny)
+            joint = int(np.argmax(excess))
+            if excess[joint] > 1:
+                value = with_unit(values[end, joint], quantity, arm.joint_types[joint] == "prismatic")
+                planned = " (end_velocity=0 plans it so)" if end and not controller.rest_acceleration else ""
+                return f"it must {verb} at rest{planned}, but {trajectory.joint_names[joint]} {verb}s with {value}"
+    return None
+
+
+def with_unit(value: float, quantity: str, prismatic: bool) -> str:
+    """Return a value of a quantity with its unit, which for a slide is of metres and newtons."""
+    unit = UNITS[quantity]
+    if prismatic:
+        unit = unit.replace("rad", "m", 1) if unit.startswith("rad") else unit.replace("N m", "N", 1)
+    return f"{value:.6g} {unit}"
+
+
+def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> Iterator[LimitedSeries]:
+    q, rate = trajectory.q, (len(trajectory.time) - 1) / trajectory.time[-1]
+    lower, upper = controller.position.T
+    # A range with one end is taken for 2 rad, or m, wide: it has no middle, and is not used far from its end.
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0, -1.0))
+    high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower + 2.0, 1.0))
+    middle = (low + high) / 2
+    yield LimitedSeries(quantity="position", values=q, lower=lower[None], upper=upper[None], center=middle)
+
+    # What the controller computes from its commands; before the first and after the last it gets the same, at rest.
+    commands = np.concatenate([q[:1]] * 3 + [q] + [q[-1:]] * 3)
+    velocity = np.diff(commands, axis=0) * rate
+    low, high = controller.velocity_bounds(commands[1:])
+    yield LimitedSeries(quantity="velocity", values=velocity, lower=low, upper=high, shift=-2)
+    acceleration = np.diff(velocity, axis=0) * rate
+    yield _symmetric("acceleration", acceleration, controller.acceleration, shift=-1)
+    yield _symmetric("jerk", np.diff(acceleration, axis=0) * rate, controller.jerk)
+
+    low, high = controller.velocity_bounds(q)
+    yield LimitedSeries(quantity="velocity", values=trajectory.dq, lower=low, upper=high)
+    yield _symmetric("acceleration", trajectory.ddq, controller.acceleration)
+    yield _symmetric("jerk", np.diff(_between_rests(trajectory.ddq), axis=0) * rate, controller.jerk)
+
+    if any(body.mass > 0 for body in arm.bodies):
+        torque = dynamics.inverse_dynamics(arm, q, trajectory.dq, trajectory.ddq)
+        yield _symmetric("torque", torque, controller.torque)
+        still = np.zeros((2, arm.dof))
+        held = dynamics.inverse_dynamics(arm, q[[0, -1]], still, still)
+        steps = np.diff(np.concatenate([held[:1], torque, held[1:]]), axis=0)
+        yield _symmetric("torque rate", steps * rate, controller.torque_rate)
+
+
+def _symmetric(quantity: str, values: np.ndarray, limit: np.ndarray, shift: int = 0) -> LimitedSeries:
+    return LimitedSeries(quantity=quantity, values=values, lower=-limit[None], upper=limit[None], shift=shift)
+
+
+def _between_rests(values: np.ndarray) -> np.ndarray:
+    return np.pad(values, ((1, 1), (0, 0)))

@@ -1,0 +1,77 @@
+"""Time scalings: the same curve in its own time, slower, or from rest to rest.
+
+Lynch & Park, Modern Robotics, chapter 9: with q(σ(t)) velocities are q' σ̇ and accelerations q'' σ̇² + q' σ̈.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Times
+from paretoik.errors import InvalidInput
+from paretoik.inputs import finite_number, positive_number
+
+MAX_RATE = 1e6  # Hz: times in whole nanoseconds still differ, and stay even
+MAX_PERIODS = 1_000_000  # a quarter of an hour at 1 kHz, some gigabytes of work
+WHOLE_TOLERANCE = 1e-9  # of a period: a duration that is this near to whole periods has no part of one
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeScaling:
+    """A motion of ``duration`` [s] in so many ``periods`` of a controller of ``rate`` [Hz].
+
+    With a ``ramp`` [s of the motion's own speed] it sets out from rest and comes to rest: σ̇ rises from 0 to its full
+    value by 10x³ − 15x⁴ + 6x⁵, the law of least jerk, and falls alike, so that velocity, acceleration and jerk of the
+    scaling are 0 at both ends. Each ramp takes ``ramp`` to cover half of that.
+    """
+
+    duration: float
+    periods: int
+    rate: float
+    ramp: float = 0.0
+
+    @property
+    def factor(self) -> float:
+        """How much slower than at its own speed the motion is, its ramps aside."""
+        return self.periods / (self.rate * (self.duration + self.ramp))
+
+    @property
+    def times(self) -> Times:
+        """Times of the samples [s], in whole nanoseconds, as ROS keeps them."""
+        return np.rint(np.arange(self.periods + 1) * (1e9 / self.rate)) / 1e9
+
+    def evaluate(self) -> Float[np.ndarray, "3 time"]:
+        """Return σ [s], σ̇ and σ̈ [1/s] at the samples; σ runs from exactly 0 to exactly the duration."""
+        total = self.duration + self.ramp
+        u = np.arange(self.periods + 1) / self.periods * total
+        if self.ramp == 0:
+            return np.stack([u, np.full_like(u, 1 / self.factor), np.zeros_like(u)])
+        left = np.minimum(u, total - u)  # to the nearer end: the law is symmetric
+        x = np.minimum(left / self.ramp, 1.0)
+        covered = np.where(left < self.ramp, self.ramp * x**4 * (2.5 + x * (x - 3.0)), left - self.ramp / 2)
+        later = u > total / 2
+        sigma = np.where(later, self.duration - covered, covered)
+        speed = x**3 * (10.0 + x * (6.0 * x - 15.0))
+        bend = 30.0 * (x * (1.0 - x)) ** 2 / self.ramp * np.where(later, -1.0, 1.0)
+        return np.stack([sigma, speed / self.factor, bend / self.factor**2])
+
+
+def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp: float = 0.0) -> TimeScaling:
+    """Return the scaling of a motion by ``time_scale``, or a little more, so that it takes whole periods.
+
+    Raises InvalidInput for a time scale below 1, a ramp shorter than a period or longer than the motion, and a
+    rate with too few or too many periods.
+    """
+    scale, ramp = positive_number("time_scale", time_scale, ""), finite_number("ramp", ramp)
+    if scale < 1:
+        raise InvalidInput(f"time_scale: 1 or more, to slow down, wanted, got {scale:g}; faster is another motion")
+    if ramp != 0 and not 1 / rate <= ramp <= duration:
+        raise InvalidInput(f"ramp: 0, or from one period to the motion's {duration:g} s wanted, got {ramp:g} s")
+    periods = np.ceil((duration + ramp) * scale * rate - WHOLE_TOLERANCE)
+    if rate > MAX_RATE or not 3 <= periods <= MAX_PERIODS:
+        wish = f"at most {MAX_RATE:g} Hz, and from 3 to {MAX_PERIODS} periods"
+        raise InvalidInput(f"rate: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
+    return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)

@@ -1,0 +1,129 @@
+"""A choice on its way to a robot: what is written, what it says of itself, and what is refused before any work."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.joint_trajectory.controller import Controller
+from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
+
+SWING = swing()
+
+
+def test_a_choice_says_in_the_file_which_point_it_is_and_what_made_it(front, tmp_path):
+    choice = front.select(pk.Weights(kinetic_energy=1))
+    trajectory = pk.export(choice, tmp_path / "first.npz", rate=250, metadata={"cell": "bench 3"})
+    about = trajectory.metadata
+    assert (about["point"], about["reason"], about["cell"]) == (choice.id, choice.reason, "bench 3")
+    np.testing.assert_array_equal(about["objectives"], choice.objectives)
+    assert (about["arm"], about["controller"], about["rate"], about["time_scale"]) == (
+        choice.motion.arm.name, None, 250.0, 1.0
+    )  # fmt: skip
+    assert about["made by"] == f"paretoik {pk.__version__}"
+    with np.load(tmp_path / "first.npz") as stored:
+        np.testing.assert_array_equal(stored["q"], trajectory.q)
+    state = choice.motion.state(trajectory.time)
+    for values, own in zip((trajectory.q, trajectory.dq, trajectory.ddq), state, strict=True):
+        np.testing.assert_allclose(values, own, atol=1e-7)
+
+
+def test_a_controller_gives_its_rate_and_the_use_of_its_limits(tmp_path):
+    trajectory = pk.export(SWING, tmp_path / "swing.csv", controller="franka")
+    assert (trajectory.metadata["controller"], trajectory.metadata["rate"], len(trajectory.time)) == (
+        "panda",
+        1000,
+        2001,
+    )
+    uses = trajectory.metadata["use of limits"]
+    assert uses["velocity"] == pytest.approx((np.abs(trajectory.dq) / pk.controllers.PANDA.velocity).max(), rel=1e-6)
+    assert max(uses.values()) < 1
+
+
+def test_a_controller_of_ones_own_holds_too(tmp_path):
+    own = Controller(name="bench", joint_names=PANDA.joint_names, rate=125, velocity=0.3)
+    with pytest.raises(
+        Infeasible, match=r"controller bench: velocity of panda_joint7 is .* rad/s at 1 s, its limit 0\.3"
+    ):
+        pk.export(SWING, tmp_path / "swing.csv", controller=own)
+    assert not (tmp_path / "swing.csv").exists()
+    trajectory = pk.export(SWING, tmp_path / "swing.csv", controller=own, slow_down=True)
+    assert np.abs(trajectory.dq).max() <= 0.3
+    assert trajectory.metadata["time_scale"] == pytest.approx(trajectory.time[-1] / 2)
+
+
+def test_columns_follow_the_joint_names_that_are_asked_for(tmp_path):
+    names = list(reversed(PANDA.joint_names))
+    turned = pk.export(SWING, tmp_path / "a.csv", rate=50, joint_names=names)
+    own = pk.export(SWING, tmp_path / "b.csv", rate=50)
+    assert turned.joint_names == tuple(names)
+    np.testing.assert_array_equal(turned.q, own.q[:, ::-1])
+
+
+def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_written(tmp_path):
+    own = bench(PANDA, velocity=[9, 9, 9, 9, 9, 9, 0.1])
+    with pytest.raises(Infeasible, match="velocity of panda_joint7"):
+        pk.export(SWING, tmp_path / "a.csv", controller=own, joint_names=PANDA.joint_names[::-1])
+
+
+def test_a_file_that_is_there_is_replaced_only_where_told(tmp_path):
+    place = tmp_path / "mine.csv"
+    place.write_text("mine")
+    with pytest.raises(InvalidInput, match=r"mine\.csv: a new file or permission to overwrite \(--overwrite\) wanted"):
+        pk.export(SWING, place, rate=50)
+    assert place.read_text() == "mine"
+    pk.export(SWING, place, rate=50, overwrite=True)
+    assert place.read_text().startswith("# made by: ")
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"rate": None}, "rate: the controller's, in Hz (--rate), or a controller (--controller) wanted, got neither"),
+        ({"rate": 0}, "rate: must be positive, got 0 Hz"),
+        ({"rate": "1 kHz"}, "rate: must hold real numbers, got text"),
+        ({"controller": "abb"}, "controller: one of franka, ur, kinova, panda"),
+        ({"controller": "kinova"}, "controller gen3: wants the joints joint_1"),
+        ({"joint_names": ["elbow"]}, "got 'elbow', which is none of them"),
+        ({"time_scale": 0.9}, "time_scale: 1 or more, to slow down, wanted, got 0.9"),
+        ({"ramp": 9.0}, "ramp: 0, or from one period to the motion's 2 s wanted, got 9 s"),
+        ({"slow_down": "yes"}, "slow_down: True or False wanted, got 'yes'"),
+        ({"slow_down": True}, "slow_down: a controller, whose limits say how much, wanted, got none"),
+        ({"overwrite": 1}, "overwrite: True or False wanted, got 1"),
+        ({"format": "xml"}, "format: one of csv, parquet, npz, joint-trajectory, ros2-bag wanted, got 'xml'"),
+        ({"file": None}, "file: a path wanted, got None"),
+        ({"file": "swing"}, "swing: a format of csv"),
+        ({"motion": None}, "motion: a Motion or the Choice of one wanted, got None"),
+        ({"metadata": {"by": object()}}, "metadata.by: wanted what JSON can hold, got object"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused_in_one_line_and_nothing_written(changed, message, tmp_path, unchecked):
+    arguments = {"motion": SWING, "file": tmp_path / "swing.csv", "rate": 100, **changed}
+    with pytest.raises(InvalidInput, match=re.escape(message)) as refused:
+        pk.export(arguments.pop("motion"), arguments.pop("file"), **arguments)
+    assert "\n" not in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_batch_and_a_motion_without_its_arm_are_refused(front, run, tmp_path):
+    with pytest.raises(
+        InvalidInput, match=r"motion: one motion wanted, got a batch of \(\d+,\); pick one: motions\[0\]"
+    ):
+        pk.export(front.motions, tmp_path / "a.csv", rate=100)
+    stored = pk.Front.load(run[0])
+    with pytest.raises(InvalidInput, match="motion: a choice whose front knows its arm wanted, got one without; open"):
+        pk.export(stored.choice(0, "mine"), tmp_path / "a.csv", rate=100)
+
+
+@pytest.mark.parametrize("name", ["cyclic", "planar", "Panda, two tasks"])
+def test_a_ramp_brings_any_motion_from_rest_to_rest_on_its_own_curve(name, tmp_path):
+    motion = MOTIONS[name]
+    controller = bench(motion.arm, rest_acceleration=True)
+    trajectory = pk.export(motion, tmp_path / "a.parquet", controller=controller, ramp=0.2)
+    assert np.abs([trajectory.dq[[0, -1]], trajectory.ddq[[0, -1]]]).max() == 0.0
+    np.testing.assert_allclose(trajectory.q[[0, -1]], motion.at(motion.time[[0, -1]]), atol=1e-12)
+    assert trajectory.time[-1] == pytest.approx(float(motion.duration) + 0.2)

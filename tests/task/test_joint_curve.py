@@ -1,0 +1,191 @@
+"""The state of a motion at any time: positions as at(t), velocities and accelerations their exact derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paretoik import Arm, Motion, Pose, Task, circle, line, poses, waypoints
+from paretoik.errors import Infeasible, InvalidInput
+from paretoik.robot.arms import marcos_nr, tringali_3r
+from paretoik.robot.pose import vector_to_quaternion
+from paretoik.task.path import Path
+from paretoik.task.retraction import retract_nearest
+from tests.formulations.problems import panda
+from tests.task.test_curves import FIRST, SECOND
+from tests.task.test_motion_between_samples import on_circle
+
+SAMPLES = np.linspace(0.0, 1.0, 21)
+BETWEEN = np.setdiff1d(np.linspace(0.003, 0.997, 72).round(4), SAMPLES)
+STEP = 4e-3  # of the differences, so that what the projection leaves, 1e-12, stays small; samples are not crossed
+SLIDING = Arm.from_dh(
+    a=[0.1, 0.3, 0.0, 0.2, 0.1],
+    alpha=[0.0, 1.2, -0.7, 0.9, 0.4],
+    d=[0.2, 0.1, 0.3, 0.0, 0.1],
+    theta=[0.0, 0.5, 0.0, -0.4, 0.2],
+    types=["revolute", "revolute", "prismatic", "continuous", "revolute"],
+    convention="modified",
+)
+POSTURES = {3: [-0.6, 0.9, 0.8], 4: [0.3, 0.6, 0.5, -0.4], 5: [0.2, 0.4, 0.3, -0.5, 0.6]}
+POSTURES[7] = [0.1, -0.5, 0.2, -2.0, 0.1, 1.6, 0.5]
+
+
+def pose_at(arm, frame="tool"):
+    return arm.pose(POSTURES[arm.dof], frame=frame)
+
+
+def turned(pose, step, turn):
+    """Return a pose moved by a step and turned by a rotation vector, both in the world."""
+    return Pose(pose.position + step, vector_to_quaternion(np.array(turn))) @ Pose(np.zeros(3), pose.quaternion)
+
+
+def poses_line(arm, timing="raised-cosine"):
+    about = (0.0, 0.0, 0.1) if arm.is_planar else (0.1, -0.2, 0.15)
+    step = (-0.02, 0.01, 0.0) if arm.is_planar else (0.04, -0.03, 0.05)
+    return line(pose_at(arm), turned(pose_at(arm), step, about), duration=1.0, samples=21, timing=timing)
+
+
+def through_poses(arm):
+    start = pose_at(arm)
+    ahead = [turned(start, 0.01 * np.array([k, -k, k * k]), [0.04 * k, 0.02 * k * k, -0.03 * k]) for k in range(4)]
+    return poses([0.0, 0.3, 0.6, 1.0], ahead)
+
+
+def about_poses(arm):
+    return circle(pose_at(arm) @ Pose([-0.03, 0.0, 0.0]), 0.03, duration=1.0, samples=21, timing="quintic")
+
+
+def points(arm, frame="tool"):
+    start = pose_at(arm, frame).position
+    corners = start + 0.02 * np.array([[0, 0, 0], [1, 2, 1], [3, 1, -1], [4, 3, 0]])
+    return waypoints(corners[:, :2] if arm.is_planar else corners, duration=1.0, samples=21)
+
+
+PLANAR, PANDA = tringali_3r(), panda()
+CASES = {
+    "planar, position": (PLANAR, [Task(points(PLANAR))]),
+    "planar, position and angle": (marcos_nr(4), [Task(poses_line(marcos_nr(4)))]),
+    "planar, as many equations as joints": (PLANAR, [Task(poses_line(PLANAR, "uniform"))]),
+    "position in a plane": (PANDA, [Task(points(PANDA), axes="xy")]),
+    "position": (PANDA, [Task(points(PANDA))]),
+    "position, a slide": (SLIDING, [Task(points(SLIDING))]),
+    "pose on a line": (PANDA, [Task(poses_line(PANDA, "quintic"))]),
+    "pose through poses": (PANDA, [Task(through_poses(PANDA))]),
+    "pose on a circle": (PANDA, [Task(about_poses(PANDA))]),
+    "axis through poses": (PANDA, [Task(through_poses(PANDA), axes="xyz+z-axis")]),
+    "axis of a mounted arm": (
+        PANDA.mounted(base=Pose.from_rpy([0.1, 0.2, 0.3], [0.2, 0.3, 0.4])),
+        [Task(through_poses(PANDA.mounted(base=Pose.from_rpy([0.1, 0.2, 0.3], [0.2, 0.3, 0.4]))), axes="xyz+z-axis")],
+    ),
+    "two tasks": (PANDA, [Task(points(PANDA)), Task(points(PANDA, "panda_link4"), frame="panda_link4", axes="xy")]),
+}
+every_case = pytest.mark.parametrize(("arm", "tasks"), CASES.values(), ids=CASES)
+
+
+def motion(arm, tasks, differences="spline", seed=0, batch=()):
+    """Return a motion that follows the tasks, with some self-motion where there is redundancy."""
+    tasks = tuple(task.resolve_axes(arm) for task in tasks)
+    phases = np.random.default_rng(seed).uniform(0, 6, (*batch, 1, arm.dof))
+    near = np.array(POSTURES[arm.dof]) + 0.05 * np.sin(4 * SAMPLES[:, None] + phases)
+    targets = np.concatenate([task.targets(SAMPLES) for task in tasks], axis=1)
+    retraction = retract_nearest(arm, tasks, near, targets)
+    assert retraction.on_path.all()
+    return Motion(arm=arm, time=SAMPLES, q=retraction.q, tasks=tasks, differences=differences)
+
+
+def differences_of(curve, t):
+    """Return first and second differences of a curve of time, of sixth order."""
+    around = np.stack([curve(t + k * STEP) for k in range(-3, 4)])
+    return np.tensordot(FIRST, around, 1) / STEP, np.tensordot(SECOND, around, 1) / STEP**2
+
+
+def far_from_samples(t, samples):
+    return t[np.abs(t[:, None] - samples).min(axis=1) > 3 * STEP]
+
+
+@every_case
+@pytest.mark.parametrize("differences", ["central", "spline"])
+def test_velocities_and_accelerations_are_the_derivatives_of_the_projected_curve(arm, tasks, differences):
+    moving = motion(arm, tasks, differences)
+    t = far_from_samples(BETWEEN, SAMPLES)
+    q, dq, ddq = moving.state(t)
+    first, second = differences_of(moving.at, t)
+    np.testing.assert_array_equal(q, moving.at(t))
+    np.testing.assert_allclose(dq, first, atol=1e-8 * (1 + np.abs(first).max()))
+    np.testing.assert_allclose(ddq, second, atol=3e-6 * (1 + np.abs(second).max()))
+
+
+@every_case
+def test_the_tool_has_the_velocity_and_acceleration_of_its_path_at_samples_too(arm, tasks):
+    moving = motion(arm, tasks)
+    t = np.sort(np.concatenate([BETWEEN, SAMPLES]))
+    q, dq, ddq = moving.state(t)
+    for task in moving.tasks:
+        rates = task.path.rates(t)
+        rows = task.position_rows
+        jacobian = arm.jacobian(q, frame=task.frame)[:, :rows]
+        drift = (arm.jacobian(q + 1e-6 * dq, frame=task.frame) - arm.jacobian(q - 1e-6 * dq, frame=task.frame)) / 2e-6
+        velocity = np.einsum("tij,tj->ti", jacobian, dq)
+        acceleration = np.einsum("tij,tj->ti", jacobian, ddq) + np.einsum("tij,tj->ti", drift[:, :rows], dq)
+        np.testing.assert_allclose(velocity, rates.velocity[:, :rows], atol=1e-12)
+        np.testing.assert_allclose(acceleration, rates.acceleration[:, :rows], atol=1e-8)
+    if tasks[0].path.quaternions is not None and moving.tasks[0].axes == "pose":
+        turning = np.einsum("tij,tj->ti", arm.jacobian(q)[:, 3:], dq)
+        np.testing.assert_allclose(turning, moving.tasks[0].path.rates(t).angular_velocity, atol=1e-11)
+
+
+@pytest.mark.parametrize("differences", ["backward", "spline"])
+def test_without_tasks_or_projection_the_state_is_that_of_the_spline(differences):
+    moving = motion(PANDA, CASES["position"][1], differences)
+    free = Motion(arm=PANDA, time=SAMPLES, q=moving.q, differences=differences)
+    t = far_from_samples(BETWEEN, SAMPLES)
+    for state in (free.state(t), moving.state(t, project=False)):
+        first, second = differences_of(free.at, t)
+        np.testing.assert_allclose(state.dq, first, atol=1e-9)
+        np.testing.assert_allclose(state.ddq, second, atol=1e-7)
+    if differences == "spline":
+        np.testing.assert_allclose(free.state(SAMPLES).dq, free.dq, atol=1e-12)
+        np.testing.assert_allclose(free.state(SAMPLES).ddq, free.ddq, atol=1e-10)
+
+
+@pytest.mark.parametrize("differences", ["central", "spline"])
+def test_a_cyclic_motion_leaves_as_it_arrives(differences):
+    moving = on_circle(31, True, differences=differences)
+    q, dq, ddq = moving.state(np.array([0.0, 1.0]))
+    for values, tolerance in ((q, 1e-10), (dq, 1e-8), (ddq, 1e-7)):
+        np.testing.assert_allclose(values[0], values[1], atol=tolerance)
+
+
+def test_a_motion_that_ends_at_rest_does_so_on_its_path_too():
+    moving = motion(PANDA, CASES["pose on a line"][1])
+    resting = Motion(arm=PANDA, time=SAMPLES, q=moving.q, tasks=moving.tasks, differences="spline", ends_at_rest=True)
+    assert np.abs(resting.state(1.0).dq).max() < 1e-12
+    assert np.abs(moving.state(1.0).dq).max() > 1e-3
+
+
+@pytest.mark.parametrize("differences", ["central", "spline"])
+def test_the_state_of_a_batch_is_that_of_its_members(differences):
+    moving = motion(PANDA, CASES["axis through poses"][1], differences, batch=(2, 3))
+    states = moving.state(BETWEEN[:9])
+    assert states.ddq.shape == (2, 3, 9, 7)
+    for i in range(2):
+        for j in range(3):
+            for values, one in zip(states, moving[i][j].state(BETWEEN[:9]), strict=True):
+                np.testing.assert_allclose(values[i, j], one, rtol=1e-9, atol=1e-9)
+
+
+def test_a_path_without_velocities_of_its_own_is_refused():
+    along = CASES["position"][1][0].path
+    bare = Path(along.times, along.positions, None, lambda t: along.curve(t))
+    moving = motion(PANDA, [Task(bare)])
+    assert moving.at(0.5).shape == (1, 7)
+    with pytest.raises(InvalidInput, match=r"path: velocities want a curve with rates, .*, got function"):
+        moving.state(0.5)
+
+
+def test_a_stretched_arm_has_no_velocity_and_says_so():
+    arm = Arm.planar(lengths=[0.5, 0.5, 0.5])
+    out = line([1.5, 0.0], [1.4, 0.0], duration=1.0, samples=3)
+    moving = Motion(arm=arm, time=out.times, q=np.zeros((3, 3)), tasks=(Task(out).resolve_axes(arm),))
+    with pytest.raises(Infeasible, match="at 0 s it meets a singularity of its tasks, where it has no direction"):
+        moving.state(0.0)
