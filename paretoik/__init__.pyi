@@ -4,6 +4,7 @@ from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
+from .api.report import report as report
 from .api.solve import solve as solve
 from .capability.directional import directional_maxima as directional_maxima
 from .closed_loop.objectives import joint_displacement as joint_displacement

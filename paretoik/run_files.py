@@ -28,7 +28,8 @@ CERTIFICATES = "certificates.png"
 STEPS = "steps.parquet"
 SEARCHES = "searches.npz"
 CHECKPOINT = "checkpoint"
-CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT)
+REPORT = "report.html"
+CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT, REPORT)
 
 
 def replace_file(file: Path, content: bytes) -> None:

@@ -12,6 +12,7 @@ import typer
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.console import print_message
 from paretoik.cli.list_problems import list_problems
+from paretoik.cli.report import report
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
@@ -29,6 +30,7 @@ app.command("list")(list_problems)
 app.command()(solve)
 app.command()(select)
 app.command()(show)
+app.command()(report)
 app.command("check-robot")(check_robot)
 
 
