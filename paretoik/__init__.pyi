@@ -1,5 +1,6 @@
 from . import capability as capability
 from . import errors as errors
+from .api.compare import compare as compare
 from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.load_front import load_front as load_front
 from .api.plan import plan as plan

@@ -14,6 +14,7 @@ import numpy as np
 
 from paretoik.formulations.protocol import is_loop
 from paretoik.review.limits_between import describe_limits_between
+from paretoik.tables import columns
 
 if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
@@ -140,14 +141,6 @@ def entries(front: Front) -> list[dict[str, Any]]:
         for index, entry in enumerate(rows):
             entry["certificate"] = {part.name: getattr(certificates, part.name)[index] for part in fields(certificates)}
     return rows
-
-
-def columns(rows: Sequence[tuple[str, ...]]) -> str:
-    """Return rows of cells as lines with aligned columns."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
 
 
 def _exchange_rates(front: Front, certificate: Certificates) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.check_robot import check_robot
+from paretoik.cli.compare import compare
 from paretoik.cli.console import print_message
 from paretoik.cli.list_problems import list_problems
 from paretoik.cli.report import report
@@ -31,6 +32,7 @@ app.command()(solve)
 app.command()(select)
 app.command()(show)
 app.command()(report)
+app.command()(compare)
 app.command("check-robot")(check_robot)
 
 

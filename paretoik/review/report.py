@@ -19,6 +19,7 @@ import numpy as np
 from paretoik.arrays import Values
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
+from paretoik.front.provenance import flatten
 from paretoik.review.palette import PAPER, objective_label
 from paretoik.review.report_motions import ReportMotions, spread_rows
 from paretoik.run_files import replace_file
@@ -145,7 +146,7 @@ class Report:
                 left_out=len(front) - len(shown),
                 without_motion=[number for number in front.ids[shown].tolist() if number not in moving],
                 moving=moving,
-                provenance=list(_flatten(front.provenance)),
+                provenance=list(flatten(front.provenance).items()),
                 has_rates=front.certificates is not None and len(front.names) > 1,
                 style=_page_file("page.css"),
                 script=script,
@@ -222,17 +223,6 @@ def _embed(data: Mapping[str, Any]) -> str:
     """Return JSON that no HTML parser can leave: "<" is written as JSON writes other characters."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-
-
-def _flatten(entries: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Return nested settings as names and values: "settings.seed", "1"."""
-    rows: list[tuple[str, str]] = []
-    for name, value in entries.items():
-        if isinstance(value, Mapping):
-            rows += _flatten(value, f"{prefix}{name}.")
-        else:
-            rows.append((f"{prefix}{name}", "–" if value is None or value == "" else str(value)))
-    return rows
 
 
 def _size(value: float) -> str:
