@@ -1,10 +1,12 @@
 from . import capability as capability
 from . import errors as errors
+from .api.compare import compare as compare
 from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.export import export as export
 from .api.load_front import load_front as load_front
 from .api.plan import plan as plan
 from .api.refine import refine as refine
+from .api.report import report as report
 from .api.solve import solve as solve
 from .capability.directional import directional_maxima as directional_maxima
 from .closed_loop.objectives import joint_displacement as joint_displacement

@@ -29,7 +29,8 @@ STEPS = "steps.parquet"
 SEARCHES = "searches.npz"
 CHECKPOINT = "checkpoint"
 CHOICES = "choices.json"
-CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT, CHOICES)
+REPORT = "report.html"
+CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT, CHOICES, REPORT)
 
 
 def replace_file(file: Path, content: bytes) -> None:

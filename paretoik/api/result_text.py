@@ -15,6 +15,7 @@ import numpy as np
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.choices import preference_data
 from paretoik.review.limits_between import describe_limits_between
+from paretoik.tables import columns
 
 if TYPE_CHECKING:
     from paretoik.front.certificates import Certificates
@@ -33,11 +34,23 @@ def result_text(front: Front, out: Path) -> str:
     return "\n".join(lines)
 
 
+def status_text(front: Front) -> str:
+    """Return how far a run came and what ended it."""
+    counts, status = front.provenance["counts"], front.provenance["status"]
+    if is_loop(front):
+        return f"{counts['steps']} of {counts['of']} steps in {counts['seconds']:.1f} s (ended by {status})"
+    points = "1 point" if len(front) == 1 else f"{len(front)} points"
+    return (
+        f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations and "
+        f"{counts['seconds']:.1f} s (ended by {status})"
+    )
+
+
 def _loop_lines(front: Front) -> list[str]:
     provenance = front.provenance
-    counts, weights = provenance["counts"], provenance["settings"]["weights"]
+    weights = provenance["settings"]["weights"]
     lines = [
-        f"{counts['steps']} of {counts['of']} steps in {counts['seconds']:.1f} s (ended by {provenance['status']})",
+        status_text(front),
         f"position error {provenance['position_error']:.6g} m (mean over the steps), "
         f"drift {provenance['drift']:.6g} rad",
     ]
@@ -52,11 +65,7 @@ def _loop_lines(front: Front) -> list[str]:
 
 
 def _front_lines(front: Front) -> list[str]:
-    counts = front.provenance["counts"]
-    lines = [
-        f"{len(front)} points after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-        f"{counts['seconds']:.1f} s (ended by {front.provenance['status']})"
-    ]
+    counts, lines = front.provenance["counts"], [status_text(front)]
     rows = [("objective", "unit", "best", "worst on the front")]
     for name, unit, maximised, values in zip(
         front.names, front.units, front.maximised, front.objectives.T, strict=True
@@ -150,11 +159,3 @@ def entries(front: Front) -> list[dict[str, Any]]:
         for index, entry in enumerate(rows):
             entry["certificate"] = {part.name: getattr(certificates, part.name)[index] for part in fields(certificates)}
     return rows
-
-
-def columns(rows: Sequence[tuple[str, ...]]) -> str:
-    """Return rows of cells as lines with aligned columns."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    )

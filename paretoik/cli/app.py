@@ -10,9 +10,11 @@ from typing import Annotated
 import typer
 
 from paretoik.cli.check_robot import check_robot
+from paretoik.cli.compare import compare
 from paretoik.cli.console import print_message, print_what_is_printable
 from paretoik.cli.export import export
 from paretoik.cli.list_problems import list_problems
+from paretoik.cli.report import report
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
@@ -31,6 +33,8 @@ app.command()(solve)
 app.command()(select)
 app.command()(show)
 app.command()(export)
+app.command()(report)
+app.command()(compare)
 app.command("check-robot")(check_robot)
 
 

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.result_text import columns
 from paretoik.cli.console import JsonFlag, print_json, print_message
 from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.tables import columns
 
 
 def list_problems(

@@ -1,0 +1,49 @@
+"""Compare fronts, or the runs that found them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from paretoik.api.load_front import load_front
+from paretoik.errors import InvalidInput
+from paretoik.front.comparison import Comparison
+from paretoik.front.front import Front
+from paretoik.inputs import file_path
+
+
+def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) -> Comparison:
+    """Return fronts, or runs in folders, side by side: hypervolume, coverage, additive epsilon, attainment.
+
+    Print it for the tables; ``.merged`` is all of them as one front. ``labels`` are by default the names of folders, or
+    "front 1", "front 2", ...; fronts with the same label count as runs of one method, such as its seeds.
+
+    Raises InvalidInput where fronts differ in objectives, units or senses, one is empty, or labels do not match;
+    InvalidRun for a folder that holds no run.
+
+    >>> import numpy as np, paretoik as pk
+    >>> a, b = (pk.Front(ids=np.arange(2), objectives=np.array(values), names=["energy", "torque"],
+    ...                  units=["J", "N m"], maximised=[False, False])
+    ...         for values in ([[1.0, 4.0], [3.0, 1.0]], [[1.0, 5.0], [2.0, 2.0]]))
+    >>> print(repr(pk.compare(a, b)))
+    Comparison of 2 fronts, hypervolume front 1 0.3865, front 2 0.8466 of the merged front's
+    """
+    for name in labels or ():
+        if not isinstance(name, str):
+            raise InvalidInput(f"labels: wanted text, got {name!r}")
+    if isinstance(labels, str):
+        raise InvalidInput(f"labels: wanted a list of them, got {labels!r}")
+    loaded = tuple(front if isinstance(front, Front) else load_front(file_path("folder", front)) for front in fronts)
+    return Comparison(fronts=loaded, labels=_labels(fronts) if labels is None else tuple(labels))
+
+
+def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
+    """Return a label for each front: the end of its folder's path that no other has."""
+    paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
+    names = [f"front {place}" if path is None else path.name for place, path in enumerate(paths, 1)]
+    twice = {name for name, count in Counter(names).items() if count > 1}
+    return tuple(
+        name if name not in twice or path is None else str(Path(*path.parts[-2:]))
+        for name, path in zip(names, paths, strict=True)
+    )

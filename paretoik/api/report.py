@@ -1,0 +1,82 @@
+"""Write the report of a run or of a front: one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from paretoik.api.load_front import load_front
+from paretoik.api.result_text import certificate_text, gap_text, status_text
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.formulations.protocol import is_loop
+from paretoik.front.front import Front
+from paretoik.front.joint_motions import StoredMotions
+from paretoik.inputs import file_path
+from paretoik.review.limits_between import describe_limits_between
+from paretoik.review.report import Report, Steps
+from paretoik.run_files import REPORT, STEPS
+
+STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
+
+
+def report(front: Front | Path | str, file: Path | str | None = None) -> Path:
+    """Write a report of ``front``, or of the run in a folder, into ``file``, and return where it is.
+
+    One HTML page of at most 5 MB that loads nothing: the front with ids, every point's motion as far as there is room,
+    certificates, exchange rates, choices, settings and versions. A run's goes into its folder where no file is named.
+
+    Raises InvalidInput where a front comes without a file, or the file cannot be written; InvalidRun for a folder that
+    holds no run, or a damaged one.
+    """
+    folder = None if isinstance(front, Front) else file_path("folder", front)
+    if isinstance(front, Front):
+        if file is None:
+            raise InvalidInput("report: wanted a file to write into, got none, and a front has no folder")
+        place = file_path("file", file)
+    else:
+        assert folder is not None
+        front = load_front(folder)
+        place = folder / REPORT if file is None else file_path("file", file)
+    if place.is_dir():
+        raise InvalidInput(f"report: wanted a file to write into, got the folder {place}")
+    Report(front=front, title=_title(front), notes=_notes(front), steps=_steps(front, folder)).write(place)
+    return place
+
+
+def _title(front: Front) -> str:
+    if is_loop(front):
+        return f"A closed loop by {_listed(front.names)}"
+    return f"The front of {_listed(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _notes(front: Front) -> list[str]:
+    """Return what a run's summary says of a front."""
+    notes = [status_text(front)] if "counts" in front.provenance else []
+    if front.certificates is not None:
+        notes.append(certificate_text(front.certificates))
+    if isinstance(front.motions, StoredMotions):
+        notes.append(
+            "Of motions there are joint positions alone, as the problem is not at hand: "
+            "pk.report(pk.load_front(folder, problem), file) shows the rest."
+        )
+    return [note for note in (*notes, gap_text(front), describe_limits_between(front)) if note]
+
+
+def _steps(front: Front, folder: Path | None) -> Steps | None:
+    """Return what a closed loop chose at every step, from its run folder; None of other runs."""
+    if folder is None or not is_loop(front) or not (folder / STEPS).is_file():
+        return None
+    from pyarrow import ArrowException, parquet
+
+    try:
+        table = parquet.read_table(folder / STEPS)
+        parts = [np.stack([table[f"{part} {name}"] for name in front.names], axis=1) for part in STEP_PARTS]
+        return Steps(times=np.asarray(table["time"]), chosen=parts[0], best=parts[1], worst=parts[2])
+    except (ArrowException, KeyError, ValueError, OSError) as fault:
+        raise InvalidRun(f"{folder / STEPS}: wanted the steps of a closed loop, got {fault}") from fault

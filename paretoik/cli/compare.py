@@ -1,0 +1,51 @@
+"""``paretoik compare``: the fronts of runs side by side, and all of them as one."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from paretoik.cli.console import JsonFlag, print_json
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of finished runs, at least two.", show_default=False)],
+    labels: Annotated[
+        str | None,
+        typer.Option(help="LABEL,LABEL: one a run; runs with one label are one method's.", show_default=False),
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw the fronts into this PNG.", show_default=False)] = None,
+    merge: Annotated[
+        Path | None, typer.Option(help="Keep what no point of any run dominates as a run here.", show_default=False)
+    ] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder of --merge.")] = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Compare the fronts of runs: hypervolume, coverage, additive epsilon, and the settings that differ."""
+    with redirect_stdout(sys.stderr):
+        from paretoik.api.compare import compare as compare_fronts
+        from paretoik.execution.run_folder import claim_folder
+        from paretoik.front.comparison_text import comparison_entries
+
+        comparison = compare_fronts(*runs, labels=None if labels is None else labels.split(","))
+        if merge is not None:
+            merged = comparison.merged
+            with claim_folder(merge, overwrite=overwrite) as folder:
+                merged.save(folder)
+        if picture is not None:
+            from paretoik.review.comparison_plots import comparison_picture
+
+            comparison_picture(comparison, picture)
+    if as_json:
+        print_json(comparison_entries(comparison))
+    else:
+        print(comparison)
+        if merge is not None:
+            lost = merged.provenance["merged"]["left_out"]
+            print(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
+            if lost:
+                print(f"not every run has the same {' and '.join(lost)}, so that the merged front has none")

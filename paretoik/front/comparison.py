@@ -1,0 +1,199 @@
+"""Fronts of the same objectives side by side: hypervolume, coverage, additive epsilon, attainment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from paretoik.arrays import Objectives, Values
+from paretoik.errors import InvalidInput
+from paretoik.front.front import Front
+from paretoik.front.indicators import hypervolume, non_dominated
+from paretoik.front.provenance import differences as differing_entries
+
+Pairs = Float[np.ndarray, "fronts fronts"]
+REFERENCE = 1.1  # of the ranges: ends count, and no front's own worst point sets the scale (Ishibuchi et al. 2018)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison:
+    """Fronts with the same objectives, a label each, measured alike; fronts with one label are runs of one method.
+
+    All objectives are minimised and taken as shares of the ranges of the merged front, what no point of any front
+    dominates: 0 its best value, 1 its worst. Raises InvalidInput for fewer than two fronts, an empty one, labels that
+    do not match, and other names, units or senses than those of the first.
+    """
+
+    fronts: tuple[Front, ...]
+    labels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.fronts) < 2:
+            raise InvalidInput(f"compare: wanted at least two fronts, got {len(self.fronts)}")
+        if len(self.labels) != len(self.fronts):
+            raise InvalidInput(f"labels: wanted one for each of {len(self.fronts)} fronts, got {len(self.labels)}")
+        for front, label in zip(self.fronts, self.labels, strict=True):
+            _check_alike(self.fronts[0], front, self.labels[0], label)
+
+    @property
+    def points(self) -> Int[np.ndarray, " fronts"]:
+        """How many points each front has."""
+        return np.array([len(front) for front in self.fronts])
+
+    @cached_property
+    def merged_rows(self) -> tuple[Int[np.ndarray, " rows"], ...]:
+        """Rows of each front that are on the merged front; of equal points the first front's alone."""
+        on_front = non_dominated(np.concatenate([front.minimised for front in self.fronts]))
+        return tuple(np.flatnonzero(part) for part in np.split(on_front, np.cumsum(self.points)[:-1]))
+
+    @cached_property
+    def on_merged(self) -> Int[np.ndarray, " fronts"]:
+        """How many points of each front no point of any front dominates; equal points count in each front."""
+        merged = self._merged_values
+        return np.array([_is_row_of(front.minimised, merged).sum() for front in self.fronts])
+
+    @cached_property
+    def ranges(self) -> Float[np.ndarray, "n_obj 2"]:
+        """The best and the worst value of each objective on the merged front, in the user's own sign."""
+        low, high = self._merged_values.min(axis=0), self._merged_values.max(axis=0)
+        return np.stack([low, high], axis=1) * np.where(self.fronts[0].maximised, -1.0, 1.0)[:, None]
+
+    @cached_property
+    def shares(self) -> tuple[Objectives, ...]:
+        """The objectives of each front, minimised, as shares of the merged front's ranges."""
+        merged = self._merged_values
+        everything = np.concatenate([front.minimised for front in self.fronts])
+        width = np.ptp(merged, axis=0)
+        width = np.where(width > 0, width, np.ptp(everything, axis=0))  # of a merged front without extent
+        width = np.where(width > 0, width, 1.0)
+        return tuple((front.minimised - merged.min(axis=0)) / width for front in self.fronts)
+
+    @cached_property
+    def hypervolume(self) -> Values:
+        """Hypervolume of each front (fronts,) up to 1.1 in every share, over that of the merged front."""
+        reference = np.full(len(self.fronts[0].names), REFERENCE)
+        kept = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
+        return np.array([hypervolume(shares, reference) for shares in self.shares]) / hypervolume(kept, reference)
+
+    @cached_property
+    def coverage(self) -> Pairs:
+        """C-metric [i, j]: share of the points of front j that some point of front i weakly dominates.
+
+        Zitzler & Thiele (1999), Eq. 3: C(i, j) and C(j, i) need not sum to 1.
+        """
+        return np.array([[_covered(one.minimised, other.minimised) for other in self.fronts] for one in self.fronts])
+
+    @cached_property
+    def epsilon(self) -> Pairs:
+        """Additive epsilon [i, j]: the least that, taken off all of front i, makes it weakly dominate front j.
+
+        In shares of the ranges; at most 0 where it does so already. Zitzler et al. (2003), Definition 6.
+        """
+        import moocore
+
+        return np.array(
+            [[float(moocore.epsilon_additive(one, ref=other)) for other in self.shares] for one in self.shares]
+        )
+
+    @cached_property
+    def differences(self) -> Mapping[str, tuple[str, ...]]:
+        """What differs in how the fronts were made, by name, a value a front."""
+        return differing_entries([front.provenance for front in self.fronts])
+
+    @cached_property
+    def merged(self) -> Front:
+        """What no point of any front dominates, as one front with ids of its own; ``origins`` says whence each comes.
+
+        Raises InvalidInput where fronts are of different problems, or of closed loops.
+        """
+        from paretoik.front.merging import merge
+
+        return merge(self)
+
+    @property
+    def origins(self) -> dict[int, tuple[str, int]]:
+        """Of every id of the merged front the label of the front that it comes from, and its id there."""
+        return {number: (label, old) for number, label, old in self.merged.provenance["merged"]["origins"]}
+
+    @property
+    def groups(self) -> dict[str, list[int]]:
+        """The fronts of each label, by their places."""
+        places: dict[str, list[int]] = {}
+        for place, label in enumerate(self.labels):
+            places.setdefault(label, []).append(place)
+        return places
+
+    def attainment(self, share: float = 0.5, label: str | None = None) -> Objectives:
+        """Return the points of the surface that at least ``share`` of the runs reach, in the user's own sign.
+
+        Runs are the fronts with ``label``, or all. Share 1 is the worst surface, 0.5 the median, and the least above 0
+        the best: one run is enough (Fonseca et al. 2011). Raises InvalidInput for other than two or three objectives,
+        an unknown label, and a share outside (0, 1].
+        """
+        import moocore
+
+        n_obj = len(self.fronts[0].names)
+        if n_obj not in (2, 3):
+            raise InvalidInput(f"attainment: wanted two or three objectives, got {n_obj}")
+        if not 0 < share <= 1:
+            raise InvalidInput(f"attainment: wanted a share above 0 and at most 1, got {share}")
+        if label is not None and label not in self.labels:
+            raise InvalidInput(f"attainment: wanted a label among {', '.join(self.groups)}, got {label!r}")
+        runs = range(len(self.fronts)) if label is None else self.groups[label]
+        values = [self.fronts[run].minimised for run in runs]
+        sets = np.repeat(np.arange(len(values)), [len(each) for each in values])
+        surface = moocore.eaf(np.concatenate(values), sets, percentiles=[100.0 * share])[:, :n_obj]
+        return surface * np.where(self.fronts[0].maximised, -1.0, 1.0)
+
+    def __str__(self) -> str:
+        from paretoik.front.comparison_text import comparison_text
+
+        return comparison_text(self)
+
+    def __repr__(self) -> str:
+        """Return one line: which fronts, and the hypervolume of each."""
+        volumes = ", ".join(
+            f"{label} {volume:.4g}" for label, volume in zip(self.labels, self.hypervolume, strict=True)
+        )
+        return f"Comparison of {len(self.fronts)} fronts, hypervolume {volumes} of the merged front's"
+
+    def _repr_html_(self) -> str:
+        from paretoik.front.comparison_text import comparison_html
+
+        return comparison_html(self)
+
+    @cached_property
+    def _merged_values(self) -> Objectives:
+        parts = [front.minimised[rows] for front, rows in zip(self.fronts, self.merged_rows, strict=True)]
+        return np.concatenate(parts)
+
+
+def _check_alike(first: Front, front: Front, first_label: str, label: str) -> None:
+    if len(front) == 0:
+        raise InvalidInput(f"compare: wanted fronts of at least one point, got none in {label}")
+    for name in ("names", "units", "maximised"):
+        wanted, got = getattr(first, name), getattr(front, name)
+        if wanted != got:
+            raise InvalidInput(
+                f"compare: wanted the same {name} of objectives everywhere, got {_listed(wanted)} in {first_label} "
+                f"and {_listed(got)} in {label}"
+            )
+
+
+def _listed(values: Sequence[object]) -> str:
+    return ", ".join(str(value) or "none" for value in values)
+
+
+def _is_row_of(values: Objectives, others: Float[np.ndarray, "others n_obj"]) -> Bool[np.ndarray, " points"]:
+    rows = {row.tobytes() for row in others + 0.0}  # so that −0 is 0
+    return np.array([row.tobytes() in rows for row in values + 0.0], dtype=bool)
+
+
+def _covered(one: Float[np.ndarray, "points n_obj"], other: Float[np.ndarray, "others n_obj"]) -> float:
+    """Return the share of the points of ``other`` that some point of ``one`` weakly dominates."""
+    covered = [bool((one <= point).all(axis=1).any()) for point in other]
+    return float(np.mean(covered))

@@ -1,0 +1,34 @@
+"""What is known of how fronts were made, as names and values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+COMPARED = ("problem", "fingerprint", "settings", "versions", "status")  # counts and seconds always differ
+
+
+def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Return nested entries as text by name.
+
+    >>> flatten({"settings": {"seed": 1, "refine": None}})
+    {'settings.seed': '1', 'settings.refine': '–'}
+    """
+    flat: dict[str, str] = {}
+    for name, value in entries.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = "–" if value is None or value == "" else str(value)
+    return flat
+
+
+def differences(provenances: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, ...]]:
+    """Return the entries that are not the same of all, by name: the value of each, "–" where it has none.
+
+    Problems, settings, versions and what ended a run are looked at.
+    """
+    flat = [flatten({name: each[name] for name in COMPARED if name in each}) for each in provenances]
+    names = dict.fromkeys(name for each in flat for name in each)
+    values = {name: tuple(each.get(name, "–") for each in flat) for name in names}
+    return {name: each for name, each in values.items() if len(set(each)) > 1}

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.api.solve import solve
+from paretoik.errors import InvalidInput, InvalidRun
+from tests.api.problems import QUICK
+
+
+def test_fronts_and_folders_are_compared_and_merged_with_their_motions(run, problem, tmp_path):
+    folder, front = run
+    other = solve(problem, **QUICK, seed=2)
+    comparison = pk.compare(folder, other)
+    assert comparison.labels == ("run", "front 2")
+    assert {"settings.seed"} <= set(comparison.differences) <= {"settings.seed", "status"}
+    merged = pk.compare(front, other).merged
+    assert merged.motions.arm == problem.task.arm
+    violation = np.maximum(problem.task.violations(merged.motions).max(axis=1), 0.0)
+    np.testing.assert_allclose(violation, merged.violation, atol=1e-9)
+    values = np.array([objective.value(merged.motions) for objective in problem.task.objectives]).T
+    np.testing.assert_allclose(values, merged.objectives, rtol=1e-9)
+    merged.save(tmp_path)
+    again = pk.load_front(tmp_path, problem)
+    np.testing.assert_allclose(again.motions.torque, merged.motions.torque, rtol=1e-9, atol=1e-12)
+
+
+def test_folders_of_one_name_get_longer_labels(run, tmp_path):
+    _, front = run
+    folders = [tmp_path / method / "run" for method in ("a", "b")]
+    for folder in folders:
+        replace(front, problem=None).save(folder)
+    assert pk.compare(*folders).labels == ("a/run", "b/run")
+    assert pk.compare(*folders, labels=["x", "x"]).groups == {"x": [0, 1]}
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_is_no_front_or_label_is_refused(run, tmp_path):
+    folder, front = run
+    with pytest.raises(InvalidRun, match="wanted a plain file, got nothing"):
+        pk.compare(folder, tmp_path)
+    with pytest.raises(InvalidInput, match="labels: wanted a list of them, got 'ab'"):
+        pk.compare(front, front, labels="ab")
+    with pytest.raises(InvalidInput, match="labels: wanted text, got 3"):
+        pk.compare(front, front, labels=[3, 4])
+    with pytest.raises(InvalidInput, match="wanted at least two fronts, got 0"):
+        pk.compare()

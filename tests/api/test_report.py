@@ -1,0 +1,80 @@
+"""The verb: a run or a front becomes a page, and what cannot is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.api.solve import solve
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.execution.run_folder import claim_folder
+from paretoik.run_files import REPORT
+from problems import marcos_2012
+from tests.closed_loop.postures import posture
+from tests.review.page_reading import Page
+
+
+def read(file) -> Page:
+    return Page(file.read_text(encoding="utf-8"))
+
+
+def test_a_run_gets_its_report_into_its_folder(run):
+    folder, front = run
+    file = pk.report(folder)
+    assert file == folder / REPORT
+    page = read(file)
+    assert page.data["ids"] == front.ids.tolist()
+    assert len(page.data["blocks"]) == len(front)
+    assert page.texts("h1") == ["The front of kinetic_energy and torque_norm"]
+    assert any(text.startswith(f"{len(front)} points after") for text in page.texts("p"))
+    assert {"fingerprint", "settings.seed", "versions.numpy", "status"} <= set(page.texts("th"))
+
+
+def test_without_its_problem_a_run_shows_positions_and_says_how_to_see_more(run, problem, tmp_path):
+    folder, _ = run
+    page = read(pk.report(folder))
+    assert [each["name"] for each in page.data["motions"]["quantities"]] == ["position"]
+    assert any("pk.load_front(folder, problem)" in text for text in page.texts("p"))
+    page = read(pk.report(pk.load_front(folder, problem), tmp_path / "whole.html"))
+    assert len(page.data["motions"]["quantities"]) == 5
+    assert page.data["motions"]["arm"]["planar"]
+
+
+def test_a_closed_loop_shows_its_steps(tmp_path):
+    loop = marcos_2012.loop(3, 0.7, start=posture(3), steps=6, population=12, generations=4)
+    front = solve(loop, out=tmp_path / "loop")
+    page = read(pk.report(tmp_path / "loop"))
+    chosen = np.array(page.data["steps"]["chosen"])
+    assert chosen.shape == (6, 2)
+    np.testing.assert_allclose(chosen.mean(axis=0), front.objectives[0], rtol=1e-4)
+    assert page.texts("h1") == ["A closed loop by joint_displacement and position_error"]
+
+
+def test_a_new_run_in_the_folder_takes_the_old_report_away(front, tmp_path):
+    replace(front, problem=None).save(tmp_path)
+    pk.report(tmp_path)
+    with claim_folder(tmp_path, overwrite=True):
+        assert not (tmp_path / REPORT).exists()
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_cannot_be_written_or_read_is_refused_in_one_line(front, tmp_path):
+    with pytest.raises(InvalidInput, match="report: wanted a file to write into, got none"):
+        pk.report(front)
+    with pytest.raises(InvalidInput, match="report: wanted a file to write into, got the folder"):
+        pk.report(front, tmp_path)
+    with pytest.raises(InvalidInput, match="folder"):
+        pk.report(7)
+    with pytest.raises(InvalidRun, match="wanted a plain file, got nothing"):
+        pk.report(tmp_path / "nowhere")
+
+
+def test_damaged_steps_of_a_loop_are_refused(front, tmp_path):
+    looped = {**front.provenance, "timeline": "step", "counts": {"steps": 1, "of": 1, "seconds": 0.0}}
+    replace(front, problem=None, provenance=looped).save(tmp_path)
+    (tmp_path / "steps.parquet").write_bytes(b"PAR1 no table")
+    with pytest.raises(InvalidRun, match=r"steps\.parquet: wanted the steps of a closed loop"):
+        pk.report(tmp_path)

@@ -1,0 +1,246 @@
+"""Fronts side by side: every number against brute force, and none of them moved by units, signs or order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from paretoik.errors import InvalidInput
+from paretoik.front.comparison import Comparison
+from paretoik.front.comparison_text import comparison_entries
+from paretoik.front.front import Front
+from paretoik.front.indicators import hypervolume, non_dominated
+from paretoik.front.joint_motions import StoredJoints, StoredMotions
+
+
+def make(values: np.ndarray, *, first_id: int = 0, maximised=None, **parts) -> Front:
+    """Return the non-dominated ones of points as a front."""
+    values = values[non_dominated(values)]
+    n_obj = values.shape[1]
+    signs = np.where(maximised, -1.0, 1.0) if maximised else np.ones(n_obj)
+    return Front(
+        ids=np.arange(len(values)) + first_id, objectives=values * signs, names=[f"f{k}" for k in range(n_obj)],
+        units=["m"] * n_obj, maximised=maximised or [False] * n_obj, **parts,
+    )  # fmt: skip
+
+
+def compared(*fronts: Front, labels=None) -> Comparison:
+    return Comparison(fronts=fronts, labels=tuple(labels or [f"run {k}" for k in range(len(fronts))]))
+
+
+@st.composite
+def several(draw) -> list[np.ndarray]:
+    """Points on a coarse grid, so that equal points and ties are common."""
+    n_obj, count = draw(st.integers(1, 4)), draw(st.integers(2, 4))
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    return [rng.integers(0, 7, (draw(st.integers(1, 9)), n_obj)).astype(float) for _ in range(count)]
+
+
+def dominates_weakly(one: np.ndarray, other: np.ndarray) -> bool:
+    return bool((one <= other).all())
+
+
+@settings(max_examples=40)
+@given(several())
+def test_coverage_and_epsilon_and_the_merged_front_are_those_of_brute_force(values):
+    fronts = [make(each) for each in values]
+    comparison = compared(*fronts)
+    F = [front.minimised for front in fronts]
+    everything = np.concatenate(F)
+    merged = np.array([p for p in everything if not any(dominates_weakly(q, p) and (q < p).any() for q in everything)])
+    width = np.ptp(merged, axis=0)
+    width = np.where(width > 0, width, np.ptp(everything, axis=0))
+    width = np.where(width > 0, width, 1.0)
+    for i, one in enumerate(F):
+        assert comparison.on_merged[i] == sum(any((p == q).all() for q in merged) for p in one)
+        for j, other in enumerate(F):
+            covered = [any(dominates_weakly(p, q) for p in one) for q in other]
+            assert comparison.coverage[i, j] == np.mean(covered)
+            least = max(min(max((p - q) / width) for p in one) for q in other)
+            assert comparison.epsilon[i, j] == pytest.approx(least, abs=1e-12)
+
+
+@settings(max_examples=40)
+@given(several())
+def test_hypervolume_is_the_share_of_the_merged_fronts_and_one_for_it(values):
+    fronts = [make(each) for each in values]
+    comparison = compared(*fronts)
+    assert (comparison.hypervolume <= 1 + 1e-12).all()
+    whole = make(np.concatenate([front.minimised for front in fronts]))
+    assert compared(whole, *fronts).hypervolume == pytest.approx([1.0, *comparison.hypervolume])
+    assert len(whole) == sum(map(len, comparison.merged_rows))
+
+
+@settings(max_examples=40)
+@given(several(), st.integers(0, 10**6))
+def test_units_signs_and_order_do_not_matter(values, seed):
+    rng = np.random.default_rng(seed)
+    n_obj = values[0].shape[1]
+    scale, shift = 10.0 ** rng.integers(-6, 7, n_obj), rng.normal(size=n_obj)
+    maximised = [bool(flag) for flag in rng.integers(0, 2, n_obj)]
+    first = compared(*(make(each) for each in values))
+    other = compared(*(make(scale * (each + shift), maximised=maximised) for each in values))
+    order = rng.permutation(len(values))
+    turned = compared(*(make(values[place]) for place in order))
+    for name in ("hypervolume", "coverage", "epsilon", "on_merged"):
+        value = getattr(first, name)
+        assert getattr(other, name) == pytest.approx(value, abs=1e-9)
+        assert getattr(turned, name) == pytest.approx(value[np.ix_(*[order] * value.ndim)], abs=1e-12)
+
+
+def test_a_front_covers_itself_and_needs_no_improvement():
+    front = make(np.random.default_rng(0).uniform(size=(30, 3)))
+    comparison = compared(front, front)
+    np.testing.assert_array_equal(comparison.coverage, 1.0)
+    np.testing.assert_array_equal(comparison.epsilon, 0.0)
+    np.testing.assert_array_equal(comparison.hypervolume, 1.0)
+    np.testing.assert_array_equal(comparison.on_merged, len(front))
+    assert [len(rows) for rows in comparison.merged_rows] == [len(front), 0]
+
+
+def test_hypervolume_is_measured_from_one_and_a_tenth_of_the_ranges():
+    a, b = make(np.array([[0.0, 10.0], [1.0, 0.0]])), make(np.array([[0.5, 5.0]]))
+    shares = np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]])
+    whole = hypervolume(shares, [1.1, 1.1])
+    expected = [hypervolume(shares[[0, 2]], [1.1, 1.1]) / whole, 0.6**2 / whole]
+    assert compared(a, b).hypervolume == pytest.approx(expected)
+    np.testing.assert_array_equal(compared(a, b).ranges, [[0.0, 1.0], [0.0, 10.0]])
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.integers(2, 3), st.sampled_from([0.2, 0.5, 0.75, 1.0]), st.booleans())
+def test_an_attainment_surface_is_what_that_share_of_the_runs_reaches(seed, n_obj, share, maximise):
+    rng = np.random.default_rng(seed)
+    maximised = [maximise] + [False] * (n_obj - 1)
+    fronts = [make(rng.integers(0, 6, (5, n_obj)).astype(float), maximised=maximised) for _ in range(4)]
+    surface = compared(*fronts).attainment(share) * np.where(maximised, -1.0, 1.0)
+    grid = np.stack(np.meshgrid(*[np.arange(6.0)] * n_obj), axis=-1).reshape(-1, n_obj)
+    runs = np.array([[any(dominates_weakly(p, q) for p in front.minimised) for q in grid] for front in fronts])
+    attained = runs.sum(axis=0) >= share * len(fronts)
+    below = np.array([any(dominates_weakly(p, q) for p in surface) for q in grid])
+    np.testing.assert_array_equal(below, attained)
+
+
+def test_attainment_is_that_of_one_label_where_asked():
+    rng = np.random.default_rng(1)
+    fronts = [make(rng.uniform(size=(8, 2))) for _ in range(3)]
+    comparison = compared(*fronts, labels=["a", "b", "a"])
+    np.testing.assert_allclose(np.sort(comparison.attainment(1.0, "b"), axis=0), np.sort(fronts[1].objectives, axis=0))
+    alone = compared(fronts[0], fronts[2]).attainment(0.5)
+    np.testing.assert_array_equal(comparison.attainment(0.5, "a"), alone)
+
+
+def test_what_cannot_be_attained_is_refused():
+    flat, four = make(np.eye(2)), make(np.eye(4))
+    with pytest.raises(InvalidInput, match="attainment: wanted two or three objectives, got 4"):
+        compared(four, four).attainment()
+    with pytest.raises(InvalidInput, match="attainment: wanted a share above 0 and at most 1, got 0"):
+        compared(flat, flat).attainment(0.0)
+    with pytest.raises(InvalidInput, match="attainment: wanted a label among run 0, run 1, got 'c'"):
+        compared(flat, flat).attainment(0.5, "c")
+
+
+def test_what_cannot_be_compared_is_refused_by_name():
+    front = make(np.eye(2))
+    with pytest.raises(InvalidInput, match="wanted at least two fronts, got 1"):
+        compared(front)
+    with pytest.raises(InvalidInput, match="labels: wanted one for each of 2 fronts, got 1"):
+        compared(front, front, labels=["a"])
+    for part, words in (({"names": ["f0", "g"]}, "names .* got f0, f1 in run 0 and f0, g in run 1"),
+                        ({"units": ["m", ""]}, "units .* got m, m in run 0 and m, none in run 1")):  # fmt: skip
+        with pytest.raises(InvalidInput, match=words):
+            compared(front, replace(front, **part))
+    with pytest.raises(InvalidInput, match="maximised"):
+        compared(front, make(np.eye(2), maximised=[True, False]))
+    empty = replace(front, ids=np.zeros(0, int), objectives=np.zeros((0, 2)))
+    with pytest.raises(InvalidInput, match="at least one point, got none in run 1"):
+        compared(front, empty)
+
+
+def moving(values: np.ndarray, *, samples: int = 5, joints=("a", "b"), **parts) -> Front:
+    motions = StoredMotions(
+        arm=StoredJoints(joint_names=joints),
+        time=np.tile(np.arange(float(samples)), (len(values), 1)),
+        q=np.random.default_rng(len(values)).normal(size=(len(values), samples, len(joints))),
+    )
+    return Front(
+        ids=np.arange(len(values)) * 3, objectives=values, names=["f0", "f1"], units=["", ""], maximised=[False, False],
+        motions=motions, violation=np.arange(float(len(values))), **parts,
+    )  # fmt: skip
+
+
+A = np.array([[0.0, 5.0], [2.0, 2.0], [5.0, 0.0]])
+B = np.array([[1.0, 3.0], [2.0, 2.0], [6.0, -1.0], [7.0, -2.0]])
+
+
+def test_a_merged_front_says_where_each_point_comes_from():
+    a, b = moving(A, provenance={"fingerprint": "x", "problem": "p.py:f"}), moving(B, provenance={"fingerprint": "x"})
+    comparison = compared(a, b, labels=["a", "b"])
+    merged = comparison.merged
+    assert merged.ids.tolist() == [0, 3, 1, 2, 4, 5]
+    assert comparison.origins == {0: ("a", 0), 1: ("a", 3), 2: ("a", 6), 3: ("b", 0), 4: ("b", 6), 5: ("b", 9)}
+    fronts = {"a": a, "b": b}
+    for row, number in enumerate(merged.ids):
+        label, old = comparison.origins[int(number)]
+        (there,) = np.flatnonzero(fronts[label].ids == old)
+        np.testing.assert_array_equal(merged.objectives[row], fronts[label].objectives[there])
+        np.testing.assert_array_equal(merged.motions.q[row], fronts[label].motions.q[there])
+        assert merged.violation[row] == fronts[label].violation[there]
+    assert merged.provenance["problem"] == "p.py:f"
+    assert merged.provenance["merged"]["left_out"] == []
+
+
+def test_a_merged_front_can_be_kept_and_opened_again(tmp_path):
+    merged = compared(moving(A), moving(B)).merged
+    merged.save(tmp_path)
+    again = Front.load(tmp_path)
+    np.testing.assert_array_equal(again.objectives, merged.objectives)
+    assert again.provenance["merged"]["origins"][0] == [0, "run 0", 0]
+
+
+@pytest.mark.parametrize("other", [moving(B, samples=6), moving(B, joints=("a", "c"))])
+def test_motions_that_do_not_agree_are_left_out_and_told(other):
+    merged = compared(moving(A), other).merged
+    assert merged.motions is None
+    assert merged.violation is not None
+    assert merged.provenance["merged"]["left_out"] == ["motions"]
+
+
+def test_fronts_of_other_problems_or_of_loops_are_not_merged():
+    with pytest.raises(InvalidInput, match="merge: wanted fronts of one problem, got others in run 0 and run 1"):
+        _ = compared(moving(A, provenance={"fingerprint": "x"}), moving(B, provenance={"fingerprint": "y"})).merged
+    with pytest.raises(InvalidInput, match="merge: wanted fronts, got the one motion of a closed loop in run 1"):
+        _ = compared(moving(A), moving(B, provenance={"timeline": "step"})).merged
+
+
+def test_the_text_tells_normalisation_numbers_and_what_differs_alone():
+    one = moving(A, provenance={"settings": {"seed": 1, "population": 20}, "counts": {"seconds": 1.0}})
+    other = moving(B, provenance={"settings": {"seed": 2, "population": 20}, "counts": {"seconds": 2.0}})
+    comparison = compared(one, other, labels=["<a>", "b"])
+    text = str(comparison)
+    assert "best to worst: f0 0 to 7, f1 -2 to 5" in text
+    lines = [line.split() for line in text.splitlines()]
+    assert ["<a>", "3", "3", f"{comparison.hypervolume[0]:.4f}"] in lines
+    assert ["b", "–", f"{comparison.coverage[0, 1]:.4f}"] not in lines
+    assert ["<a>", "–", f"{comparison.coverage[0, 1]:.4f}"] in lines
+    assert ["b", f"{comparison.epsilon[1, 0]:.4f}", "–"] in lines
+    assert text.endswith("settings.seed  1    2")
+    assert "population" not in text
+    html = comparison._repr_html_()
+    assert "<a>" not in html
+    assert "&lt;a&gt;" in html
+    assert "<script" not in html
+    assert comparison_entries(comparison)["differences"] == {"settings.seed": ("1", "2")}
+
+
+def test_runs_of_one_method_get_their_median():
+    rng = np.random.default_rng(3)
+    comparison = compared(*(make(rng.uniform(size=(6, 2))) for _ in range(4)), labels=["a", "a", "b", "a"])
+    volumes = comparison.hypervolume[[0, 1, 3]]
+    row = ["a", "3", *(f"{value:.4f}" for value in (np.median(volumes), volumes.min(), volumes.max()))]
+    assert row in [line.split() for line in str(comparison).splitlines()]
+    assert repr(comparison).startswith("Comparison of 4 fronts, hypervolume a ")
