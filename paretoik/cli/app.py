@@ -12,6 +12,7 @@ import typer
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.console import print_message
 from paretoik.cli.list_problems import list_problems
+from paretoik.cli.navigate import navigate
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
@@ -28,6 +29,7 @@ app = typer.Typer(
 app.command("list")(list_problems)
 app.command()(solve)
 app.command()(select)
+app.command()(navigate)
 app.command()(show)
 app.command("check-robot")(check_robot)
 

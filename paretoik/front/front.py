@@ -19,6 +19,7 @@ from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.indicators import non_dominated
 from paretoik.front.joint_motions import JointMotions
 from paretoik.front.names import check_names
+from paretoik.front.navigation import choice_of, navigate, navigated, refine_around
 from paretoik.inputs import file_path
 
 Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
@@ -177,6 +178,11 @@ class Front:
             raise InvalidInput(f"select: a preference wanted, such as Weights(...), got {preference!r}")
         select: Callable[[Front, Preference], Choice] | None = getattr(self.problem, "select", None)
         return preference.choose(self) if select is None else select(self, preference)
+
+    navigate = navigate
+    refine_around = refine_around
+    navigated = property(navigated)
+    choice_of = choice_of
 
     def choice(self, index: int, reason: str) -> Choice:
         """Return the point of a row as a choice."""
