@@ -14,6 +14,7 @@ from paretoik.cli.compare import compare
 from paretoik.cli.console import print_message, print_what_is_printable
 from paretoik.cli.export import export
 from paretoik.cli.list_problems import list_problems
+from paretoik.cli.navigate import navigate
 from paretoik.cli.report import report
 from paretoik.cli.select import select
 from paretoik.cli.show import show
@@ -31,6 +32,7 @@ app = typer.Typer(
 app.command("list")(list_problems)
 app.command()(solve)
 app.command()(select)
+app.command()(navigate)
 app.command()(show)
 app.command()(export)
 app.command()(report)

@@ -32,6 +32,24 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
     place = Path(folder)
     try:
         place.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
+    with lock_folder(place):
+        if (place / RUN).exists() and not overwrite:
+            raise InvalidInput(
+                f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
+            )
+        _remove_run(place)
+        yield place
+
+
+@contextmanager
+def lock_folder(place: Path) -> Iterator[Path]:
+    """Lock a folder that is empty or holds a run against every other writer while the body runs.
+
+    Raises InvalidInput where that cannot be, or another process is writing into it.
+    """
+    try:
         foreign = _foreign_entry(place)
         if foreign is not None:
             raise InvalidInput(f"{place}: wanted a new folder, an empty one or a run, got one that holds {foreign}")
@@ -41,11 +59,6 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
         raise InvalidInput(f"{place}: wanted a folder to write a run into, got {fault.strerror}") from fault
     with lock:
         _lock(lock, place)
-        if (place / RUN).exists() and not overwrite:
-            raise InvalidInput(
-                f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
-            )
-        _remove_run(place)
         yield place
 
 

@@ -16,6 +16,8 @@ all of ``Differentiable``                ``refine``, ``epsilon_front`` and certi
                                          no gradients, and these verbs refuse it before any work
 ``values_between(front, shares)``        ``front.jumps``: objectives (gaps, shares, n_obj), minimised, of what lies at
                                          shares of the way from each point to the next, inf where that is impossible
+``navigate(front, request)``             ``front.navigate``, ``front.refine_around``: the front with the certified point
+                                         that a ``NavigationRequest`` leads to; it takes all of ``Differentiable``
 ``plan(...)``                            ``plan``: the distinct local optima of one objective
 ``sample_starts(count, rng)``            genes that searches and local solvers start from
 ``species(genes), n_species``            branches: mating within each, anchors for the ends of a front

@@ -24,6 +24,7 @@ from paretoik.formulations.base_motions import (
 )
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.interpolation import values_between
+from paretoik.formulations.navigation import navigate
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
@@ -90,6 +91,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     task: MotionTask
     encoding: Encoding
     species_gene = 0  # it names the base motion
+    navigate = navigate
 
     def __init__(
         self,

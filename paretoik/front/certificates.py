@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -67,5 +68,10 @@ class Certificates:
         """Return the certificates with those of ``rows`` replaced."""
         order = np.arange(len(self))
         order[rows] = len(self) + np.arange(len(others))
-        both = {part.name: [getattr(each, part.name) for each in (self, others)] for part in fields(self)}
-        return Certificates(**{name: np.concatenate(parts)[order] for name, parts in both.items()})
+        return concatenate([self, others])[order]
+
+
+def concatenate(batches: Sequence[Certificates]) -> Certificates:
+    """Return certificates as one batch."""
+    parts = {part.name: [getattr(each, part.name) for each in batches] for part in fields(Certificates)}
+    return Certificates(**{name: np.concatenate(values) for name, values in parts.items()})

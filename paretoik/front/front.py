@@ -28,6 +28,7 @@ from paretoik.front.front_arguments import (
 )
 from paretoik.front.gaps import find_jumps, missing_hypervolume
 from paretoik.front.joint_motions import JointMotions
+from paretoik.front.navigation import choice_of, navigate, navigated, refine_around
 from paretoik.front.reason import explain
 from paretoik.inputs import check_flag, file_path
 
@@ -220,6 +221,11 @@ class Front:
         if keep and self.folder is not None:
             keep_choice(self, choice, wish)
         return choice
+
+    navigate = navigate
+    refine_around = refine_around
+    navigated = property(navigated)
+    choice_of = choice_of
 
     @property
     def choices(self) -> Choices:

@@ -1,0 +1,85 @@
+"""Move along the front of a run: the run gains the new certified point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from paretoik.api.load_front import load_front
+from paretoik.api.run_session import verb_session
+from paretoik.execution.run_folder import claim_folder, lock_folder
+from paretoik.front.front import Choice, Front
+from paretoik.front.navigation import NAVIGATIONS
+from paretoik.inputs import file_path
+from paretoik.run_files import CERTIFICATES, PICTURE
+
+
+def navigate(
+    run: str | Path,
+    point: int,
+    *,
+    improve: str,
+    allow: str | Sequence[str] | None = None,
+    hold: str | Sequence[str] = (),
+    by: float | None = None,
+    to: float | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+) -> tuple[Front, Choice, Path]:
+    """Return the front of a run with a new certified point, that point, and the folder that holds them now.
+
+    That is the run itself, which loses nothing: where former points are dominated by the new one, they stay there and
+    the new front goes into a folder beside it. ``out`` names another folder, ``overwrite`` replaces a run there; the
+    other arguments are those of ``Front.navigate``.
+
+    Raises InvalidInput for a run or a folder that cannot be used, and as ``Front.navigate`` does.
+    """
+    folder = file_path("run", run)
+    front = load_front(folder)
+    with verb_session(False), _place(folder, out, overwrite) as place:
+        moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
+        choice = moved.navigated
+        assert choice is not None  # a move leads somewhere or raises
+        place = place if out is not None or not _left(moved) else _beside(folder, choice.id)
+        moved.save(place)
+        _draw(moved, folder, place)
+    return moved, choice, place
+
+
+@contextmanager
+def _place(folder: Path, out: str | Path | None, overwrite: bool) -> Iterator[Path]:
+    """Lock the folder that the front is to be saved in."""
+    if out is None:
+        with lock_folder(folder):
+            yield folder
+        return
+    with claim_folder(file_path("out", out), overwrite=overwrite) as place:
+        yield place
+
+
+def _left(front: Front) -> list[Any]:
+    """Return the ids of points that the last move has dominated."""
+    return list(front.provenance[NAVIGATIONS][-1]["left"])
+
+
+def _beside(folder: Path, id: int) -> Path:
+    """Return a folder beside a run that is not there yet."""
+    place, count = folder.with_name(f"{folder.name}-point-{id}"), 1
+    while place.exists():
+        count += 1
+        place = folder.with_name(f"{folder.name}-point-{id}-{count}")
+    return place
+
+
+def _draw(front: Front, folder: Path, place: Path) -> None:
+    """Draw the pictures that the run had anew."""
+    if (folder / PICTURE).exists():
+        from paretoik.review.plots import front_picture  # here: matplotlib takes its time
+
+        front_picture(front, place / PICTURE, front.navigated)
+    if (folder / CERTIFICATES).exists():
+        from paretoik.review.certificate_plots import certificates_picture
+
+        certificates_picture(front, place / CERTIFICATES)

@@ -1,0 +1,47 @@
+"""``paretoik navigate``: move along the front of a run to a new certified point."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from paretoik.api.result_text import choice_text, entries
+from paretoik.cli.console import JsonFlag, RunFolder, print_json
+
+
+def navigate(
+    run: RunFolder,
+    point: Annotated[int, typer.Option(help="Id of the point to move from.", show_default=False)],
+    improve: Annotated[str, typer.Option(help="The objective that gets better.", show_default=False)],
+    allow: Annotated[
+        list[str] | None, typer.Option(help="Who pays; may be repeated (all that are not on hold).", show_default=False)
+    ] = None,
+    hold: Annotated[
+        list[str] | None, typer.Option(help="Who gets no worse; may be repeated.", show_default=False)
+    ] = None,
+    by: Annotated[float | None, typer.Option(help="By how much, in its unit (5 % of its range).")] = None,
+    to: Annotated[float | None, typer.Option(help="To which value, in its unit, in place of --by.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Keep the new front in this folder, not in the run.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
+    as_json: JsonFlag = False,
+) -> None:
+    """Move from one point of a front to a new certified one that is better in an objective; the run gains it.
+
+    Nothing is lost: a run whose points the new one dominates stays as it is, and the new front is kept beside it.
+    """
+    with redirect_stdout(sys.stderr):  # a user's functions may print, and stdout is for the result
+        from paretoik.api.navigate import navigate as move
+        from paretoik.front.navigation import NAVIGATIONS
+
+        front, choice, place = move(
+            run, point, improve=improve, allow=allow, hold=hold or (), by=by, to=to, out=out, overwrite=overwrite
+        )
+    if as_json:
+        print_json({**entries(front)[choice.index], **front.provenance[NAVIGATIONS][-1], "out": place})
+    else:
+        print(choice_text(front, choice))
+        print(f"kept in {place}")

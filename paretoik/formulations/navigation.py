@@ -1,0 +1,207 @@
+"""Moving along a front: the point that a move leads to, held between samples, certified, and added to the front."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Point
+from paretoik.errors import Infeasible
+from paretoik.formulations.interpolation import points_between
+from paretoik.formulations.navigation_words import describe_move
+from paretoik.formulations.protocol import Differentiable, Individuals, restore_motions
+from paretoik.front.certificates import Certificates, concatenate
+from paretoik.front.front import Front
+from paretoik.front.joint_motions import StoredJoints, StoredMotions
+from paretoik.front.navigation import NAVIGATIONS, NavigationRequest
+from paretoik.nlp.program import Program
+from paretoik.pareto.certificates import certify
+from paretoik.pareto.gap_filling import POINT_TOLERANCE
+from paretoik.pareto.goals import Aim, Wish
+from paretoik.pareto.navigation import Destination, Known, move, reach
+from paretoik.pareto.scalarisation import ranges_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontNavigationOptions:
+    """A point that is held between samples is aimed at anew up to so many ``rounds``, and left for a better one too.
+
+    It may exceed limits there by a share ``between`` of their ranges. Points within ``tolerance`` are one.
+    """
+
+    rounds: int = 3
+    between: float = 1e-4
+    tolerance: float = 10 * POINT_TOLERANCE
+
+
+OPTIONS = FrontNavigationOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Arrival:
+    """The certified point of a move, as an individual of one."""
+
+    individual: Individuals
+    certificate: Certificates
+
+
+def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
+    """Return the front with the certified point that a request leads to, or with a note of the point that is better.
+
+    Raises Infeasible where there is no point that is better in what is asked for.
+    """
+    formulation: Differentiable = problem
+    program, known = formulation.program(), Known(x=formulation.front_points(front), objectives=front.minimised)
+    ranges = _widths(front)
+    aim = Aim(
+        wish=Wish(improve=request.improve, payers=request.payers, by=request.by / ranges[request.improve]),
+        ranges=ranges,
+        start=front.minimised[request.row],
+        weights=natural_weights(front, request.row) * ranges,
+        objectives=len(program.upper),
+    )
+    between = _between(problem)
+    destination = move(program, known, request.row, aim, between)
+    if destination is None:
+        name, unit = front.names[request.improve], front.units[request.improve]
+        raise Infeasible(
+            f"navigate: wants {name} better by {request.by:.4g} {unit} than at point {front.ids[request.row]}, but "
+            f"found no point within all limits where {', '.join(front.names[k] for k in request.payers)} pays for it"
+        )
+    arrival = _certified(formulation, destination, aim, between)
+    return _joined(problem, front, request, aim, destination, arrival)
+
+
+def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
+    """Return the weights of the minimised objectives at a point, in natural units, the largest 1.
+
+    From the exchange rates, which do not depend on ranges; where there is none from the weights themselves.
+    """
+    assert front.certificates is not None
+    weights = front.certificates.weights[row] / _widths(front)
+    main = int(np.argmax(front.certificates.weights[row]))
+    signs = np.where(front.maximised, -1.0, 1.0)
+    rates = -front.certificates.exchange_rates[row, :, main] * signs * signs[main]
+    rates[main] = 1.0
+    return np.where(np.isfinite(rates), rates, weights / weights[main])
+
+
+def _widths(front: Front) -> Float[np.ndarray, " n_obj"]:
+    """Return the ranges of a front; the size of an objective where it has but one value."""
+    widths = np.ptp(front.ranges, axis=1)
+    return np.where(widths > 0, widths, ranges_of(front.minimised))
+
+
+def _between(problem: Any) -> Callable[[Point, Point, Float[np.ndarray, " shares"]], np.ndarray]:
+    return lambda x, other, shares: points_between(getattr(problem, "task", None), np.stack([x, other]), shares)[0]
+
+
+def _certified(formulation: Differentiable, destination: Destination, aim: Aim, between: Any) -> Arrival:
+    """Return the point, limits held between samples where they can be, with its certificate.
+
+    What is held is aimed at anew with its tighter limits; a saddle gives way to the better point beside it.
+    """
+    x, ranges = destination.x, aim.ranges
+    goal = aim.at_share(destination.share)
+    for _ in range(OPTIONS.rounds):
+        held, programs = formulation.hold_between(x[None], ranges)
+        x, program = held[0], programs[0]
+        if not np.array_equal(held[0], destination.x):
+            again = reach(program, x, goal)
+            x = x if again is None or not _keeps_limits(formulation, again, x) else again
+        arrival, better = _certificate(formulation, program, x, aim)
+        if better is None:
+            break
+        again = reach(formulation.program(), better, goal)
+        x = better if again is None else again
+    return arrival
+
+
+def _keeps_limits(formulation: Differentiable, x: Point, other: Point) -> bool:
+    """Return whether a point keeps its limits between samples, or as well as another."""
+    both = formulation.individuals(np.stack([x, other])).violation_between
+    return bool(both[0] <= max(OPTIONS.between, both[1]))
+
+
+def _certificate(formulation: Differentiable, program: Program, x: Point, aim: Aim) -> tuple[Arrival, Point | None]:
+    individual = formulation.individuals(x[None])
+    certificates, better = certify(
+        program,
+        individual.x,
+        ranges=aim.ranges,
+        signs=np.where(formulation.maximised, -1.0, 1.0),
+        violation_between=individual.violation_between,
+    )
+    return Arrival(individual=individual, certificate=certificates), better[0]
+
+
+def _joined(
+    problem: Any, front: Front, request: NavigationRequest, aim: Aim, destination: Destination, arrival: Arrival
+) -> Front:
+    """Return the front with the point, without those that it dominates, and a note of the move in its provenance."""
+    assert front.certificates is not None
+    value, known = arrival.individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
+    better = np.flatnonzero((known <= value + OPTIONS.tolerance).all(axis=1))
+    moves = list(front.provenance.get(NAVIGATIONS, ()))
+    if len(better):
+        id, left = int(front.ids[better[np.argmin(known[better].sum(axis=1))]]), np.zeros(0, dtype=int)
+        joined = front
+    else:
+        id = 1 + max([int(front.ids.max()), *(one["to"] for one in moves), *front.provenance.get("left", ())])
+        left = np.flatnonzero((value <= known).all(axis=1))
+        joined = _add(problem, front, left, id, arrival)
+    note = describe_move(
+        front,
+        joined,
+        request,
+        aim,
+        destination,
+        id,
+        [int(i) for i in front.ids[left]],
+        None if len(better) else arrival.certificate,
+    )
+    provenance = {**front.provenance, NAVIGATIONS: [*moves, note]}
+    return replace(joined, provenance=provenance)
+
+
+def _add(problem: Any, front: Front, left: np.ndarray, id: int, arrival: Arrival) -> Front:
+    """Return the front without the rows ``left`` and with a point."""
+    stay = np.setdiff1d(np.arange(len(front)), left)
+    individual, certificates = arrival.individual, front.certificates
+    assert certificates is not None
+    genes = None
+    if front.genes is not None and individual.genes is not None:
+        genes = np.concatenate([front.genes[stay], individual.genes])
+    motions = None
+    if front.motions is not None and individual.motions is not None:
+        new = individual.motions
+        motions = StoredMotions(
+            arm=StoredJoints(joint_names=tuple(new.arm.joint_names)),
+            time=np.concatenate([_times(front.motions)[stay], _times(new)]),
+            q=np.concatenate([np.asarray(front.motions.q)[stay], new.q]),
+        )
+    signs = np.where(front.maximised, -1.0, 1.0)
+    violation = certificates.violation if front.violation is None else front.violation
+    joined = Front(
+        ids=np.append(front.ids[stay], id),
+        objectives=np.concatenate([front.objectives[stay], individual.objectives * signs]),
+        names=front.names,
+        units=front.units,
+        maximised=front.maximised,
+        genes=genes,
+        motions=motions,
+        violation=np.append(violation[stay], arrival.certificate.violation),
+        certificates=concatenate([certificates[stay], arrival.certificate]),
+        ranges=front.ranges,
+        provenance=front.provenance,
+        problem=problem,
+    )
+    return replace(joined, motions=restore_motions(problem, joined))
+
+
+def _times(motions: Any) -> np.ndarray:
+    return np.broadcast_to(np.asarray(motions.time, dtype=float), np.shape(motions.q)[:-1])

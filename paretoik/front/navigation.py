@@ -1,0 +1,235 @@
+"""Moves along a front: what is asked for, checked, and what is remembered of each.
+
+A front asks its problem to move (``navigate`` of ``formulations.protocol``). What became of it stands in words in
+``front.navigated.reason``, and in numbers in ``front.provenance["navigations"]``, one entry a move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from paretoik.errors import InvalidInput, check_size
+from paretoik.front.certificates import WEIGHT_TOLERANCE
+from paretoik.inputs import finite_number
+
+if TYPE_CHECKING:  # a front asks this file to move
+    from paretoik.front.front import Choice, Front
+
+NAVIGATIONS = "navigations"  # their entry in a front's provenance
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationDefaults:
+    """A point counts as critical up to ``critical``; a move is a ``share`` of the range, or half of what is left."""
+
+    critical: float = 1e-6
+    share: float = 0.05
+    left: float = 0.5
+    points: int = 4
+
+
+DEFAULTS = NavigationDefaults()
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationRequest:
+    """Improve objective ``improve`` of the point in ``row`` by ``by``, in its own unit; ``payers`` may get worse."""
+
+    row: int
+    improve: int
+    by: float
+    payers: tuple[int, ...]
+
+
+def navigate(
+    front: Front,
+    choice: Choice | int,
+    *,
+    improve: str,
+    allow: str | Sequence[str] | None = None,
+    hold: str | Sequence[str] = (),
+    by: float | None = None,
+    to: float | None = None,
+) -> Front:
+    """Return the front with a new certified point that improves an objective: ``front.navigated``, and what happened.
+
+    The former points stay, with their ids, unless the new one dominates them; the new id was never used. Where a point
+    is there already, ``navigated`` is that point and nothing is added.
+
+    Parameters
+    ----------
+    choice
+        The point to move from: a choice, or an id.
+    improve
+        The objective that gets better: ``by`` so much, or ``to`` a value, in its own unit. By default by 5 % of its
+        range, or half of what is left to its best value on the front if that is less.
+    allow
+        Who pays, by name: the others get no worse. By default all that are not on ``hold``. Several pay alike, in
+        shares of their ranges.
+    hold
+        Who gets no worse, by name.
+
+    The point is followed along its branch by exact second derivatives while limits come and go; where the branch ends
+    optima are sought anew from there and from neighbours, and ``front.navigated.reason`` says so. It also says what
+    share of the wish was met where the front ends before.
+
+    Raises
+    ------
+    InvalidInput
+        Before any work: for a front without certificates or problem, a point that is not critical, names that are none,
+        or an objective that nothing can improve there.
+    Infeasible
+        Where no point was found that is better in this objective.
+    """
+    request = _request(front, choice, improve, allow, hold, by, to)
+    return _mover(front, "navigate")(front, request)
+
+
+def refine_around(front: Front, choice: Choice | int, *, points: int = DEFAULTS.points) -> Front:
+    """Return the front with up to so many new certified points around one of its points.
+
+    Every objective in turn is improved by even shares of the way to the nearest point that is better in it, all others
+    paying. Where a share leads to no new point there is none. Raises InvalidInput as ``navigate`` does.
+    """
+    check_size("points", points, 1)
+    row = _critical_row(front, choice, "refine_around")
+    move, id = _mover(front, "refine_around"), int(front.ids[row])
+    values, widths = front.minimised, np.ptp(front.ranges, axis=1)
+    for k, share in _places(values[row], values, points):
+        better = values[:, k] < values[row, k]
+        by = share * float((values[row, k] - values[better, k]).min())
+        if by > 1e-6 * widths[k]:
+            payers = tuple(j for j in range(len(front.names)) if j != k)
+            here = int(np.flatnonzero(front.ids == id)[0])
+            front = move(front, NavigationRequest(row=here, improve=k, by=by, payers=payers))
+            if id not in front.ids:  # a better point came in its place
+                break
+    return front
+
+
+def navigated(front: Front) -> Choice | None:
+    """Return the point that the last move led to, its reason saying how; None where there was none."""
+    moves = front.provenance.get(NAVIGATIONS, ())
+    return front.choice_of(moves[-1]["to"]) if moves and moves[-1]["to"] in front.ids else None
+
+
+def choice_of(front: Front, id: int) -> Choice:
+    """Return the point of an id as a choice; raises InvalidInput for an id that is none."""
+    row = _row(front, id, "choice_of")
+    moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]
+    return front.choice(row, moves[-1]["reason"] if moves else f"Point {id} was asked for.")
+
+
+def _places(value: np.ndarray, values: np.ndarray, points: int) -> list[tuple[int, float]]:
+    """Return objectives that some point is better in, and shares of the way there, spread evenly."""
+    axes = [k for k in range(len(value)) if (values[:, k] < value[k]).any()]
+    counts = [len(range(i, points, len(axes))) for i in range(len(axes))]
+    return [(k, (j + 1) / (count + 1)) for k, count in zip(axes, counts, strict=True) for j in range(count)]
+
+
+def _mover(front: Front, verb: str) -> Callable[[Front, NavigationRequest], Front]:
+    if front.problem is None:
+        raise InvalidInput(f"{verb}: wants the problem of the front, which is not at hand: load_front(run, problem)")
+    move: Callable[[Front, NavigationRequest], Front] | None = getattr(front.problem, "navigate", None)
+    if move is None:
+        kind = type(front.problem).__name__
+        raise InvalidInput(f"{verb}: wants a problem with gradients, such as Tracking, got a front of {kind}")
+    return move
+
+
+def _request(
+    front: Front,
+    choice: Choice | int,
+    improve: str,
+    allow: str | Sequence[str] | None,
+    hold: str | Sequence[str],
+    by: float | None,
+    to: float | None,
+) -> NavigationRequest:
+    row = _critical_row(front, choice, "navigate")
+    _mover(front, "navigate")
+    (k,) = _axes(front, "improve", [improve])
+    if len(front.names) < 2:
+        raise InvalidInput("navigate: wants two objectives or more, got one: nothing pays for it")
+    held = _axes(front, "hold", hold)
+    others = [axis for axis in range(len(front.names)) if axis != k]
+    payers = [axis for axis in others if axis not in held] if allow is None else _axes(front, "allow", allow)
+    for name, axes in (("allow", payers), ("hold", held)):
+        if k in axes:
+            raise InvalidInput(f"{name}: wants objectives other than {improve}, which is to improve")
+    both = [front.names[axis] for axis in payers if axis in held]
+    if both or not payers:
+        raise InvalidInput(f"allow: wants objectives that are not on hold, got {', '.join(both) or 'none'}")
+    asked = _asked(front, row, k, by, to)
+    _check_not_at_end(front, row, k, payers)
+    return NavigationRequest(row=row, improve=k, by=asked, payers=tuple(payers))
+
+
+def _asked(front: Front, row: int, axis: int, by: float | None, to: float | None) -> float:
+    """Return by how much to improve an objective, in its own unit."""
+    name, value = front.names[axis], float(front.objectives[row, axis])
+    if by is not None and to is not None:
+        raise InvalidInput("navigate: wants by= or to=, got both")
+    if by is not None:
+        by = finite_number("by", by)
+        if by <= 0:
+            raise InvalidInput(f"by: wants more than 0 {front.units[axis]} of {name}, got {by:g}")
+        return by
+    if to is not None:
+        gain = (finite_number("to", to) - value) * (1.0 if front.maximised[axis] else -1.0)
+        if gain <= 0:
+            raise InvalidInput(f"to: wants better than {front.quantity(axis, value)}, got {to:g}")
+        return gain
+    left = float((front.minimised[row, axis] - front.minimised[:, axis]).max())
+    share = DEFAULTS.share * float(np.ptp(front.ranges[axis]))
+    if max(left, share) <= 0.0:
+        raise InvalidInput(f"by: wants how much to improve {name}, of which the front has but one value")
+    return min(share, DEFAULTS.left * left) if 0.0 < left < 2 * share else share
+
+
+def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) -> None:
+    """Raise InvalidInput where no payer has weight, and no known point is better."""
+    assert front.certificates is not None
+    weight = float(front.certificates.weights[row, list(payers)].sum())
+    if weight < WEIGHT_TOLERANCE and not (front.minimised[:, axis] < front.minimised[row, axis]).any():
+        raise InvalidInput(
+            f"improve: wants an objective that can get better, but point {front.ids[row]} is the end of the front in "
+            f"{front.names[axis]}"
+        )
+
+
+def _critical_row(front: Front, choice: Choice | int, verb: str) -> int:
+    """Return the row of a choice that is certified as critical."""
+    row = _row(front, getattr(choice, "id", choice), verb)
+    if front.certificates is None:
+        raise InvalidInput(f"{verb}: wants a front with certificates, such as refine(front), got one without")
+    residual = float(front.certificates.kkt_residual[row])
+    if not residual <= DEFAULTS.critical:
+        raise InvalidInput(
+            f"{verb}: wants a critical point, got point {front.ids[row]} of residual {residual:.1e}: refine it first"
+        )
+    return row
+
+
+def _row(front: Front, id: object, verb: str) -> int:
+    is_id = isinstance(id, int | np.integer) and not isinstance(id, bool)
+    rows = np.flatnonzero((front.ids == id) & is_id)
+    if not len(rows):
+        ids = ", ".join(map(str, np.sort(front.ids)[:8])) + (", ..." if len(front) > 8 else "")
+        raise InvalidInput(f"{verb}: wants a choice or an id of the front, one of {ids or 'none'}, got {id!r}")
+    return int(rows[0])
+
+
+def _axes(front: Front, label: str, names: str | Sequence[str]) -> list[int]:
+    """Return which objectives are named."""
+    names = [names] if isinstance(names, str) else names
+    if not isinstance(names, Sequence):
+        raise InvalidInput(f"{label}: wants names of objectives, got {names!r}")
+    for name in names:
+        if name not in front.names:
+            raise InvalidInput(f"{label}: wants names among {', '.join(front.names)}, got {name!r}")
+    return list(dict.fromkeys(list(front.names).index(name) for name in names))

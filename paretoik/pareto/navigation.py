@@ -1,0 +1,195 @@
+"""Moving along a front from one of its points to a new one: followed where its branch goes on, else solved anew.
+
+Where the branch ends or bends back, or what is known already is better, local optima are sought from where it ended,
+from the nearest known points that are good enough, and from points between these and the start; the best counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Point, Points
+from paretoik.errors import EvaluationFailed, SolverFailed
+from paretoik.nlp.interior_point_options import InteriorPointOptions
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Goal, Program, Solver
+from paretoik.nlp.violation import violation_of
+from paretoik.pareto.continuation import Continuation, can_follow, follow, guess_optimum
+from paretoik.pareto.goals import Aim
+from paretoik.pareto.warm_start import OPTIONS as WARM
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationOptions:
+    """How a front is moved along; objectives are divided by their ranges.
+
+    ``neighbours`` are so many known points to start from; ``violation`` is what a limit or bound may be exceeded by,
+    ``better`` what one point has to gain beside another. A branch that ends before a ``worthwhile`` share of the way
+    leads nowhere. Between two points lies a barrier where at one of so many ``places`` an objective is worse than at
+    both by ``height``. ``barriers`` are tried in turn until one leads to an optimum.
+    """
+
+    neighbours: int = 2
+    violation: float = 1e-8
+    better: float = 1e-7
+    worthwhile: float = 0.02
+    places: int = 7
+    height: float = 1e-6
+    barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
+
+
+OPTIONS = NavigationOptions()
+
+Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Points]
+"""Returns points at shares of the way from one to another, without those that are impossible."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """The points of a front, and their objectives as the program has them."""
+
+    x: Points
+    objectives: Float[np.ndarray, "points n_obj"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Destination:
+    """Where a move led: the point, and the ``share`` of what was wished for that it reaches.
+
+    ``followed`` says how the branch was followed, None where it could not be; where that ``arrived``, at this point,
+    nothing was solved anew. ``jump`` says whether a barrier lies between the start and the point.
+    """
+
+    x: Point
+    share: float
+    followed: Continuation | None
+    arrived: bool
+    jump: bool
+
+
+def move(
+    program: Program, known: Known, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
+) -> Destination | None:
+    """Return where a move from a known point leads; None where nothing better in what is wished for was found."""
+    goal = aim.at_share(1.0)
+    followed = _follow(program, known.x[start], aim)
+    candidates = list[Point]()
+    arrived = followed is not None and followed.share >= 1.0
+    if followed is not None and arrived:
+        candidates.append(followed.optimum.at.x)
+    neighbours = _neighbours(known, start, aim)
+    if not arrived or _is_doubtful(program, known, candidates[0], neighbours, goal, between):
+        starts = _starts(known, start, aim, followed, neighbours, between)
+        candidates += _solve(program, starts, goal, solver)
+    best = _best(program, candidates, goal)
+    if best is not None:
+        is_followed = bool(candidates) and arrived and best is candidates[0]
+        jump = not is_followed and has_barrier(program, known.x[start], best, between, aim.ranges)
+        return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
+    if followed is not None and followed.share >= OPTIONS.worthwhile:
+        return Destination(x=followed.optimum.at.x, share=followed.share, followed=followed, arrived=True, jump=False)
+    return None
+
+
+def reach(program: Program, x: Point, goal: Goal, *, solver: Solver = "auto") -> Point | None:
+    """Return the optimum of a goal that a point near by leads to; None where it leads to none."""
+    return _best(program, _solve(program, x[None], goal, solver), goal)
+
+
+def has_barrier(
+    program: Program, x: Point, other: Point, between: Between, ranges: Float[np.ndarray, " n_obj"]
+) -> bool:
+    """Return whether some place between two points is worse in an objective than both, or impossible."""
+    shares = np.arange(1, OPTIONS.places + 1) / (OPTIONS.places + 1)
+    inner = between(x, other, shares)
+    if len(inner) < len(shares):
+        return True
+    values = [_objectives(program, one, len(ranges)) for one in (x, *inner, other)]
+    corner = np.maximum(values[0], values[-1]) + OPTIONS.height * ranges
+    return any(not bool((value <= corner).all()) for value in values[1:-1])
+
+
+def _follow(program: Program, x: Point, aim: Aim) -> Continuation | None:
+    try:
+        at = program.linearise(x)
+        if not can_follow(at):
+            return None
+        optimum = guess_optimum(program, at, aim.at_share(0.0))
+    except (EvaluationFailed, SolverFailed, np.linalg.LinAlgError):
+        return None
+    return None if optimum is None else follow(program, optimum, aim.at_share)
+
+
+def _neighbours(known: Known, start: int, aim: Aim) -> list[int]:
+    """Return the known points that have what is wished for, nearest first: those that break other bounds least."""
+    goal = aim.at_share(1.0)
+    excess = known.objectives @ goal.rows[:, : known.objectives.shape[1]].T - goal.upper
+    improved = known.objectives[:, aim.wish.improve] / aim.ranges[aim.wish.improve]
+    enough = improved <= aim.start[aim.wish.improve] / aim.ranges[aim.wish.improve] - aim.wish.by + OPTIONS.better
+    shares = (known.objectives - aim.start) / aim.ranges
+    order = np.lexsort((np.linalg.norm(shares, axis=1), np.maximum(excess, 0.0).max(axis=1)))
+    return [int(i) for i in order if enough[i] and i != start][: OPTIONS.neighbours]
+
+
+def _is_doubtful(program: Program, known: Known, x: Point, neighbours: list[int], goal: Goal, between: Between) -> bool:
+    """Return whether something else than what was followed may be better: a known point, or one in another valley."""
+    count = known.objectives.shape[1]
+    merit = float(goal.weights @ program.evaluate(x)[0])
+    feasible = (known.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
+    if (known.objectives[feasible] @ goal.weights[:count] < merit + OPTIONS.better).any():
+        return True
+    ranges = np.ptp(known.objectives, axis=0)
+    return any(has_barrier(program, x, known.x[i], between, ranges) for i in neighbours[:1])
+
+
+def _starts(
+    known: Known, start: int, aim: Aim, followed: Continuation | None, neighbours: list[int], between: Between
+) -> Points:
+    """Return the points to solve from: where the branch ended, the start, neighbours, and points on the way there."""
+    starts = [known.x[start]]
+    if followed is not None and 0.0 < followed.share < 1.0:
+        starts.insert(0, followed.optimum.at.x)
+    wish, values = aim.wish, known.objectives[:, aim.wish.improve]
+    for i in neighbours:
+        starts.append(known.x[i])
+        share = wish.by * aim.ranges[wish.improve] / max(float(values[start] - values[i]), 1e-300)
+        if share < 1.0:
+            starts += list(between(known.x[start], known.x[i], np.array([share])))
+    return np.stack(starts)
+
+
+def _solve(program: Program, starts: Points, goal: Goal, solver: Solver) -> list[Point]:
+    """Return the optima that starts lead to, each by the first barrier that does."""
+    optima, unsolved = list[Point](), np.ones(len(starts), dtype=bool)
+    for options in OPTIONS.barriers:
+        rows = np.flatnonzero(unsolved)
+        if not len(rows):
+            break
+        upper = np.tile(goal.upper, (len(rows), 1))
+        solutions = minimise(program, starts[rows], goal.weights[None], upper, options, rows=goal.rows, solver=solver)
+        optima += list(solutions.x[solutions.converged])
+        unsolved[rows[solutions.converged]] = False
+    return optima
+
+
+def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None:
+    """Return the candidate with the least merit among those within all limits and bounds; the first on a tie."""
+    best, least = None, np.inf
+    for x in candidates:
+        F, equalities, inequalities = program.evaluate(x)
+        violation = violation_of(program, F, equalities, inequalities, goal.rows, goal.upper)
+        merit = float(goal.weights @ F)
+        if violation <= OPTIONS.violation and merit < least - OPTIONS.better:
+            best, least = x, merit
+    return best
+
+
+def _objectives(program: Program, x: Point, count: int) -> Float[np.ndarray, " n_obj"]:
+    try:
+        return np.asarray(program.evaluate(x)[0][:count])
+    except EvaluationFailed:
+        return np.full(count, np.inf)
