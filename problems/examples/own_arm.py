@@ -17,7 +17,8 @@ URDF = HERE.parent / "robots" / "panda.urdf"
 report = pk.check_robot(URDF, base="panda_link0", tip="panda_hand_tcp")
 print(*report.summary, sep="\n")
 
-broken = Path("broken.urdf")
+broken = Path("runs/broken.urdf")
+broken.parent.mkdir(exist_ok=True)
 broken.write_text(URDF.read_text().replace('<mass value="', '<mass value="-').replace('lower="-2', 'lower="2'))
 print(f"{len(pk.check_robot(broken).faults)} faults in {broken}, the first: {pk.check_robot(broken).faults[0]}")
 

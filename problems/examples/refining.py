@@ -51,6 +51,13 @@ print(f"swept: {swept}")
 print(f"jumps between ids: {swept.jumps}; could still be added: {swept.missing_hypervolume:.2%} of the hypervolume")
 
 # %% [markdown]
+# Three fronts beside each other, by what of the merged front's hypervolume each has.
+
+# %%
+comparison = pk.compare(rough, front, swept, labels=["searched", "refined", "swept"])
+print(repr(comparison))  # print(comparison) has the tables
+
+# %% [markdown]
 # One objective alone has distinct optima, best first, each with the label of its branch.
 
 # %%

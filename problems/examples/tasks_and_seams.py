@@ -37,6 +37,21 @@ for axes in ("pose", "xyz+z-axis"):
     )
 
 # %% [markdown]
+# Onto the robot: the motion is sampled at the controller's rate, and every sample held against its published limits.
+# One that does not start from rest is refused, with what would help.
+
+# %%
+Path("runs").mkdir(exist_ok=True)
+try:
+    pk.export(best["pose"].motion, "runs/posed.csv", controller="franka")
+except pk.Infeasible as error:
+    print(f"refused: {error}")
+trajectory = pk.export(
+    best["xyz+z-axis"].motion, "runs/seam.csv", controller="franka", ramp=0.2, slow_down=True, overwrite=True
+)
+print(f"exported: {trajectory}")
+
+# %% [markdown]
 # Several tasks at once, each for a frame of its own: the tool of a planar arm with five joints follows a line while its
 # third joint stays on another one.
 

@@ -44,7 +44,7 @@ def test_the_readme_lists_every_example_once_and_no_other():
 
 
 def test_what_the_readme_quotes_of_an_example_stands_in_it():
-    for section in README.split("\n### ")[1:]:
+    for section in README.partition("\n## One's own\n")[0].split("\n### ")[1:]:
         (name,) = re.findall(r"\]\(examples/(\w+)\.py\)", section)
         (block,) = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
         lines = [line.strip() for line in block.splitlines() if line.strip()]
@@ -102,11 +102,14 @@ def test_obstacles_are_kept_clear_of_and_farther_costs_more(example):
 
 
 def test_a_nozzle_that_may_turn_lets_joints_travel_less(example):
-    names, _ = example("tasks_and_seams")
+    names, printed = example("tasks_and_seams")
     posed, turned = (names["best"][axes].motion for axes in ("pose", "xyz+z-axis"))
     assert pk.joint_travel(turned) < pk.joint_travel(posed)
     assert largest(turned.tool_rotation[..., 2] - [0, 0, -1]) < 1e-9
     assert names["front"].motions.tracking_error.max() < 1e-9
+    assert largest(names["trajectory"].dq) <= 2.61
+    assert Path("runs/seam.csv").is_file()
+    assert "it must start at rest" in printed
     assert largest(names["closed"].motion.q[-1] - names["closed"].motion.q[0]) == 0
 
 
@@ -118,8 +121,37 @@ def test_a_refined_front_is_certified_and_no_worse_than_what_was_searched(exampl
     for certified in (front, names["swept"]):
         assert set(certified.certificates.status) == {"minimum"}
         assert certified.certificates.kkt_residual.max() < 1e-6
+    assert "swept" in repr(names["comparison"])
     rates = front.certificates.exchange_rates[:, 0, 1]
     assert (rates[np.isfinite(rates)] < 0).all()
+
+
+def test_every_preference_keeps_to_its_word_and_the_run_keeps_the_choices(example):
+    names, printed = example("choosing")
+    front = names["front"]
+    energy, torque = front.objectives.T
+    within = energy <= 0.041
+    assert names["cheap"].objectives[1] == torque[within].min()
+    near_best = torque <= torque.min() + 0.1 * np.ptp(front.ranges[1])
+    assert names["first"].objectives[0] == energy[near_best].min()
+    assert names["better"].objectives[0] < names["robust"].objectives[0]
+    assert names["better"].objectives[1] <= 0.075
+    assert len(front.choices) == 8  # seven, and the reader's own after going back
+    assert front.choices.chosen.point == names["own"].id
+    assert Path("runs/choosing/report.html").stat().st_size < 5e6
+    assert f"point {names['cheap'].id}" in printed
+
+
+def test_each_move_along_a_front_gives_what_was_asked_for_and_a_certificate(example):
+    names, printed = example("navigating")
+    front, moved, now = names["front"], names["moved"], names["now"]
+    assert now.objectives[0] == pytest.approx(0.040, rel=1e-6)
+    assert set(front.ids) <= set(moved.ids)
+    assert now.id not in front.ids
+    assert set(moved.certificates.status) == {"minimum"}
+    assert moved.certificates.kkt_residual.max() < 1e-6
+    assert len(names["dense"]) > len(front)
+    assert "refused: navigate" in printed
 
 
 @slow

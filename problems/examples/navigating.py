@@ -1,0 +1,48 @@
+# %% [markdown]
+# # Navigating: along the front, to points that were not on it
+#
+# A front has as many points as were asked for. From a chosen one `navigate` moves on: one objective gets better, others
+# pay. The new point is certified like the others and has an id of its own.
+
+# %%
+import numpy as np
+
+import paretoik as pk
+
+arm, limits = pk.arms.tringali_3r(), pk.Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8)
+path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
+problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits)
+front = pk.solve(problem, population=40, generations=30, seed=1, refine=True, points=8)
+choice = front.select("knee")
+print(f"from point {choice.id}: {choice.objectives}")
+
+# %% [markdown]
+# By default it gets better by a twentieth of its range, and every other objective pays.
+
+# %%
+moved = front.navigate(choice, improve="kinetic_energy")
+print(moved.navigated.reason.partition(" It has ")[0])
+
+# %% [markdown]
+# Or by so much, or to a value, in the objective's own unit; `allow` and `hold` say who pays and who does not. Moves
+# follow one another: each front has all the points of the one before.
+
+# %%
+moved = moved.navigate(moved.navigated, improve="torque_norm", by=0.002)
+moved = moved.navigate(moved.navigated, improve="kinetic_energy", to=0.040)
+now = moved.navigated
+print(f"{len(front)} points became {len(moved)}; now point {now.id}: {now.objectives}")
+certificate = moved.certificates[now.index : now.index + 1]
+print(f"its certificate: {certificate.status[0]}, residual {certificate.kkt_residual[0]:.0e}")
+
+# %% [markdown]
+# Past the end of the front there is nothing to be had, and the error says so. `refine_around` puts more points near
+# one that matters. On the command line: `paretoik navigate RUN --point 7 --improve kinetic_energy`.
+
+# %%
+try:
+    front.navigate(int(front.ids[0]), improve="kinetic_energy")
+except pk.ParetoikError as error:
+    print(f"refused: {error}")
+dense = front.refine_around(choice, points=4)
+print(f"around point {choice.id}: {len(front)} points became {len(dense)}")
