@@ -101,7 +101,9 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
     elif followed.share == 0.0:
         cause = "Its branch could not be followed: it was solved from the start and its neighbours."
     elif followed.share < 1.0:
-        cause = f"Its branch was followed {followed.share:.0%} of the way: it was solved from there and from neighbours."
+        cause = (
+            f"Its branch was followed {followed.share:.0%} of the way: it was solved from there and from neighbours."
+        )
     else:
         cause = "Its branch leads to a worse point: it was solved from neighbours."
     jump = (
