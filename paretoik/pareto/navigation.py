@@ -44,7 +44,7 @@ class NavigationOptions:
 
 OPTIONS = NavigationOptions()
 
-Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Points]
+Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarray, " between *point"]]
 """Returns points at shares of the way from one to another, without those that are impossible."""
 
 
