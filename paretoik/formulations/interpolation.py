@@ -25,7 +25,9 @@ def values_between(
     return possible_values(F, limits).reshape(len(q) - 1, len(shares), F.shape[-1])
 
 
-def points_between(task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]) -> list[Points]:
+def points_between(
+    task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]
+) -> list[Float[np.ndarray, " between *point"]]:
     """Return the points at shares of the way from each point to the next, those of motions that are on their path."""
     if task is None:
         between = x[:-1, None] + shares.reshape(-1, *[1] * (x.ndim - 1)) * np.diff(x, axis=0)[:, None]

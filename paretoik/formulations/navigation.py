@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -65,7 +66,9 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
         objectives=len(program.upper),
     )
     between = _between(problem)
+    began = time.process_time()
     destination = move(program, known, request.row, aim, between)
+    seconds = time.process_time() - began
     if destination is None:
         name, unit = front.names[request.improve], front.units[request.improve]
         raise Infeasible(
@@ -73,7 +76,9 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
             f"found no point within all limits where {', '.join(front.names[k] for k in request.payers)} pays for it"
         )
     arrival = _certified(formulation, destination, aim, between)
-    return _joined(problem, front, request, aim, destination, arrival)
+    moved = _joined(problem, front, request, aim, destination, arrival)
+    *others, note = moved.provenance[NAVIGATIONS]
+    return replace(moved, provenance={**moved.provenance, NAVIGATIONS: [*others, {**note, "seconds": seconds}]})
 
 
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:

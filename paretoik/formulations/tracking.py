@@ -76,7 +76,7 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
         Spline coefficients a direction of redundancy (None: 12, or as many as few samples bear), and the most base
         motions.
     seed
-        Of the roll-outs that become base motions; part of the problem, so that genes mean the same in every run.
+        Of the roll-outs that become base motions; part of the problem: genes mean the same in every run.
 
     Raises
     ------

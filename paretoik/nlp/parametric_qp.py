@@ -28,7 +28,7 @@ class ParametricQpOptions:
     anew.
     """
 
-    changes: int = 400
+    changes: int = 100
     updates: int = 24
     dependent: float = 1e-9  # length of a row across the active ones: what counts as none
     rate: float = 1e-13  # by which a slack or a multiplier falls: less is rounding
@@ -63,9 +63,11 @@ def solve_from(
 
     The constraints with positive multipliers have to be independent.
     """
-    lengths = np.sqrt(np.maximum(jacobian.power(2).sum(axis=1), 1e-300))
-    scale = max(float(np.linalg.norm(gradient)), 1e-300)
-    rows = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ jacobian)
+    counts = np.diff(jacobian.indptr)
+    square = np.bincount(np.repeat(np.arange(len(counts)), counts), jacobian.data**2, minlength=len(counts))
+    lengths, scale = np.sqrt(np.maximum(square, 1e-300)), max(float(np.linalg.norm(gradient)), 1e-300)
+    unit = jacobian.data / np.repeat(lengths, counts)
+    rows = sparse.csr_array((unit, jacobian.indices, jacobian.indptr), shape=jacobian.shape)
     way = _Way(hessian / scale, gradient / scale, rows, values / lengths, multipliers * lengths / scale)
     way.follow()
     return QpSolution(
@@ -79,14 +81,14 @@ class _Way:
     def __init__(
         self, hessian: np.ndarray, gradient: np.ndarray, rows: sparse.csr_array, values: np.ndarray, guess: np.ndarray
     ) -> None:
-        self.hessian, self.rows = hessian, rows
+        self.hessian, self.rows, self.columns = hessian, rows, len(gradient)
         self.active: list[int] = np.flatnonzero(guess > 0).tolist()
         self.multipliers = np.where(guess > 0, guess, 0.0)
         self.step = np.zeros(len(gradient))
         lift = OPTIONS.lift * (1.0 + np.arange(len(values)) * (np.sqrt(5.0) - 1.0) / 2 % 1.0)
         self.slacks = np.maximum(values, 0.0) + lift  # of those that are not active, at the step
         self.slacks[self.active] = 0.0
-        self.gradient_rate = gradient - rows.T @ self.multipliers
+        self.gradient_rate = gradient - self._dense(self.active).T @ self.multipliers[self.active]
         self.value_rate = values - self.slacks
         self.share, self.changes = 0.0, 0
 
@@ -162,7 +164,11 @@ class _Way:
         return True
 
     def _dense(self, rows: list[int]) -> np.ndarray:
-        return np.asarray(self.rows[rows].toarray())
+        dense, pointers = np.zeros((len(rows), self.columns)), self.rows.indptr
+        for out, row in zip(dense, rows, strict=True):
+            part = slice(pointers[row], pointers[row + 1])
+            out[self.rows.indices[part]] += self.rows.data[part]
+        return dense
 
 
 class _System:

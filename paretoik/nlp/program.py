@@ -19,7 +19,7 @@ from jaxtyping import Float
 from scipy import sparse
 
 from paretoik.arrays import Point, Points
-from paretoik.nlp.conic import Cone, Constraints, dense_rows
+from paretoik.nlp.conic import Cone, Constraints, dense_rows, stack_rows
 
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
 """Which solver refines: if "auto", interior points where the program has a kernel, else SQP."""
@@ -173,7 +173,7 @@ def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
     constraints = Constraints(
         unknowns=at.unknowns,
         values=np.concatenate([at.inequalities[:elastic], goal.upper[finite] - rows @ at.objectives, ties]),
-        jacobian=sparse.csr_array(sparse.vstack([at.jacobian[:elastic], bounds, at.jacobian[elastic:]])),
+        jacobian=stack_rows([at.jacobian[:elastic], bounds, at.jacobian[elastic:]]),
         cones=at.cones,
     )
     return constraints, elastic + len(rows)

@@ -32,7 +32,8 @@ class ContinuationOptions:
     A point is an optimum where the length of the Lagrangian's gradient, of a step of RMS length one and over the sum of
     the objectives' multipliers, is at most ``residual``, and no constraint is violated by more than ``violation``. More
     than so many ``corrections``, or one that is not shorter than the one before by a factor of ``contraction``, halve
-    the step, at most ``few`` double it; a step below ``smallest``, a share of the way, is where the branch ends.
+    the step, at most ``few`` double it. So many ``attempts`` are made at most, good ones among them: where that is not
+    enough, a solver that starts anew is faster.
 
     Where multipliers begin: limits with a slack up to one of the ``active`` ones count as active, until the gradient
     of the Lagrangian is at most ``balance``, a share of the objectives'.
@@ -43,7 +44,7 @@ class ContinuationOptions:
     corrections: int = 3
     contraction: float = 0.5
     few: int = 1
-    smallest: float = 0.03
+    attempts: int = 6
     active: tuple[float, ...] = (1e-7, 5e-2)
     balance: float = 1e-6
 
@@ -109,7 +110,9 @@ def guess_optimum(program: Program, at: Linearisation, goal: Goal) -> Optimum | 
 def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
     """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most."""
     optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
-    while share < 1.0 and step >= OPTIONS.smallest:
+    for _ in range(OPTIONS.attempts):
+        if share >= 1.0:
+            break
         check_interruption()
         target = min(1.0, share + step)
         result = _correct(program, optimum, goal(target))

@@ -6,7 +6,7 @@ from the nearest known points that are good enough, and from points between thes
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,21 +30,21 @@ class NavigationOptions:
     ``neighbours`` are so many known points to start from; ``violation`` is what a limit or bound may be exceeded by,
     ``better`` what one point has to gain beside another. A branch that ends before a ``worthwhile`` share of the way
     leads nowhere. Between two points lies a barrier where at one of so many ``places`` an objective is worse than at
-    both by ``height``. ``barriers`` are tried in turn until one leads to an optimum.
+    both by ``height``. ``barriers`` of the solver are tried in turn until one leads to an optimum.
     """
 
-    neighbours: int = 2
+    neighbours: int = 3
     violation: float = 1e-8
     better: float = 1e-7
     worthwhile: float = 0.02
-    places: int = 7
+    places: int = 3
     height: float = 1e-6
     barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
 
 
 OPTIONS = NavigationOptions()
 
-Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Points]
+Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarray, " between *point"]]
 """Returns points at shares of the way from one to another, without those that are impossible."""
 
 
@@ -76,15 +76,15 @@ def move(
 ) -> Destination | None:
     """Return where a move from a known point leads; None where nothing better in what is wished for was found."""
     goal = aim.at_share(1.0)
-    followed = _follow(program, known.x[start], aim)
-    candidates = list[Point]()
+    followed, neighbours = _follow(program, known.x[start], aim), _neighbours(known, start, aim)
     arrived = followed is not None and followed.share >= 1.0
+    candidates, starts = list[Point](), list[Point]()
     if followed is not None and arrived:
         candidates.append(followed.optimum.at.x)
-    neighbours = _neighbours(known, start, aim)
-    if not arrived or _is_doubtful(program, known, candidates[0], neighbours, goal, between):
-        starts = _starts(known, start, aim, followed, neighbours, between)
-        candidates += _solve(program, starts, goal, solver)
+        starts += [known.x[i] for i in _rivals(program, known, candidates[0], neighbours, goal, between)]
+    else:
+        starts += _starts(known, start, aim, followed, neighbours, between)
+    candidates += _solve(program, starts, goal, solver)
     best = _best(program, candidates, goal)
     if best is not None:
         is_followed = bool(candidates) and arrived and best is candidates[0]
@@ -97,7 +97,7 @@ def move(
 
 def reach(program: Program, x: Point, goal: Goal, *, solver: Solver = "auto") -> Point | None:
     """Return the optimum of a goal that a point near by leads to; None where it leads to none."""
-    return _best(program, _solve(program, x[None], goal, solver), goal)
+    return _best(program, _solve(program, [x], goal, solver), goal)
 
 
 def has_barrier(
@@ -135,20 +135,21 @@ def _neighbours(known: Known, start: int, aim: Aim) -> list[int]:
     return [int(i) for i in order if enough[i] and i != start][: OPTIONS.neighbours]
 
 
-def _is_doubtful(program: Program, known: Known, x: Point, neighbours: list[int], goal: Goal, between: Between) -> bool:
-    """Return whether something else than what was followed may be better: a known point, or one in another valley."""
+def _rivals(program: Program, known: Known, x: Point, neighbours: list[int], goal: Goal, between: Between) -> list[int]:
+    """Return the known points that may lead to something better than x: better ones, and those in other valleys."""
     count = known.objectives.shape[1]
-    merit = float(goal.weights @ program.evaluate(x)[0])
+    merit, merits = float(goal.weights @ program.evaluate(x)[0]), known.objectives @ goal.weights[:count]
     feasible = (known.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
-    if (known.objectives[feasible] @ goal.weights[:count] < merit + OPTIONS.better).any():
-        return True
+    better = np.flatnonzero(feasible & (merits < merit + OPTIONS.better))
+    if len(better):
+        return [int(better[np.argmin(merits[better])])]
     ranges = np.ptp(known.objectives, axis=0)
-    return any(has_barrier(program, x, known.x[i], between, ranges) for i in neighbours[:1])
+    return [i for i in neighbours if has_barrier(program, x, known.x[i], between, ranges)]
 
 
 def _starts(
     known: Known, start: int, aim: Aim, followed: Continuation | None, neighbours: list[int], between: Between
-) -> Points:
+) -> list[Point]:
     """Return the points to solve from: where the branch ended, the start, neighbours, and points on the way there."""
     starts = [known.x[start]]
     if followed is not None and 0.0 < followed.share < 1.0:
@@ -159,12 +160,12 @@ def _starts(
         share = wish.by * aim.ranges[wish.improve] / max(float(values[start] - values[i]), 1e-300)
         if share < 1.0:
             starts += list(between(known.x[start], known.x[i], np.array([share])))
-    return np.stack(starts)
+    return starts
 
 
-def _solve(program: Program, starts: Points, goal: Goal, solver: Solver) -> list[Point]:
-    """Return the optima that starts lead to, each by the first barrier that does."""
-    optima, unsolved = list[Point](), np.ones(len(starts), dtype=bool)
+def _solve(program: Program, points: Sequence[Point], goal: Goal, solver: Solver) -> list[Point]:
+    """Return the optima that points lead to, each by the first barrier that does."""
+    optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
     for options in OPTIONS.barriers:
         rows = np.flatnonzero(unsolved)
         if not len(rows):

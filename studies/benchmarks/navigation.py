@@ -1,0 +1,211 @@
+"""Random moves along certified fronts: certified, non-dominated, rates right, times beside IPOPT; losses first.
+
+    python -m studies.benchmarks.navigation [--quick] [--moves N] [--json FILE]
+
+Every move improves a random objective of a random point by 1 to 20 % of its range, no further than the best of the
+front, one random objective paying, the others held. A move counts as certified if its point has a residual of at most
+1e-6 and keeps its limits to 1e-8, as best if no method found a payer lower by more than 1e-5 of its range: ours from
+every point of the front, and IPOPT. Rates are those of a further move by 0.1 % against the certificate's. IPOPT starts
+warm from the point that is left, and cold from one that a seed draws among the front's. Times are processor time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import paretoik as pk
+from paretoik.errors import Infeasible
+from paretoik.formulations.navigation import natural_weights
+from paretoik.formulations.protocol import Differentiable
+from paretoik.pareto.goals import Aim, Wish
+from paretoik.pareto.navigation import Known, reach
+from problems import kim_2021, panda, tringali_2020
+from studies.benchmarks.fronts.cases import trade_off_maker
+from studies.benchmarks.fronts.programs import JointProgram, joint_program
+from studies.reporting import Row, report, study_parser, tell
+
+LEAST, MOST, SMALL = 0.01, 0.2, 1e-3  # shares of a range
+CRITICAL, VIOLATION, SAME, RATE = 1e-6, 1e-8, 1e-5, 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A problem, the points of its front, whether IPOPT has a program of it, and the goal of a step [ms]."""
+
+    make: Callable[[], pk.Tracking | pk.DirectionalMaxima | pk.PointToPoint]
+    points: int = 12
+    has_peer: bool = True
+    goal: float | None = None
+
+
+CASES = {
+    "papers' arm, energy against torque": Case(make=tringali_2020.energy_torque, points=20, goal=10.0),
+    "papers' arm, torques and powers limited": Case(make=trade_off_maker("simulation_4")),
+    "papers' arm, circle": Case(make=trade_off_maker("simulation_5")),
+    "Panda, three objectives": Case(make=panda.across_the_table, goal=100.0),
+    "directional maxima": Case(make=kim_2021.directions_jam, has_peer=False),
+    "speed against force": Case(make=kim_2021.speed_force_dam, has_peer=False),
+}
+QUICK = tuple(CASES)[:1]
+
+
+@dataclass(eq=False)
+class Tally:
+    """What came of moves, one entry a move."""
+
+    certified: list[bool] = field(default_factory=list)
+    non_dominated: list[bool] = field(default_factory=list)
+    followed: list[bool] = field(default_factory=list)
+    best: list[bool] = field(default_factory=list)
+    rate: list[bool] = field(default_factory=list)
+    step: list[float] = field(default_factory=list)
+    whole: list[float] = field(default_factory=list)
+    peer_solved: dict[str, list[bool]] = field(default_factory=lambda: {"warm": [], "cold": []})
+    peer_seconds: dict[str, list[float]] = field(default_factory=lambda: {"warm": [], "cold": []})
+    unreachable: int = 0
+
+
+def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tuple[int, Aim]:
+    """Return a row of a front and what is wished for there."""
+    widths, values = np.ptp(front.ranges, axis=1), front.minimised
+    while True:
+        row, k = int(rng.integers(len(front))), int(rng.integers(len(widths)))
+        by = float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
+        if by <= (values[row, k] - values[:, k].min()) / widths[k]:
+            break
+    payer = int(rng.choice([j for j in range(len(widths)) if j != k]))
+    weights = natural_weights(front, row) * widths
+    wish = Wish(improve=k, payers=(payer,), by=by)
+    return row, Aim(wish=wish, ranges=widths, start=values[row], weights=weights / weights.sum(), objectives=objectives)
+
+
+def try_move(
+    front: pk.Front, row: int, aim: Aim, peer: JointProgram | None, rng: np.random.Generator, to: Tally
+) -> None:
+    """Move, and write down what came of it, beside what others find."""
+    formulation: Differentiable = front.problem
+    program, known = formulation.program(), Known(x=formulation.front_points(front), objectives=front.minimised)
+    goal, wish, widths = aim.at_share(1.0), aim.wish, aim.ranges
+    payer, names = wish.payers[0], front.names
+    values = [program.evaluate(x)[0][payer] for one in known.x if (x := reach(program, one, goal)) is not None]
+    for start in ("warm", "cold") if peer is not None else ():
+        assert peer is not None
+        ceilings = aim.start.copy()
+        ceilings[wish.improve] -= wish.by * widths[wish.improve]
+        ceilings[payer] = np.inf
+        q = known.x[row if start == "warm" else int(rng.integers(len(front)))]
+        began = time.process_time()
+        motion, _ = peer.solve(q, payer, ceilings, widths, warm=start == "warm")
+        to.peer_seconds[start].append(time.process_time() - began)
+        to.peer_solved[start].append(motion is not None)
+        values += [] if motion is None else [program.evaluate(motion)[0][payer]]
+    id, by = int(front.ids[row]), wish.by * float(widths[wish.improve])
+    began = time.process_time()
+    try:
+        moved = front.navigate(id, improve=names[wish.improve], allow=names[payer], by=by)
+    except Infeasible:
+        to.unreachable += not values
+        if values:
+            to.certified.append(False)
+            to.best.append(False)
+        return
+    to.whole.append(time.process_time() - began)
+    choice, note = moved.navigated, moved.provenance["navigations"][-1]
+    assert choice is not None
+    assert moved.certificates is not None
+    if note["share"] < 1.0 and not values:
+        to.unreachable += 1
+        return
+    to.step.append(note["seconds"])
+    to.followed.append(note["followed"])
+    residual, violation = moved.certificates.kkt_residual[choice.index], moved.certificates.violation[choice.index]
+    to.certified.append(bool(note["share"] == 1.0 and residual <= CRITICAL and violation <= VIOLATION))
+    ours = moved.minimised[choice.index]
+    dominating = (front.minimised <= ours).all(axis=1) & (front.minimised < ours).any(axis=1)
+    to.non_dominated.append(not dominating.any())
+    to.best.append(bool(note["share"] == 1.0 and ours[payer] <= min([*values, np.inf]) + SAME * widths[payer]))
+    _try_rate(moved, choice, wish, to)
+
+
+def _try_rate(moved: pk.Front, choice: pk.Choice, wish: Wish, to: Tally) -> None:
+    """Compare the exchange rate of a point with a small move, where it has one."""
+    assert moved.certificates is not None
+    i, j = wish.improve, wish.payers[0]
+    rate = moved.certificates.exchange_rates[choice.index, i, j]
+    if not np.isfinite(rate) or moved.certificates.weights[choice.index].min() < SMALL:
+        return
+    by = SMALL * float(np.ptp(moved.ranges[i]))
+    try:
+        near = moved.navigate(choice, improve=moved.names[i], allow=moved.names[j], by=by).navigated
+    except Infeasible:
+        return
+    assert near is not None
+    change = near.objectives - choice.objectives
+    to.rate.append(bool(abs(change[j] / change[i] / rate - 1.0) <= RATE))
+
+
+def rows_of(name: str, case: Case, tally: Tally) -> list[Row]:
+    """Return the rows of a case."""
+    moves = len(tally.certified)
+
+    def row(label: str, column: str, unit: str, ours: float, reference: float | None = None, source: str = "") -> Row:
+        return Row(table=name, row=label, column=column, unit=unit, ours=ours, reference=reference, source=source)
+
+    def share(values: Sequence[bool]) -> float:
+        return 100 * float(np.mean(values)) if values else np.nan
+
+    def median(values: Sequence[float]) -> float:
+        return 1e3 * float(np.median(values)) if values else np.nan
+
+    step = row("a step", "median", "ms CPU", median(tally.step), case.goal, "goal")
+    rows = [
+        row("certified", f"of {moves} moves", "%", share(tally.certified)),
+        row("best known", f"of {moves} moves", "%", share(tally.best)),
+        row("non-dominated by the front it left", f"of {len(tally.non_dominated)}", "%", share(tally.non_dominated)),
+        row("followed along its branch", f"of {len(tally.followed)}", "%", share(tally.followed)),
+        row("rates within 5 % of a small move", f"of {len(tally.rate)}", "%", share(tally.rate)),
+        row("out of reach for all methods", "moves", "", tally.unreachable),
+        step,
+        row("a step with its certificate", "median", "ms CPU", median(tally.whole)),
+    ]
+    for start in ("warm", "cold") if tally.peer_seconds["warm"] else ():
+        seconds, solved = tally.peer_seconds[start], tally.peer_solved[start]
+        rows.append(row("a step", f"beside IPOPT {start}", "ms CPU", median(tally.step), median(seconds), "IPOPT"))
+        rows.append(row("converged", f"beside IPOPT {start}", "%", share(tally.certified), share(solved), "IPOPT"))
+    compared = [each for each in rows if each.reference is not None]
+    lost = [each for each in compared if (each.ours > (each.reference or 0.0)) == (each.unit == "ms CPU")]
+    return [*lost, *(each for each in rows if each not in lost)]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the benchmark from the command line."""
+    parser = study_parser(__doc__, quick="the papers' arm alone, 12 moves")
+    parser.add_argument("--moves", type=int, help="moves a problem (167: 1,000 in all; 12 with --quick)")
+    parser.add_argument("--problems", nargs="+", choices=list(CASES), metavar="NAME", help="only these problems")
+    options = parser.parse_args(arguments)
+    moves = options.moves if options.moves is not None else 12 if options.quick else 167
+    if moves < 1:
+        parser.error(f"--moves: at least 1 wanted, got {moves}")
+    rows = list[Row]()
+    for name in options.problems or (QUICK if options.quick else CASES):
+        case, tally, rng = CASES[name], Tally(), np.random.default_rng(0)
+        tell(f"{name}: its front")
+        problem = case.make()
+        front = pk.epsilon_front(problem, points=case.points, starts=12, seed=0, observe=False)
+        peer = joint_program(problem.task) if case.has_peer and isinstance(problem, pk.Tracking) else None
+        front.refine_around(int(front.ids[len(front) // 2]), points=1)  # compiled once
+        for i in range(moves):
+            if i % 10 == 0:
+                tell(f"{name}: move {i} of {moves}")
+            row, aim = random_aim(front, len(problem.program().upper), rng)
+            try_move(front, row, aim, peer, rng, tally)
+        rows += rows_of(name, case, tally)
+    report(rows, json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.api.load_front import load_front
+from paretoik.loading import load_problem
+from tests.cli.commands import strict
+
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory, mine):
+    """A run with a certified front, to be read only."""
+    out, reference = tmp_path_factory.mktemp("runs") / "certified", f"{mine}:good"
+    front = pk.epsilon_front(load_problem(reference), points=6, starts=6, observe=False)
+    pk.Front(**{**vars_of(front), "provenance": {**front.provenance, "problem": reference}}).save(out)
+    return out
+
+
+def vars_of(front):
+    names = ("ids", "objectives", "names", "units", "maximised", "motions", "violation", "certificates", "ranges")
+    return {name: getattr(front, name) for name in names}
+
+
+@pytest.fixture
+def run(certified, tmp_path):
+    return shutil.copytree(certified, tmp_path / "run")
+
+
+def middle(folder):
+    front = load_front(folder)
+    return int(front.ids[len(front) // 2])
+
+
+def test_the_run_gains_the_point_and_loses_nothing(paretoik, run):
+    before, start = load_front(run), middle(run)
+    ended = paretoik("navigate", run, "--point", start, "--improve", "kinetic_energy")
+    assert ended.code == 0
+    assert f"From point {start} to new point" in ended.out
+    after = load_front(run)
+    assert len(after) == len(before) + 1
+    rows = [int(np.flatnonzero(after.ids == id)[0]) for id in before.ids]
+    assert np.array_equal(after.objectives[rows], before.objectives)
+    assert np.array_equal(after.motions.q[rows], before.motions.q)
+    assert after.navigated.id not in before.ids
+    assert after.certificates.kkt_residual[after.navigated.index] <= 1e-6
+
+
+def test_another_folder_leaves_the_run_as_it_was(paretoik, run, tmp_path):
+    before, start = (run / "run.json").read_bytes(), middle(run)
+    words = ("navigate", run, "--point", start, "--improve", "torque_norm", "--by", 1e-3, "--out", tmp_path / "new")
+    said = strict(paretoik(*words, "--json").out)
+    assert (run / "run.json").read_bytes() == before
+    moved = load_front(tmp_path / "new")
+    assert said["to"] == said["id"] == moved.navigated.id
+    assert said["change"]["torque_norm"] == pytest.approx(-1e-3, rel=1e-5)
+    assert paretoik(*words).code == 2  # there is a run now
+
+
+def test_a_wrong_wish_is_one_line_and_changes_nothing(paretoik, run):
+    before = (run / "run.json").read_bytes()
+    for words in (("--point", 99, "--improve", "kinetic_energy"), ("--point", middle(run), "--improve", "time")):
+        ended = paretoik("navigate", run, *words)
+        assert ended.code == 2
+        assert len(ended.err.strip().splitlines()) == 1
+    assert (run / "run.json").read_bytes() == before
+
+
+def test_a_run_without_certificates_says_what_it_needs(paretoik, finished):
+    ended = paretoik("navigate", finished, "--point", middle(finished), "--improve", "kinetic_energy")
+    assert ended.code == 2
+    assert "wants a front with certificates" in ended.err

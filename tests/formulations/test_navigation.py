@@ -1,0 +1,153 @@
+"""Moves along fronts of real problems: what was asked for is met, certified, new, and the way back leads back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import paretoik as pk
+from paretoik.errors import Infeasible
+from paretoik.front.indicators import non_dominated
+
+PATH = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=21)
+
+
+def tracking(*objectives, differences="spline", **limits):
+    limits = {"position": np.deg2rad([90, 120, 120]), "velocity": 3.8, **limits}
+    return pk.Tracking(
+        pk.arms.tringali_3r(),
+        PATH,
+        objectives=objectives,
+        limits=pk.Limits(**limits),
+        differences=differences,
+        bases=2,
+    )
+
+
+def directions():
+    return pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 2)
+
+
+MAKERS = {
+    "two": lambda: tracking(pk.kinetic_energy, pk.torque_norm),
+    "three": lambda: tracking(pk.kinetic_energy, pk.torque_norm, pk.joint_travel),
+    "maximised": lambda: tracking(pk.kinetic_energy, pk.manipulability),
+    "kinked": lambda: tracking(pk.kinetic_energy, pk.peak_velocity),
+    "directions": directions,
+}
+
+
+@pytest.fixture(scope="module", params=MAKERS)
+def front(request):
+    return pk.epsilon_front(MAKERS[request.param](), points=7, starts=8, observe=False)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return pk.epsilon_front(MAKERS["two"](), points=7, starts=8, observe=False)
+
+
+def inner_points(front):
+    """Points that are no end of the front."""
+    ends = set(np.concatenate([front.minimised.argmin(axis=0), front.minimised.argmax(axis=0)]).tolist())
+    return [int(front.ids[i]) for i in range(len(front)) if i not in ends]
+
+
+def assert_kept(front, moved):
+    """Whatever was on the front is as it was, unless it is dominated."""
+    for id in front.ids:
+        if id in moved.ids:
+            before, after = front.choice_of(int(id)), moved.choice_of(int(id))
+            assert np.array_equal(before.objectives, after.objectives)
+            if before.motion is not None:
+                assert np.array_equal(before.motion.q, after.motion.q)
+        else:
+            assert int(id) in moved.provenance["navigations"][-1]["left"]
+
+
+def test_a_move_gains_what_was_asked_is_certified_and_new(front):
+    start = inner_points(front)[0]
+    for k, name in enumerate(front.names):
+        moved = front.navigate(start, improve=name)
+        new, note = moved.navigated, moved.provenance["navigations"][-1]
+        assert note["to"] == new.id
+        change = (new.objectives - front.choice_of(start).objectives)[k]
+        assert abs(change) == pytest.approx(note["by"] * note["share"], rel=1e-5)
+        assert (change > 0) == front.maximised[k]
+        if note["new"]:
+            assert new.id > front.ids.max()
+            assert len(moved) == len(front) + 1 - len(note["left"])
+            assert moved.certificates.kkt_residual[new.index] <= 1e-6
+            assert moved.certificates.violation[new.index] <= 1e-8
+            assert non_dominated(moved.minimised).all()
+        assert_kept(front, moved)
+        assert new.reason.startswith(f"From point {start} to ")
+
+
+def test_small_moves_cost_what_exchange_rates_say():
+    front = pk.epsilon_front(MAKERS["maximised"](), points=7, starts=8, observe=False)
+    start = inner_points(front)[1]
+    row = int(np.flatnonzero(front.ids == start)[0])
+    moved = front.navigate(start, improve="kinetic_energy", by=2e-3 * float(np.ptp(front.ranges[0])))
+    change = moved.navigated.objectives - front.objectives[row]
+    assert change[1] / change[0] == pytest.approx(front.certificates.exchange_rates[row, 0, 1], rel=0.05)
+    assert moved.provenance["navigations"][-1]["predicted"]["manipulability"] == pytest.approx(change[1], rel=0.05)
+
+
+def test_what_is_on_hold_gets_no_worse():
+    front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
+    start = max(front.ids, key=lambda id: front.certificates.weights[front.choice_of(int(id)).index].min())
+    before = front.choice_of(int(start))
+    moved = front.navigate(before, improve="kinetic_energy", hold="joint_travel", by=0.02 * np.ptp(front.ranges[0]))
+    change = moved.navigated.objectives - before.objectives
+    widths = np.ptp(front.ranges, axis=1)
+    assert change[2] <= 1e-7 * widths[2]
+    assert change[0] < 0.0 < change[1]
+
+
+def test_there_and_back_is_where_it_began(plain):
+    start = plain.choice_of(inner_points(plain)[1])
+    by = 0.04 * float(np.ptp(plain.ranges[0]))
+    there = plain.navigate(start, improve="kinetic_energy", by=by)
+    torque = float(there.navigated.objectives[1] - start.objectives[1])
+    back = there.navigate(there.navigated, improve="torque_norm", by=torque)
+    assert back.navigated.id == start.id  # the point that is known already
+    assert len(back) == len(there)
+    assert "known already" in back.navigated.reason
+
+
+def test_two_halves_are_one_whole(plain):
+    start, by = inner_points(plain)[1], 0.04 * float(np.ptp(plain.ranges[0]))
+    whole = plain.navigate(start, improve="kinetic_energy", by=by).navigated
+    half = plain.navigate(start, improve="kinetic_energy", by=by / 2)
+    rest = half.navigate(half.navigated, improve="kinetic_energy", by=by / 2).navigated
+    assert rest.objectives == pytest.approx(whole.objectives, rel=1e-6)
+    assert rest.motion.q == pytest.approx(whole.motion.q, abs=1e-5)
+
+
+def test_a_move_keeps_its_limits_between_samples(plain):
+    moved = plain.navigate(inner_points(plain)[1], improve="torque_norm")
+    assert moved.certificates.violation_between[moved.navigated.index] <= 1e-4
+
+
+def test_more_than_there_is_is_said_or_refused(plain):
+    start = inner_points(plain)[-1]
+    with pytest.raises(Infeasible, match="found no point within all limits"):
+        plain.navigate(start, improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
+
+
+def test_past_kinks_it_is_solved_anew_and_said():
+    front = pk.epsilon_front(MAKERS["kinked"](), points=6, starts=8, observe=False)
+    moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
+    assert "cannot be followed past kinks" in moved.navigated.reason
+
+
+def test_around_a_point_come_new_certified_ones(plain):
+    start = inner_points(plain)[1]
+    denser = plain.refine_around(start, points=4)
+    new = [int(id) for id in denser.ids if id not in plain.ids]
+    assert len(new) == 4
+    assert denser.certificates.kkt_residual.max() <= 1e-6
+    here = denser.choice_of(start).objectives[0]
+    assert sum(denser.choice_of(id).objectives[0] < here for id in new) == 2
+    assert_kept(plain, denser)

@@ -1,0 +1,122 @@
+"""What a move along a front refuses before any work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from paretoik.errors import InvalidInput
+from paretoik.front import Front
+from paretoik.front.certificates import Certificates
+
+NAMES = ("energy", "torque", "travel")
+
+
+class NeverMoved:
+    """A problem that must not be asked."""
+
+    def navigate(self, front, request):
+        raise AssertionError("no work wanted")
+
+
+def certified(residual=0.0, weights=None):
+    weights = np.full((3, 3), 1 / 3) if weights is None else np.asarray(weights)
+    return Certificates(
+        violation=np.zeros(3),
+        violation_between=np.zeros(3),
+        kkt_residual=np.full(3, residual),
+        weights=weights,
+        exchange_rates=-np.ones((3, 3, 3)),
+        exchange_intervals=-np.ones((3, 3, 3, 2)),
+        status=np.full(3, "minimum"),
+    )
+
+
+def front(**parts):
+    defaults = {
+        "ids": np.array([4, 7, 9]),
+        "objectives": np.array([[1.0, 3.0, 0.2], [2.0, 2.0, 0.1], [3.0, 1.0, 0.3]]),
+        "names": NAMES,
+        "units": ("J", "N m", "rad"),
+        "maximised": (False,) * 3,
+        "certificates": certified(),
+        "problem": NeverMoved(),
+    }
+    return Front(**{**defaults, **parts})
+
+
+@pytest.mark.parametrize(
+    ("wish", "words"),
+    [
+        ({"choice": 5}, "an id of the front, one of 4, 7, 9, got 5"),
+        ({"choice": True}, "got True"),
+        ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
+        ({"allow": "time"}, "allow: wants names among"),
+        ({"hold": ("torque", "tim")}, "hold: wants names among"),
+        ({"allow": "energy"}, "other than energy, which is to improve"),
+        ({"hold": ("torque", "travel")}, "not on hold, got none"),
+        ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),
+        ({"by": 0.0}, "by: wants more than 0 J of energy, got 0"),
+        ({"by": np.nan}, "by: must be finite"),
+        ({"by": 0.1, "to": 1.0}, "by= or to=, got both"),
+        ({"to": 2.5}, "to: wants better than energy 2 J, got 2.5"),
+    ],
+)
+def test_a_wish_that_is_none_is_refused_in_a_line(wish, words):
+    wish = {"choice": 7, "improve": "energy", **wish}
+    with pytest.raises(InvalidInput) as caught:
+        front().navigate(wish.pop("choice"), **wish)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_front_that_cannot_be_moved_along_is_refused_in_a_line():
+    for parts, words in (
+        ({"certificates": None}, "a front with certificates, such as refine(front)"),
+        ({"problem": None}, "the problem of the front, which is not at hand"),
+        ({"problem": object()}, "a problem with gradients, such as Tracking, got a front of object"),
+        ({"certificates": certified(residual=1e-3)}, "a critical point, got point 7 of residual 1.0e-03"),
+        ({"certificates": certified(residual=np.nan)}, "a critical point, got point 7 of residual nan"),
+    ):
+        for move in (lambda one: one.navigate(7, improve="energy"), lambda one: one.refine_around(7)):
+            with pytest.raises(InvalidInput) as caught:
+                move(front(**parts))
+            assert words in str(caught.value)
+
+
+def test_at_the_end_of_a_front_nothing_gets_better():
+    ends = front(certificates=certified(weights=[[1.0, 0.0, 0.0]] * 3))
+    with pytest.raises(InvalidInput, match="point 4 is the end of the front in energy"):
+        ends.navigate(4, improve="energy")
+
+
+def test_a_point_is_a_choice_by_its_id_and_no_move_was_made():
+    one = front()
+    assert one.choice_of(9).index == 2
+    assert one.choice_of(9).reason == "Point 9 was asked for."
+    assert one.navigated is None
+    with pytest.raises(InvalidInput, match="choice_of: wants a choice or an id"):
+        one.choice_of(1)
+
+
+def test_the_problem_is_asked_for_what_was_wished():
+    class Asked:
+        def navigate(self, front, request):
+            self.request = request
+            return front
+
+    problem = Asked()
+    one = front(problem=problem, maximised=(False, False, True), objectives=front().objectives * [1, 1, -1])
+    one.navigate(one.choice_of(7), improve="torque", to=1.75, hold="travel")
+    assert (problem.request.row, problem.request.improve, problem.request.payers) == (1, 1, (0,))
+    assert problem.request.by == pytest.approx(0.25)
+    one.navigate(7, improve="energy")
+    assert problem.request.by == pytest.approx(0.05 * 2.0)
+    assert problem.request.payers == (1, 2)
+    one.navigate(9, improve="travel", by=0.01, allow=["energy"])
+    assert problem.request.payers == (0,)
+    near = replace(one, ranges=np.array([[0.0, 100.0], [0.0, 100.0], [-1.0, 1.0]]))
+    near.navigate(7, improve="energy")
+    assert problem.request.by == pytest.approx(0.5)  # half of what is left
