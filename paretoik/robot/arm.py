@@ -261,7 +261,7 @@ class Arm:
         return arm
 
     def pose(self, q: ArrayLike, *, frame: str = "tool") -> Pose:
-        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m]; of many, a batch of them.
+        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m], or a batch of poses.
 
         One pose goes wherever one is wanted: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number of
         joints, a value that is not finite, or an unknown frame.
