@@ -28,8 +28,9 @@ CERTIFICATES = "certificates.png"
 STEPS = "steps.parquet"
 SEARCHES = "searches.npz"
 CHECKPOINT = "checkpoint"
+CHOICES = "choices.json"
 REPORT = "report.html"
-CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT, REPORT)
+CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT, CHOICES, REPORT)
 
 
 def replace_file(file: Path, content: bytes) -> None:
@@ -53,7 +54,7 @@ def replace_file(file: Path, content: bytes) -> None:
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
-    """Return the content of a `run.json`: the format, `entries`, and the digest of both.
+    """Return the content of a `run.json` or `choices.json`: the format, `entries`, and the digest of both.
 
     Raises TypeError or ValueError where an entry is no strict JSON.
     """
@@ -66,8 +67,8 @@ def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
     replace_file(folder / RUN, run_bytes(to_json(entries)))
 
 
-def read_run(file: Path) -> dict[str, Any]:
-    """Return the entries of a `run.json` of this format, its digest not yet checked.
+def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
+    """Return the entries of a `run.json` of this format, or of a file of another ``kind``, its digest not yet checked.
 
     Raises InvalidRun where the file is missing, a link, no strict JSON, no run, or of another format.
     """
@@ -77,10 +78,16 @@ def read_run(file: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as fault:
         raise InvalidRun(f"{file}: wanted strict JSON, got {fault}") from fault
     if not isinstance(run, dict) or "format" not in run:
-        raise InvalidRun(f"{file}: wanted a run, got JSON without a format")
+        raise InvalidRun(f"{file}: wanted {kind}, got JSON without a format")
     if run["format"] != FORMAT:
         raise InvalidRun(f"{file}: wanted format {FORMAT}, got {run['format']!r}; it needs another version of paretoik")
     return run
+
+
+def check_digest(file: Path, run: dict[str, Any]) -> None:
+    """Take the digest out of what was read of a file; raises InvalidRun where it is not that of the rest."""
+    if run.pop("digest", None) != digest(run):
+        raise InvalidRun(f"{file}: wanted it as it was written, got contents that do not match their digest")
 
 
 def is_run(file: Path) -> bool:

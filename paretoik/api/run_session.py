@@ -106,7 +106,7 @@ class RunSession(VerbSession):
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
         if self.folder is not None:
-            front.save(self.folder)
+            front.save(self.folder, overwrite=True)
             self.draft = front
 
     def finish(self, front: Front) -> None:
@@ -114,7 +114,7 @@ class RunSession(VerbSession):
         self.finished = True
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
-            front.save(self.folder)
+            front.save(self.folder, overwrite=True)
 
     def fail(self, error: BaseException) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
@@ -124,7 +124,7 @@ class RunSession(VerbSession):
         if self.draft is None:
             write_run(self.folder, {**self.provenance, **failure})
         else:
-            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder)
+            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
 
 
 @contextmanager

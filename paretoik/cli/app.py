@@ -11,7 +11,7 @@ import typer
 
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.compare import compare
-from paretoik.cli.console import print_message
+from paretoik.cli.console import print_message, print_what_is_printable
 from paretoik.cli.list_problems import list_problems
 from paretoik.cli.report import report
 from paretoik.cli.select import select
@@ -38,6 +38,7 @@ app.command("check-robot")(check_robot)
 
 def main() -> None:
     """Run the command line."""
+    print_what_is_printable()
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: print_message("warning:", "yellow", str(message))
         try:
