@@ -29,8 +29,13 @@ def html_table(rows: Rows, *, caption: str = "") -> str:
 
 
 def html_text(text: str) -> str:
-    """Return text as HTML, a paragraph a line."""
-    return "".join(f"<p>{escape(line)}</p>" for line in text.splitlines())
+    """Return text as HTML that keeps its lines and columns, long ones wrapped."""
+    return f'<pre style="white-space: pre-wrap">{escape(text)}</pre>'
+
+
+def html_representation(item: object) -> str:
+    """Return what a notebook shows of an item: its text."""
+    return html_text(repr(item))
 
 
 def _kinds(rows: Rows) -> list[tuple[str, Sequence[str]]]:

@@ -41,7 +41,8 @@ def report(front: Front | Path | str, file: Path | str | None = None) -> Path:
         place = folder / REPORT if file is None else file_path("file", file)
     if place.is_dir():
         raise InvalidInput(f"report: wanted a file to write into, got the folder {place}")
-    Report(front=front, title=_title(front), notes=_notes(front), steps=_steps(front, folder)).write(place)
+    steps = _steps(front, folder)
+    Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps).write(place)
     return place
 
 

@@ -19,12 +19,14 @@ from paretoik.closed_loop.step_evolution import StepEvolution
 from paretoik.errors import InvalidInput, check_size
 from paretoik.formulations.closed_loop_arguments import check_limits, check_start, check_steps, normalise_weights
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice, mean_position_error
+from paretoik.formulations.problem_text import loop_text
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front, Preference
 from paretoik.front.preferences import Weights
 from paretoik.inputs import check_flag, real_array
 from paretoik.robot.arm import Arm
 from paretoik.search.seeding import SMALLEST_POPULATION
+from paretoik.tables import html_representation
 from paretoik.task.limits import Limits
 from paretoik.task.motion_task_validation import motion_task
 from paretoik.task.objectives import Objective, joint_drift
@@ -73,6 +75,8 @@ class ClosedLoop:
     """
 
     timeline: Timeline = "step"
+    __repr__ = loop_text
+    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -25,6 +25,7 @@ from paretoik.formulations.base_motions import (
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.interpolation import values_between
 from paretoik.formulations.navigation import navigate
+from paretoik.formulations.problem_text import tracking_text
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.program import Solver
@@ -35,6 +36,7 @@ from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.smooth_operators import Differential, SmoothMutation
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import STOP
+from paretoik.tables import html_representation
 from paretoik.task.differences import Differences
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
@@ -92,6 +94,9 @@ class Tracking(Problem):  # type: ignore[misc]  # pymoo is not typed
     encoding: Encoding
     species_gene = 0  # it names the base motion
     navigate = navigate
+
+    __repr__ = tracking_text
+    _repr_html_ = html_representation
 
     def __init__(
         self,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.tables import html_representation
 
 if TYPE_CHECKING:  # a front hands out choices
     from paretoik.front.front import Front
@@ -74,6 +75,8 @@ class Choice:
 
     def __repr__(self) -> str:
         return f"Choice of point {self.id}: {self.reason}"
+
+    _repr_html_ = html_representation
 
 
 @runtime_checkable

@@ -31,6 +31,7 @@ from paretoik.front.joint_motions import JointMotions
 from paretoik.front.navigation import choice_of, navigate, navigated, refine_around
 from paretoik.front.reason import explain
 from paretoik.inputs import check_flag, file_path
+from paretoik.tables import html_representation
 
 if TYPE_CHECKING:  # files and preferences are opened when they are used
     from paretoik.front.choices import Choices
@@ -115,6 +116,8 @@ class Front:
             "" if missing is None else f"; further points could add about {100 * missing:.2g} % of the hypervolume"
         )
         return f"Front of {points}: {', '.join(ranges)}{further}"
+
+    _repr_html_ = html_representation
 
     @property
     def minimised(self) -> Objectives:

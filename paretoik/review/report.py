@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from paretoik.arrays import Values
+from paretoik.front.choices import Choices
 from paretoik.front.compromise import compromise
-from paretoik.front.front import Choice, Front
+from paretoik.front.front import Front
 from paretoik.front.provenance import flatten
 from paretoik.review.palette import PAPER, objective_label
 from paretoik.review.report_motions import ReportMotions, spread_rows
@@ -47,11 +48,11 @@ class Steps:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Report:
-    """What a page is made of: a front, choices from it, sentences about it, and the steps of a closed loop."""
+    """What a page is made of: a front, choices kept in its run, sentences about it, steps of a closed loop."""
 
     front: Front
     title: str
-    choices: Sequence[Choice] = ()
+    choices: Choices = field(default_factory=Choices)
     notes: Sequence[str] = ()
     steps: Steps | None = None
     options: ReportOptions = field(default_factory=ReportOptions)
@@ -82,8 +83,12 @@ class Report:
         """Return the rows that are marked, and as what: chosen, best of an objective, compromise."""
         front = self.front
         marks: dict[int, list[str]] = {}
-        for choice in self.choices:
-            marks.setdefault(int(np.flatnonzero(front.ids == choice.id)[0]), []).append("chosen")
+        rows = {number: row for row, number in enumerate(front.ids.tolist())}
+        chosen = self.choices.chosen
+        others = [entry for entry in reversed(self.choices.entries) if entry is not chosen]
+        for entry, words in ((chosen, "chosen"), *((each, "chosen once") for each in others)):
+            if entry is not None and entry.point in rows:
+                marks.setdefault(rows[entry.point], []).append(words)
         if len(front) > 1:
             marks.setdefault(compromise(front).index, []).append("compromise")
             for axis, name in enumerate(front.names):
@@ -142,7 +147,8 @@ class Report:
                     objective_label(*each) for each in zip(front.names, front.units, front.maximised, strict=True)
                 ],
                 notes=[line for note in self.notes for line in note.splitlines() if line],
-                choices=[*self.choices, *([compromise(front)] if len(front) > 1 else [])],
+                choices=self.choices,
+                compromise=compromise(front) if len(front) > 1 else None,
                 left_out=len(front) - len(shown),
                 without_motion=[number for number in front.ids[shown].tolist() if number not in moving],
                 moving=moving,

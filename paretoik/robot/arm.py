@@ -18,6 +18,7 @@ from paretoik.robot.arm_inputs import body_tuple, limit_rows, number_array, symm
 from paretoik.robot.body import Body, combine_bodies, transform_body
 from paretoik.robot.denavit_hartenberg import joint_placements
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
+from paretoik.tables import html_representation
 
 JointType = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
@@ -90,6 +91,8 @@ class Arm:
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})"
+
+    _repr_html_ = html_representation
 
     @classmethod
     def planar(

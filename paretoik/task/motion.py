@@ -16,6 +16,7 @@ from paretoik.inputs import real_array
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.scales import joint_scales
+from paretoik.tables import html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE
 from paretoik.task.differences import (
     Differences,
@@ -29,6 +30,7 @@ from paretoik.task.joint_curve import JointState, interpolate, project_rates
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.spline import Derivatives, Spline, evaluate_with_midpoints, fit_spline
+from paretoik.task.summary import motion_text
 from paretoik.task.task import Task
 
 
@@ -92,6 +94,11 @@ class Motion:
         if self.q.ndim == 2:
             raise TypeError("a single motion has no length")
         return len(self.q)
+
+    def __repr__(self) -> str:
+        return motion_text(self)
+
+    _repr_html_ = html_representation
 
     def __getitem__(self, index: int | slice | np.ndarray) -> Motion:
         if self.q.ndim == 2:

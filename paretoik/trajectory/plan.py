@@ -17,6 +17,7 @@ from paretoik.nlp.solutions import CONVERGED, INTERRUPTED, STATUSES, Solutions, 
 from paretoik.pareto.warm_start import insert_best, minimise_from
 from paretoik.self_motion.branches import branch_labels
 from paretoik.stop_flag import Interrupted
+from paretoik.tables import columns, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.infeasibility import (
@@ -69,6 +70,16 @@ class Plan:
     def best(self) -> Optimum:
         """The best optimum found."""
         return self.optima[0]
+
+    def __repr__(self) -> str:
+        """Return a line an optimum, best first."""
+        rows = [("place", "objective", "branch", "status", "violation between samples")]
+        for place, each in enumerate(self.optima):
+            rows.append((str(place), f"{each.objective:.6g}", each.label, each.status, f"{each.violation_between:.1e}"))
+        count = "1 optimum" if len(self.optima) == 1 else f"{len(self.optima)} distinct optima"
+        return f"Plan of {count}\n{columns(rows)}\nhas .best.motion, .optima"
+
+    _repr_html_ = html_representation
 
 
 def find_optima(

@@ -8,6 +8,7 @@ import pytest
 import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.formulations.base_motions import evaluate_motions
 from tests.api.problems import QUICK
 
 
@@ -21,7 +22,7 @@ def test_fronts_and_folders_are_compared_and_merged_with_their_motions(run, prob
     assert merged.motions.arm == problem.task.arm
     violation = np.maximum(problem.task.violations(merged.motions).max(axis=1), 0.0)
     np.testing.assert_allclose(violation, merged.violation, atol=1e-9)
-    values = np.array([objective.value(merged.motions) for objective in problem.task.objectives]).T
+    values = evaluate_motions(problem.task, merged.motions)[0]
     np.testing.assert_allclose(values, merged.objectives, rtol=1e-9)
     merged.save(tmp_path)
     again = pk.load_front(tmp_path, problem)

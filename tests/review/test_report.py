@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
+from paretoik.front.choices import Choices, KeptChoice
 from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.review.report import Report, ReportOptions, Steps
@@ -45,6 +46,18 @@ def front(problem):
 
 def page(front: Front, **parts) -> Page:
     return Page(Report(front=front, title="a front", **parts).page())
+
+
+def kept(reason: str, *points: int) -> Choices:
+    """Return choices of these points, the last the present one."""
+    entries = [
+        KeptChoice(
+            id=place, parent=place - 1 or None, point=point, preference={"text": reason}, objectives={}, reason=reason,
+            time="2026-01-01T00:00:00+00:00",
+        )
+        for place, point in enumerate(points, 1)
+    ]  # fmt: skip
+    return Choices(entries=tuple(entries), current=len(entries))
 
 
 def test_a_page_loads_nothing(front):
@@ -98,13 +111,23 @@ def test_text_stays_text(front):
         front, names=[HOSTILE, "<img src=x onerror=alert(1)>"], units=["<u>", "&amp;"], ranges=front.ranges,
         provenance={HOSTILE: HOSTILE, "settings": {"x": "<script>"}}, problem=None,
     )  # fmt: skip
-    choice = replace(hostile.choice(2, HOSTILE), id=int(hostile.ids[2]))
-    plain, read = page(front, choices=[front.choice(2, "r")]), page(hostile, choices=[choice], notes=[HOSTILE])
+    plain, read = page(front, choices=kept("r", 14)), page(hostile, choices=kept(HOSTILE, 14), notes=[HOSTILE])
     tags = [[tag for tag, _, _ in each.elements if tag in ("script", "img", "u", "b")] for each in (plain, read)]
     assert tags[0] == tags[1]
     assert f"{HOSTILE} [<u>]" in [text.strip() for text in read.texts("th")]
     assert read.data["objectives"][0]["name"] == HOSTILE
     assert HOSTILE in read.texts("p")
+    assert HOSTILE in read.texts("p", **{"class": "reason"})
+
+
+def test_kept_choices_are_told_and_marked(front):
+    read = page(front, choices=kept("because", 14, 21))
+    assert read.data["marks"]["21"].startswith("chosen")
+    assert "once" not in read.data["marks"]["21"]
+    assert read.data["marks"]["14"].startswith("chosen once")
+    assert read.data["start"] == 21
+    assert read.texts("p", **{"class": "reason"}) == ["because", "because"]
+    assert read.texts("span", **{"class": "mark"})[-1] == "the present choice"
 
 
 def test_motions_come_back_from_their_blocks(front):

@@ -27,7 +27,11 @@ function groups() {
       marker: { color: colour(2), size: 10, symbol: "diamond" },
     },
     { name: "compromise", rows: marked("compromise"), marker: { color: colour(3), size: 11, symbol: "square" } },
-    { name: "chosen", rows: marked("chosen"), marker: { color: colour(1), size: 12, symbol: "star" } },
+    {
+      name: "chosen",
+      rows: rows.filter((row) => mark(row).startsWith("chosen") && !mark(row).startsWith("chosen once")),
+      marker: { color: colour(1), size: 12, symbol: "star" },
+    },
     {
       name: "selected",
       rows: rows.filter((row) => row === state.row),
