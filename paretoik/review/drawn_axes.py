@@ -33,6 +33,7 @@ class TextSize:
 
 
 TEXT = TextSize()
+Ticks = Float[np.ndarray, " _"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,12 +89,12 @@ class Canvas:
         words, places = self._labels(across, along)
         recording.log(f"{entity}/labels", labels(words, places), static=static)
 
-    def _ticks(self) -> tuple[Values, Values]:
+    def _ticks(self) -> tuple[Ticks, Ticks]:
         upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
         level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.6 * TEXT.line)
         return upright, level
 
-    def _labels(self, across: Values, along: Values) -> tuple[list[str], np.ndarray]:
+    def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:
         """Return the words of ticks and axes, and where their middles are."""
         words, places = list[str](), list[np.ndarray]()
         (x, y), (width, height) = self.origin, (self.width, self.height)
