@@ -53,7 +53,7 @@ def test_a_run_folder_has_a_row_and_a_front_of_every_step(finished):
         assert ((best <= chosen) & (chosen <= worst)).all()
     (store,) = rr.chunk.RrdReader(out / "review.rrd").recordings()
     entities = {str(chunk.entity_path): chunk for chunk in rr.chunk.RrdReader(out / "review.rrd").stream(store=store)}
-    assert {"/search/front", "/search/chosen", "/arm/links"} <= set(entities)
+    assert {"/search/front", "/search/chosen", "/arm/chosen/links"} <= set(entities)
     assert (out / "front.png").stat().st_size > 10_000
 
 
