@@ -30,3 +30,34 @@ def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
                 if value is not None:
                     last_values[time] = np.array(value)
     return last_values
+
+
+def views(file: Path) -> dict[str, str]:
+    """Return the origin of each view of the layout, by its name and place."""
+    reader = rr.chunk.RrdReader(file)
+    (layout,) = reader.blueprints()
+    origins = {}
+    for chunk in reader.stream(store=layout):
+        batch = chunk.to_record_batch()
+        if "ViewBlueprint:space_origin" in batch.schema.names:
+            (origin,) = batch.column("ViewBlueprint:space_origin").to_pylist()[-1]
+            origins[str(chunk.entity_path)] = "/" + origin.strip("/")
+    return origins
+
+
+def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> list[str]:
+    """Return the entities at or below `origin` that have something to show at a time: static, or logged until then."""
+    return [
+        path
+        for path, batches in entities.items()
+        if (path == origin or path.startswith(origin + "/")) and any(_lasts(batch, timeline, time) for batch in batches)
+    ]
+
+
+def _lasts(batch, timeline: str, time: int) -> bool:
+    times = [
+        name for name in ("generation", "motion", "replay", "point", "step", "individual") if name in batch.schema.names
+    ]
+    if not times:
+        return True
+    return timeline in times and min(batch.column(timeline).cast("int64").to_pylist()) <= time

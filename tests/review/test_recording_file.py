@@ -63,9 +63,9 @@ def fronts(file: Path) -> dict[int, np.ndarray]:
     return rows(read(file)["/search/front"], "generation", "F")
 
 
-@pytest.mark.parametrize("count", [33, 60])
+@pytest.mark.parametrize("count", [70, 130])
 def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(count, tmp_path):
-    file, size = tmp_path / "review.rrd", 400_000
+    file, size = tmp_path / "review.rrd", 1_200_000
     recording, largest = started(file, size=size), 0
     for number in range(1, count + 1):
         recording.record(generation(number))
