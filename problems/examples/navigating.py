@@ -25,7 +25,7 @@ print(moved.navigated.reason.partition(" It has ")[0])
 
 # %% [markdown]
 # Or by so much, or to a value, in the objective's own unit; `allow` and `hold` say who pays and who does not. Moves
-# follow one another: each front has all the points of the one before.
+# follow one another: each front has the points of the one before, less those that a new one dominates.
 
 # %%
 moved = moved.navigate(moved.navigated, improve="torque_norm", by=0.002)
