@@ -27,8 +27,9 @@ for name, unit, value in zip(front.names, front.units, front.objectives[0], stri
     print(f"{name}: {value:.3g} {unit} in the mean over the steps")
 
 # %% [markdown]
-# Other weights are another loop: `select` follows it anew, since every step would have gone elsewhere.
+# Other weights are another loop: `select` follows it anew, since every step would have gone elsewhere. It is not the
+# loop in the run folder, so the choice is not kept there.
 
 # %%
-choice = front.select(pk.Weights(joint_displacement=0.1, position_error=0.9))
+choice = front.select(pk.Weights(joint_displacement=0.1, position_error=0.9), keep=False)
 print(choice.reason)
