@@ -9,6 +9,7 @@ from typing import Any
 from sphinx.application import Sphinx
 
 import paretoik
+from paretoik.task.objectives import Objective
 
 
 def kind(name: str) -> str:
@@ -32,6 +33,11 @@ autosummary_context = {
     "kinds": {
         heading: [name for name in PUBLIC if kind(name) == heading]
         for heading in ("Functions", "Classes", "Objectives", "Namespaces")
+    },
+    "objectives": {
+        f"paretoik.{name}": [key for key, item in vars(getattr(paretoik, name)).items() if isinstance(item, Objective)]
+        for name in PUBLIC
+        if kind(name) == "Namespaces"
     },
     "modules": {f"paretoik.{name}": getattr(paretoik, name).__name__ for name in PUBLIC if kind(name) == "Namespaces"},
 }
