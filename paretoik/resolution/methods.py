@@ -23,6 +23,22 @@ from paretoik.resolution.method import Parameter as Parameter
 from paretoik.resolution.method import number
 from paretoik.task.objectives import Objective, kinetic_energy
 
+__all__ = [
+    "ConstrainedQP",
+    "Criterion",
+    "DampedLeastSquares",
+    "GradientProjection",
+    "LeastSquaresVelocity",
+    "Method",
+    "Nedungadi",
+    "Parameter",
+    "PredictiveKineticEnergy",
+    "PseudoInverse",
+    "VelocityMethod",
+    "WeightedGradientProjection",
+    "WeightedLeastNorm",
+]
+
 Variant = Literal["paper", "consistent"]
 Gradient = TypeVar("Gradient", bound="GradientProjection")
 Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")

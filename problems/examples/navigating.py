@@ -12,7 +12,7 @@ import paretoik as pk
 arm, limits = pk.arms.tringali_3r(), pk.Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8)
 path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
 problem = pk.Tracking(arm, path, objectives=[pk.kinetic_energy, pk.torque_norm], limits=limits)
-front = pk.solve(problem, population=40, generations=30, seed=1, refine=True, points=8)
+front = pk.epsilon_front(problem, points=10, starts=12)
 choice = front.select("knee")
 print(f"from point {choice.id}: {choice.objectives}")
 
@@ -45,4 +45,5 @@ try:
 except pk.ParetoikError as error:
     print(f"refused: {error}")
 dense = front.refine_around(choice, points=4)
-print(f"around point {choice.id}: {len(front)} points became {len(dense)}")
+new = np.setdiff1d(dense.ids, front.ids)
+print(f"around point {choice.id}: new points {', '.join(map(str, new))}; {len(front)} points became {len(dense)}")
