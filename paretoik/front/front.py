@@ -125,7 +125,7 @@ class Front:
         minimised: Objectives = np.where(self.maximised, -self.objectives, self.objectives)
         return minimised
 
-    @property
+    @cached_property
     def shares(self) -> Objectives:
         """Where each point stands in the ranges (points, n_obj): 0 the best value, 1 the worst, 0 on a zero range.
 
@@ -135,7 +135,7 @@ class Front:
         width = high - low
         distance = np.where(self.maximised, high - self.objectives, self.objectives - low)
         shares: Objectives = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
-        return shares
+        return read_only(shares)
 
     @property
     def violation_between(self) -> Values | None:

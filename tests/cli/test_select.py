@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from paretoik.api.load_front import load_front
-from tests.cli.commands import strict
+from tests.cli.commands import SMALL, strict
 
 
 def test_select_as_json_gives_id_objectives_and_reason(paretoik, finished):
@@ -15,3 +15,28 @@ def test_select_as_json_gives_id_objectives_and_reason(paretoik, finished):
 def test_select_draws_a_picture_where_told(paretoik, finished, tmp_path):
     assert paretoik("select", finished, "--weights", "torque_norm=1", "--picture", tmp_path / "choice.png").code == 0
     assert (tmp_path / "choice.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_preference_can_be_asked_for_and_is_kept_and_taken_back(paretoik, mine, tmp_path):
+    run = tmp_path / "run"
+    assert paretoik("solve", f"{mine}:good", "--out", run, *SMALL, "--quiet").code == 0
+    asked = [
+        ("--compromise",),
+        ("--aspiration", "kinetic_energy=0.04"),
+        ("--lexicographic", "torque_norm=20%,kinetic_energy"),
+        ("--robust", "kinetic_energy=1,torque_norm=1", "--uncertainty", "0.5"),
+        ("--bounds", "kinetic_energy<=1e3", "--weights", "torque_norm=1"),
+        ("--classify", "kinetic_energy=free,torque_norm=improve"),
+    ]
+    for words in asked:
+        assert paretoik("select", run, *words).code == 0
+    history = strict(paretoik("select", run, "--history", "--json").out)
+    assert [entry["parent"] for entry in history["entries"]] == [None, 1, 2, 3, 4, 5]
+    assert strict(paretoik("select", run, "--undo", "--json").out)["current"] == 5
+
+
+def test_one_preference_is_wanted(paretoik, finished):
+    for words in ((), ("--knee", "--compromise")):
+        ended = paretoik("select", finished, *words)
+        assert ended.code == 2
+        assert "wanted one of --weights, --knee" in ended.err

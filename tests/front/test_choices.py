@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.front.choices import read_choices
+from paretoik.front.front import Front
+from paretoik.front.preferences import Bounds, Weights
+from paretoik.run_files import CHOICES
+
+
+@pytest.fixture
+def kept(front, tmp_path) -> Front:
+    front.save(tmp_path / "run")
+    return front
+
+
+def test_choices_are_a_tree_and_going_back_deletes_nothing(kept):
+    first, second = kept.select({"energy": 1.0}), kept.select({"reach": 1.0})
+    assert kept.undo().id == first.id
+    third = kept.select("compromise")
+    choices = Front.load(kept.folder).choices
+    assert [(entry.parent, entry.point) for entry in choices.entries] == [
+        (None, first.id),
+        (1, second.id),
+        (1, third.id),
+    ]
+    assert choices.current == 3
+    assert choices.chosen.reason == third.reason
+    assert choices.chosen.objectives == dict(zip(kept.names, third.objectives.tolist(), strict=True))
+    assert len(repr(choices).splitlines()) == 3
+
+
+def test_the_first_choice_can_be_taken_back_but_no_more(kept):
+    kept.select({"energy": 1.0})
+    assert kept.undo() is None
+    with pytest.raises(InvalidInput, match="wanted a choice to go back from, got none"):
+        kept.undo()
+
+
+def test_a_preference_is_kept_as_data_in_strict_json(kept):
+    kept.select(Bounds(energy=(None, 4.0), then=Weights(reach=1.0)))
+    content = json.loads((kept.folder / CHOICES).read_text(), parse_constant=pytest.fail)
+    preference = content["entries"][0]["preference"]
+    assert (preference["type"], preference["bounds"]) == ("Bounds", {"energy": [None, 4.0]})
+    assert (preference["then"]["type"], preference["then"]["weights"]) == ("Weights", {"reach": 1.0})
+
+
+def test_a_damaged_file_of_choices_is_refused_in_one_line(kept):
+    kept.select({"energy": 1.0})
+    file = kept.folder / CHOICES
+    content = file.read_bytes()
+    for place in range(0, len(content), 37):
+        for damaged in (content[:place], content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]):
+            file.write_bytes(damaged)
+            with pytest.raises(InvalidRun, match=CHOICES) as refused:
+                read_choices(kept.folder)
+            assert "\n" not in str(refused.value)
+
+
+def test_without_a_folder_or_when_told_so_nothing_is_kept(front, kept):
+    kept.select({"energy": 1.0}, keep=False)
+    replace(front).select({"energy": 1.0})
+    assert not (kept.folder / CHOICES).exists()
+
+
+def test_a_choice_of_a_part_is_kept_in_the_run_of_the_whole(kept):
+    choice = kept.where(energy=(2.0, 4.0)).select("compromise")
+    assert kept.choices.chosen.point == choice.id
+
+
+def test_a_run_that_was_replaced_gets_no_choice_of_the_former_front(front, kept):
+    other = replace(front, objectives=front.objectives * [2.0, 1.0])
+    with pytest.raises(InvalidInput, match="holds another run"):
+        other.save(kept.folder)
+    other.save(kept.folder, overwrite=True)
+    with pytest.warns(RuntimeWarning, match="the choice is not kept"):
+        kept.select({"energy": 1.0})
+    assert not (kept.folder / CHOICES).exists()
+
+
+def test_saving_into_its_own_folder_keeps_the_choices_and_losing_points_is_refused(kept):
+    kept.select({"energy": 1.0})
+    Front.load(kept.folder).save(kept.folder)
+    assert len(kept.choices) == 1
+    with pytest.raises(InvalidInput, match="points that this front has not"):
+        kept.where(energy=(None, 2.0)).save(kept.folder)
