@@ -99,9 +99,16 @@ def tabulate(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
     def row(
         column: str, unit: str, ours: float, reference: float | None = None, source: str = "", note: str = ""
     ) -> Row:
-        name = f"{generations} generations of 200 × 4"
-        values = {"ours": ours, "reference": reference}
-        return Row(table="recording", row=name, column=column, unit=unit, source=source, note=note, **values)
+        return Row(
+            table="recording",
+            row=f"{generations} generations of 200 × 4",
+            column=column,
+            unit=unit,
+            ours=ours,
+            reference=reference,
+            source=source,
+            note=note,
+        )
 
     without, recorded = zip(*pairs, strict=True)
     calm, busy = min(each.clock for each in without), min(each.clock for each in recorded)
