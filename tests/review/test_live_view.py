@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +71,13 @@ def test_a_viewer_that_is_killed_on_the_way_harms_nobody_and_another_sees_what_c
     watch = [sys.executable, "-m", "rerun", address, "--headless", "--bind", "127.0.0.1", "--port", "auto"]
     with private_environment() as environment:
         viewers = [
-            subprocess.Popen([*watch, *extra], env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+            subprocess.Popen(
+                [*watch, *extra],
+                env=environment,
+                stderr=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,  # the viewer is a program that the command starts
+            )
             for extra in ([], ["--save", str(saved)])
         ]
         try:
@@ -79,14 +87,15 @@ def test_a_viewer_that_is_killed_on_the_way_harms_nobody_and_another_sees_what_c
                 longest = max(longest, time.process_time() - started)
                 time.sleep(0.05)
                 if number == 40:
-                    viewers[0].send_signal(signal.SIGKILL)
+                    os.killpg(viewers[0].pid, signal.SIGKILL)
             until = time.monotonic() + 20.0
             while not (saved.exists() and saved.stat().st_size > 10_000) and time.monotonic() < until:
                 recorder._process.pump()
                 time.sleep(0.1)
         finally:
             for viewer in viewers:
-                viewer.kill()
+                with suppress(ProcessLookupError):
+                    os.killpg(viewer.pid, signal.SIGKILL)
                 viewer.wait()
     recorder.close()
     assert longest < 0.1
