@@ -83,6 +83,7 @@ class RecordingProcess:
         self._queue: deque[Frame] = deque()
         self._offset, self._part = 0, b""  # bytes of the first message that are sent, of a line that has come
         self._sent, self._answered, self.finished, self.stopped = 0, 0, False, False
+        self._full = False  # the pipe, when it was last written to
         self._log = tempfile.TemporaryFile()  # noqa: SIM115  what the child has to say, should it die
         self._child = subprocess.Popen(
             [sys.executable, "-P", "-m", "paretoik.review.recording_child"],
@@ -183,9 +184,12 @@ class RecordingProcess:
             try:
                 self._offset += os.write(self._input.fileno(), content[self._offset :])
             except BlockingIOError:
+                self._full = True
                 return True
             except OSError:
                 return False
+            if self._full:  # it was read from since, and what has not come whole has no answer
+                self._full, self._heard = False, time.monotonic()
             if self._offset == len(content):
                 self._queue.popleft()
                 self._offset = 0

@@ -13,7 +13,9 @@ import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.front.indicators import non_dominated
+from paretoik.run_files import RECORDING
 from tests.api.problems import QUICK, tracking
+from tests.review.reading import read, rows
 from tests.search.problems import Constant
 
 
@@ -173,3 +175,11 @@ def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
 def test_steps_are_recorded_of_closed_loops_alone():
     with pytest.raises(pk.InvalidInput, match="record_steps: a ClosedLoop wanted, whose steps are searches, got Trac"):
         pk.solve(tracking(), record_steps=[1])
+
+
+def test_recording_changes_no_bit_of_the_front_and_its_last_front_is_the_one_that_is_returned(problem, tmp_path):
+    front, recorded = solve(problem, **QUICK), solve(problem, **QUICK, out=tmp_path / "run")
+    np.testing.assert_array_equal(recorded.objectives, front.objectives)
+    np.testing.assert_array_equal(recorded.motions.q, front.motions.q)
+    last = rows(read(tmp_path / "run" / RECORDING)["/search/front"], "generation", "F")[6]
+    np.testing.assert_array_equal(last, front.objectives.ravel())

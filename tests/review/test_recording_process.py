@@ -205,6 +205,20 @@ def test_a_child_that_hangs_is_given_up_after_some_seconds_without_the_run_waiti
         started.close()
 
 
+def test_a_message_that_lay_half_in_the_pipe_while_the_run_computed_for_long_is_no_silence(tmp_path):
+    started = recorder(tmp_path / "review.rrd", options=RecorderOptions(silence=3.0, pipe=4096))
+    answered(started)
+    os.kill(child_of(started), signal.SIGSTOP)  # for the pipe to be full
+    started.record(generation(1, points=5000))
+    assert started._process._queue
+    os.kill(child_of(started), signal.SIGCONT)
+    time.sleep(3.5)
+    with silence():
+        started.record(generation(2))
+        started.close()
+    assert sorted(fronts(tmp_path / "review.rrd")) == [1, 2]
+
+
 def test_of_a_queue_that_grows_too_long_evenly_spread_generations_are_kept(tmp_path):
     started = recorder(tmp_path / "review.rrd", options=RecorderOptions(queue=100_000, pipe=4096, points=2000))
     answered(started)

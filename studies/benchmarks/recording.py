@@ -1,0 +1,153 @@
+"""What a recording costs a run: ``python -m studies.benchmarks.recording [--quick] [--json FILE]``.
+
+A search of DTLZ2 with 200 individuals and four objectives, whose front has up to 20,000 points, with and without a
+recording in turn, each in a process of its own and with a folder: seconds without those that completing the file takes,
+milliseconds of the run that go into recording a generation, sizes of file and processes. Seconds of the clock vary on a
+busy machine, and so do their ratios.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from studies.benchmarks.checkouts import ROOT
+from studies.reporting import Row, report, study_parser, tell
+
+MEGABYTE = 1e6
+RUN = """
+import json, resource, sys, time
+from pathlib import Path
+import paretoik as pk
+from paretoik.api.run_session import RunSession
+from paretoik.review.recorder import Recorder
+from pymoo.problems import get_problem
+
+generations, out, records = int(sys.argv[1]), sys.argv[2], sys.argv[3] == "True"
+spent, longest, child = [], 0, 0
+record, finish = Recorder.record, Recorder.finish
+
+def timed(recorder, message):
+    global longest
+    started = time.perf_counter()
+    record(recorder, message)
+    spent.append(time.perf_counter() - started)
+    file = Path(out, "review.rrd")
+    longest = max(longest, file.stat().st_size if file.exists() else 0)
+
+def measured(recorder, end):
+    global child, finishing
+    status = Path(f"/proc/{recorder._process._child.pid}/status").read_text()
+    child = 1024 * int(status.partition("VmHWM:")[2].split()[0])
+    started = time.perf_counter()
+    finish(recorder, end)
+    finishing = time.perf_counter() - started
+
+Recorder.record, Recorder.finish, finishing = timed, measured, 0.0
+if not records:
+    RunSession.start = lambda session, **scene: None
+problem = get_problem("dtlz2", n_var=13, n_obj=4)
+pk.solve(problem, population=200, generations=2, seed=1, observe=False)  # loads and compiles
+clock, processor = time.perf_counter(), time.process_time()
+front = pk.solve(
+    problem, population=200, generations=generations, seed=1, stagnation=False, observe=False, out=out, overwrite=True
+)
+print(json.dumps({
+    "clock": time.perf_counter() - clock - finishing, "processor": time.process_time() - processor,
+    "finishing": finishing, "record": sum(spent) / max(len(spent), 1), "longest": longest, "child": child,
+    "size": Path(out, "review.rrd").stat().st_size if records else 0,
+    "parent": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, "front": front.objectives.tolist(),
+}))
+"""
+GOALS = {"size": 50.0, "overhead": 2.0}  # MB, % of a run
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """A run: seconds [s] of clock and processor, of recording a generation, of finishing; sizes [bytes]; the front."""
+
+    clock: float
+    processor: float
+    record: float
+    finishing: float
+    size: int
+    longest: int
+    parent: int
+    child: int
+    front: list[list[float]]
+
+
+def run(generations: int, *, records: bool) -> Cost:
+    """Return what a run with a folder costs in a process of its own, with or without a recording."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", RUN, str(generations), folder, str(records)]
+        return _cost(command)
+
+
+def _cost(command: Sequence[str]) -> Cost:
+    ended = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
+    return Cost(**json.loads(ended.stdout.splitlines()[-1]))
+
+
+def tabulate(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
+    """Return the rows of runs without and with a recording, those first that miss their goal."""
+
+    def row(
+        column: str, unit: str, ours: float, reference: float | None = None, source: str = "", note: str = ""
+    ) -> Row:
+        return Row(
+            table="recording",
+            row=f"{generations} generations of 200 × 4",
+            column=column,
+            unit=unit,
+            ours=ours,
+            reference=reference,
+            source=source,
+            note=note,
+        )
+
+    without, recorded = zip(*pairs, strict=True)
+    calm, busy = min(each.clock for each in without), min(each.clock for each in recorded)
+    share = 100 * max(each.record * generations / each.clock for each in recorded)
+    largest = max(max(each.size, each.longest) for each in recorded) / MEGABYTE
+    same = all(one.front == other.front for one, other in pairs)
+    first = recorded[0]
+    ratios = ", ".join(f"{other.clock / one.clock:.3f}" for one, other in pairs)
+    goals = [
+        row("share of the run spent on recording", "%", share, GOALS["overhead"], "goal"),
+        row("file at its largest", "MB", largest, GOALS["size"], "goal", f"{first.size / MEGABYTE:.3g} MB at the end"),
+    ]
+    others = [
+        row("time with a recording", "s", busy, calm, "without", f"best of {len(pairs)}; ratios {ratios}"),
+        row("processor time with a recording", "s", first.processor, without[0].processor, "without"),
+        row("recording a generation", "ms", 1e3 * first.record),
+        row("completing the file", "s", first.finishing),
+        row("memory of the run", "MB", first.parent / MEGABYTE, without[0].parent / MEGABYTE, "without"),
+        row("memory of the process that records", "MB", first.child / MEGABYTE),
+        row("same front", "", float(same), 1.0, "goal", "to the bit, of the same seed"),
+    ]
+    return [*sorted(goals, key=lambda each: each.ours <= (each.reference or 0.0)), *others]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run all, print the table, and write the rows where ``--json`` says."""
+    parser = study_parser("What a recording costs a run.", quick="60 generations, once")
+    options = parser.parse_args(arguments)
+    rows: list[Row] = []
+    for generations, times in ((60, 1),) if options.quick else ((500, 3), (2000, 1)):
+        pairs = []
+        for turn in range(times):
+            tell(f"{generations} generations, turn {turn + 1} of {times}")
+            order = (False, True) if turn % 2 == 0 else (True, False)
+            costs = {records: run(generations, records=records) for records in order}
+            pairs.append((costs[False], costs[True]))
+        rows += tabulate(generations, pairs)
+    report(rows, json_file=options.json)
+
+
+if __name__ == "__main__":
+    main()
