@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -13,8 +13,10 @@ from typing import Any
 
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.progress_display import open_observer
+from paretoik.errors import SolverFailed
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
+from paretoik.execution.time_limit import TimeLimit, time_limit
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.inputs import file_path
@@ -33,6 +35,7 @@ class VerbSession:
     observe: Observer | None
     interruption: Interruption
     started: float = field(default_factory=time.monotonic)
+    limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
 
     @property
     def seconds(self) -> float:
@@ -43,6 +46,25 @@ class VerbSession:
     def signal(self) -> str | None:
         """Name of the signal that came, if any."""
         return None if self.interruption.signal is None else self.interruption.signal.name
+
+    @property
+    def stopped_by(self) -> str | None:
+        """What ended the computation early: the name of a signal, or "time limit"."""
+        return self.signal or ("time limit" if self.limit.reached else None)
+
+    @contextmanager
+    def computing(self, seconds: float | None) -> Iterator[None]:
+        """Let the body compute for so many seconds at most; it then returns what it has, as after a signal.
+
+        Raises InvalidInput for what is no time, SolverFailed where the body has nothing by then.
+        """
+        with time_limit(seconds) as self.limit:
+            try:
+                yield
+            except Interrupted:
+                if self.signal is None and self.limit.reached:
+                    raise SolverFailed(f"time_limit: nothing was found within {seconds:g} s; more are wanted") from None
+                raise
 
 
 @contextmanager
@@ -111,10 +133,14 @@ class RunSession(VerbSession):
 
     def finish(self, front: Front) -> None:
         """Save the final front."""
+        self.keep(front.save)
+
+    def keep(self, save: Callable[[Path], object]) -> None:
+        """Let the final result be saved into the run's folder."""
         self.finished = True
         if self.folder is not None:
             self.show(RunProgress(stage="saving"))
-            front.save(self.folder)
+            save(self.folder)
 
     def fail(self, error: BaseException) -> None:
         """Save why the run failed, beside the draft of its front if there is one."""
@@ -131,6 +157,7 @@ class RunSession(VerbSession):
 def run_session(
     problem: Any,
     *,
+    verb: str,
     settings: Mapping[str, Any],
     out: str | Path | None,
     overwrite: bool,
@@ -143,19 +170,20 @@ def run_session(
     Raises InvalidInput where the folder cannot be used, or a setting cannot be JSON.
     """
     provenance = {
+        "verb": verb,
         "problem": reference,
         "fingerprint": fingerprint(problem),
         "settings": dict(settings),
         "versions": {name: version(name) for name in PACKAGES},
     }
     with ExitStack() as stack:
-        verb = stack.enter_context(verb_session(observe, time_limit=time_limit))
+        opened = stack.enter_context(verb_session(observe, time_limit=time_limit))
         folder = None if out is None else stack.enter_context(claim_folder(file_path("out", out), overwrite=overwrite))
         session = RunSession(
             provenance=provenance,
             folder=folder,
-            interruption=verb.interruption,
-            observe=verb.observe,
+            interruption=opened.interruption,
+            observe=opened.observe,
             title=reference or type(problem).__name__,
         )
         if folder is not None:

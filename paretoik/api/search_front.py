@@ -9,23 +9,20 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.completion import complete_front
+from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
 from paretoik.api.refine import SearchImprover
+from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession
 from paretoik.api.settings import DEFAULTS, SolveSettings
-from paretoik.arrays import Objectives
 from paretoik.errors import Infeasible, InvalidInput, check_size
 from paretoik.formulations.protocol import decode, explain_violation, has_branches
 from paretoik.formulations.requirements import check_formulation, require_program
 from paretoik.front.front import Front
-from paretoik.front.indicators import hypervolume
-from paretoik.front.preferences import Weights
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
-from paretoik.pareto.scalarisation import ranges_of
 from paretoik.review.recorder import Generation
-from paretoik.run_files import CERTIFICATES, PICTURE
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
@@ -70,7 +67,7 @@ class FrontSearch:
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
         self._known = exact_points(problem, settings.initial)
-        self._corner: Objectives | None = None  # of the hypervolume: fixed by the first front, so that it only grows
+        self._hypervolume = HypervolumeCurve()
         self.settings = {
             "population": population,
             "generations": self.generations,
@@ -106,17 +103,8 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording with the motion of equal weights, and draw the front; neither after a signal."""
-        if session.folder is None or session.recorder is None or session.signal is not None:
-            return
-        from paretoik.review.plots import front_picture  # here: matplotlib takes its time
-
-        session.recorder.finish(front, front.select(Weights(dict.fromkeys(front.names, 1.0))))
-        front_picture(front, session.folder / PICTURE)
-        if front.certificates is not None:
-            from paretoik.review.certificate_plots import certificates_picture
-
-            certificates_picture(front, session.folder / CERTIFICATES)
+        """Finish the recording and draw the front."""
+        review_front(front, session)
 
     def _evolve(self, session: RunSession) -> Front:
         search = self.search
@@ -148,10 +136,7 @@ class FrontSearch:
         if not session.is_watched:
             return
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
-        if self._corner is None and len(front):
-            worst = front.max(axis=0)
-            self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
-        volume = 0.0 if self._corner is None else hypervolume(front, self._corner)
+        volume = self._hypervolume(front)
         generation = Generation(
             number=progress.generation,
             population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,

@@ -127,6 +127,7 @@ def solve(
     run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
     with run_session(
         run.problem,
+        verb="solve",
         settings=run.settings,
         out=out,
         overwrite=overwrite,

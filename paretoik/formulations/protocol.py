@@ -43,7 +43,8 @@ if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.pareto.cold_search import ColdSearch
     from paretoik.task.motion import Motion
 
-Timeline: TypeAlias = Literal["generation", "step"]
+Timeline: TypeAlias = Literal["generation", "step", "point", "refinement"]
+"""What a run counts: generations of a search, steps of a closed loop, points of an ε-sweep, a front's refinement."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -61,6 +61,8 @@ class RecordingPalette:
     ghost: Colour = (150, 165, 190, 70)
     path: Colour = (255, 178, 62, 255)
     tool: Colour = (70, 225, 190, 255)
+    epsilon: Colour = (240, 110, 140, 255)
+    moves: Colour = (110, 160, 255, 200)
     joints: tuple[Colour, ...] = (
         (255, 178, 62, 255),
         (70, 225, 190, 255),

@@ -25,7 +25,10 @@ class Generation:
     """One generation of a search: the objectives of its population and front in the user's own sign, the front's ids.
 
     ``hypervolume`` is in the product of the objectives' units, ``failed`` counts evaluations that gave no number. A
-    step of a closed loop has no hypervolume, but a point of its front, ``chosen``, that was taken.
+    step of a closed loop has no hypervolume, but a point of its front, ``chosen``, that was taken. A step of an ε-sweep
+    has all points so far for a population, and ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for
+    what was minimised; its ids are those of the sweep alone. A refined front has the front before it for a population,
+    and ``origins`` (points, n_obj), where its points were there.
     """
 
     number: int
@@ -35,6 +38,8 @@ class Generation:
     hypervolume: float | None = None
     failed: int = 0
     chosen: Values | None = None
+    epsilon: Values | None = None
+    origins: Objectives | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -134,13 +134,13 @@ class Recording:
         """Write all generations; the last, with the front and the choice, stands on both timelines."""
         stream, scene = self._stream, self._scene
         for generation in self._generations[:-1]:
-            stream.set_time("generation", sequence=generation.number)
+            stream.set_time(scene.timeline, sequence=generation.number)
             scene.log_generation(stream, generation, canvases)
         last = self._generations[-1].number if self._generations else 0
-        stream.set_time("generation", sequence=last)
+        stream.set_time(scene.timeline, sequence=last)
         stream.set_time("motion", duration=0.0)
         if self._generations:
-            end = replace(self._generations[-1], front=front.objectives, front_ids=front.ids)
+            end = replace(self._generations[-1], front=front.objectives, front_ids=front.ids, epsilon=None)
             scene.log_generation(stream, end, canvases, named=True)
         else:
             scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
@@ -150,7 +150,7 @@ class Recording:
         for chart in charts:
             chart.send_cursor(stream, [rr.TimeColumn("motion", duration=[0.0])], chart.instants[-1:])
         if motion is not None:
-            motion.log(stream, rr.TimeColumn("generation", sequence=np.full(len(motion.motion.time), last)))
+            motion.log(stream, rr.TimeColumn(scene.timeline, sequence=np.full(len(motion.motion.time), last)))
 
     def _blueprint(
         self,

@@ -17,6 +17,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.review.curve_charts import Chart
 from paretoik.review.drawn_axes import Canvas, window
 from paretoik.review.palette import SCREEN, Colour, objective_label
+from paretoik.review.panel_marks import log_epsilon, log_moves
 from paretoik.review.recorder import Generation, Population
 
 Layer = Literal["population", "front", "chosen"]
@@ -31,8 +32,9 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
 class SearchScene:
     """Names and units of the objectives, and which are maximised: what every generation is drawn with.
 
-    ``timeline`` says whether they are generations or the steps of a closed loop. These have no hypervolume, and each is
-    drawn as shares of its own front's ranges: from one to the next objectives can change by orders of magnitude.
+    ``timeline`` says what they are: generations, steps of an ε-sweep, a front before and after it was refined, or steps
+    of a closed loop. These have no hypervolume, and each is drawn as shares of its own front's ranges: from one to the
+    next objectives can change by orders of magnitude.
     Points are drawn below the entity ``root``.
     """
 
@@ -87,7 +89,7 @@ class SearchScene:
 
     def series_views(self) -> list[rrb.View]:
         """Return the time series: hypervolume, best values, counts."""
-        if self.timeline == "generation":
+        if self.timeline != "step":
             kinds, views = ["best"], [rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")]
         else:
             kinds, views = ["chosen", "best"], []
@@ -145,6 +147,7 @@ class SearchScene:
         self.log_points(
             recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, reference=reference
         )
+        self._log_marks(recording, generation, canvases)
         if generation.hypervolume is not None:
             recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
         recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
@@ -155,6 +158,26 @@ class SearchScene:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
             for name, value in zip(self.names, generation.chosen, strict=True):
                 recording.log(["search", "chosen", name], rr.Scalars(float(value)))
+
+    def _log_marks(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
+        """Draw the bounds of a step of a sweep, or where refined points came from."""
+        if self.timeline not in ("point", "refinement"):
+            return
+        for (first, second), canvas in self._panels(canvases):
+            columns = [first, second]
+            if self.timeline == "refinement":
+                origins = None if generation.origins is None else generation.origins[:, columns]
+                entity = [*self._panel((first, second)), "moves"]
+                log_moves(recording, entity, canvas, origins, generation.front[:, columns])
+                continue
+            log_epsilon(
+                recording,
+                [*self._panel((first, second)), "epsilon"],
+                canvas,
+                None if generation.epsilon is None else generation.epsilon[columns],
+                (self.names[first], self.names[second]),
+                (self.maximised[first], self.maximised[second]),
+            )
 
     def log_points(
         self,

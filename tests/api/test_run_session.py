@@ -22,7 +22,7 @@ DISPLAY = {"names": ("a",), "units": ("",), "maximised": (False,), "timeline": "
 
 
 def session(out, **settings):
-    arguments = {"settings": {"seed": 1}, "overwrite": False, "reference": None, "observe": None}
+    arguments = {"verb": "solve", "settings": {"seed": 1}, "overwrite": False, "reference": None, "observe": None}
     return run_session(Constant(1), out=out, **(arguments | settings))
 
 
