@@ -2,6 +2,7 @@ from . import capability as capability
 from . import errors as errors
 from .api.epsilon_front import epsilon_front as epsilon_front
 from .api.load_front import load_front as load_front
+from .api.load_plan import load_plan as load_plan
 from .api.plan import plan as plan
 from .api.refine import refine as refine
 from .api.solve import solve as solve

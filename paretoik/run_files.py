@@ -27,8 +27,26 @@ PICTURE = "front.png"
 CERTIFICATES = "certificates.png"
 STEPS = "steps.parquet"
 SEARCHES = "searches.npz"
+OPTIMA = "optima.parquet"
+TRACES = "traces.npz"
+POLYGON = "polygon.parquet"
+DRAWING = "picture.png"
 CHECKPOINT = "checkpoint"
-CONTENTS = (RUN, TABLE, MOTIONS, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, CHECKPOINT)
+CONTENTS = (
+    RUN,
+    TABLE,
+    MOTIONS,
+    RECORDING,
+    PICTURE,
+    CERTIFICATES,
+    STEPS,
+    SEARCHES,
+    OPTIMA,
+    TRACES,
+    POLYGON,
+    DRAWING,
+    CHECKPOINT,
+)
 
 
 def replace_file(file: Path, content: bytes) -> None:
