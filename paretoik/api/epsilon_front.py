@@ -12,7 +12,7 @@ from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.review_front import review_front
-from paretoik.api.run_session import RunSession, run_session
+from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput, check_size
@@ -98,12 +98,11 @@ def epsilon_front(
     starting = initial_points(formulation, initial)
     settings = {"points": points, "starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
     with run_session(
-        problem,
+        Subject.of(problem, reference),
         verb="epsilon_front",
         settings=settings,
         out=out,
         overwrite=overwrite,
-        reference=reference,
         observe=observe,
         time_limit=time_limit,
     ) as session:

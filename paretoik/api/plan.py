@@ -9,7 +9,7 @@ from typing import Any
 from paretoik.api.plan_display import PlanDisplay
 from paretoik.api.plan_storage import save_plan
 from paretoik.api.progress import Observer
-from paretoik.api.run_session import run_session
+from paretoik.api.run_session import Subject, run_session
 from paretoik.errors import check_size
 from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.requirements import require_plan
@@ -93,12 +93,11 @@ def plan(
     check_solver(problem.program(), solver)
     settings = {"starts": starts, "seed": seed, "solver": solver, "time_limit": time_limit}
     with run_session(
-        problem,
+        Subject.of(problem, reference),
         verb="plan",
         settings=settings,
         out=out,
         overwrite=overwrite,
-        reference=reference,
         observe=observe,
         time_limit=time_limit,
     ) as session:

@@ -15,7 +15,7 @@ from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
 from paretoik.api.review_front import review_front
-from paretoik.api.run_session import run_session, verb_session
+from paretoik.api.run_session import Subject, run_session, verb_session
 from paretoik.api.time_left import OPTIONS as TIME_LEFT
 from paretoik.arrays import Genes, Ids, Points
 from paretoik.errors import InvalidInput
@@ -88,13 +88,13 @@ def refine(
     check_solver(formulation.program(), solver)
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)
+    reference = front.provenance.get("problem") if reference is None else reference
     with run_session(
-        problem,
+        Subject.of(problem, reference),
         verb="refine",
         settings={"solver": solver, "time_limit": time_limit},
         out=out,
         overwrite=overwrite,
-        reference=front.provenance.get("problem") if reference is None else reference,
         observe=observe,
         time_limit=time_limit,
     ) as session:

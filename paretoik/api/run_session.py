@@ -68,7 +68,9 @@ class VerbSession:
 
 
 @contextmanager
-def verb_session(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[VerbSession]:
+def verb_session(
+    observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
+) -> Iterator[VerbSession]:
     """Open a verb: catch signals, show its progress. Within another verb's, signals are that one's.
 
     Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
@@ -153,44 +155,59 @@ class RunSession(VerbSession):
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What a run is about: a ``title``, a ``fingerprint``, and the ``reference`` of its problem, if it has one."""
+
+    title: str
+    fingerprint: str
+    reference: str | None = None
+
+    @classmethod
+    def of(cls, problem: Any, reference: str | None) -> Subject:
+        """Return a problem as a subject."""
+        return cls(title=reference or type(problem).__name__, fingerprint=fingerprint(problem), reference=reference)
+
+
 @contextmanager
 def run_session(
-    problem: Any,
+    subject: Subject,
     *,
     verb: str,
     settings: Mapping[str, Any],
     out: str | Path | None,
     overwrite: bool,
-    reference: str | None,
     observe: Observer | bool | None,
     time_limit: float | None = None,
+    catch_signals: bool = True,
 ) -> Iterator[RunSession]:
-    """Open a run of a problem: claim its folder, catch signals, and save why it failed if it does.
+    """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
-    Raises InvalidInput where the folder cannot be used, or a setting cannot be JSON.
+    Without ``catch_signals`` a signal ends the body as it would have without a run. Raises InvalidInput where the
+    folder cannot be used, or a setting cannot be JSON.
     """
     provenance = {
         "verb": verb,
-        "problem": reference,
-        "fingerprint": fingerprint(problem),
+        "problem": subject.reference,
+        "fingerprint": subject.fingerprint,
         "settings": dict(settings),
         "versions": {name: version(name) for name in PACKAGES},
     }
     with ExitStack() as stack:
-        opened = stack.enter_context(verb_session(observe, time_limit=time_limit))
+        opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
         folder = None if out is None else stack.enter_context(claim_folder(file_path("out", out), overwrite=overwrite))
         session = RunSession(
             provenance=provenance,
             folder=folder,
             interruption=opened.interruption,
             observe=opened.observe,
-            title=reference or type(problem).__name__,
+            title=subject.title,
         )
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})
         try:
             yield session
-        except (Exception, Interrupted) as error:
+        except (Exception, KeyboardInterrupt) as error:  # Interrupted among them
             session.fail(error)
             raise
         finally:
