@@ -20,7 +20,7 @@ from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.formulations.closed_loop_arguments import check_steps
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
-from paretoik.review.recorder import Generation, SearchedStep
+from paretoik.review.recorder import Generation, SearchedStep, SearchEnd
 from paretoik.run_files import PICTURE, SEARCHES, STEPS, replace_file
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
@@ -88,9 +88,9 @@ class LoopRun:
     def review(self, front: Front, session: RunSession) -> None:
         """Write the table of steps, and the searches of those that were recorded.
 
-        Unless a signal came, finish the recording with the motion, and draw it.
+        Finish the recording with the motion, and, unless a signal came, draw it.
         """
-        if session.folder is None or session.recorder is None:
+        if session.folder is None:
             return
         run = self._run
         assert run is not None
@@ -103,11 +103,11 @@ class LoopRun:
         ]
         if searched:
             _write_searches(run, searched, session.folder / SEARCHES)
+        session.finish_recording(SearchEnd(front=None, choice=explain_choice(front), searched=searched))
         if session.signal is not None:
             return
         from paretoik.review.loop_plots import loop_picture  # here: matplotlib takes its time
 
-        session.recorder.finish(None, explain_choice(front), searched)
         loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
 
 

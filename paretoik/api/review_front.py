@@ -5,20 +5,16 @@ from __future__ import annotations
 from paretoik.api.run_session import RunSession
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
+from paretoik.review.recorder import SearchEnd
 from paretoik.run_files import CERTIFICATES, PICTURE
 
 
 def review_front(front: Front, session: RunSession) -> None:
-    """Finish the recording with the motion of equal weights, and draw the front; neither after a signal."""
-    if session.folder is None or session.recorder is None or session.signal is not None or not len(front):
+    """Finish the recording with the motion of equal weights, and, unless a signal came, draw the front."""
+    if session.folder is None or not len(front):
         return
-    session.recorder.finish(front, front.select(Weights(dict.fromkeys(front.names, 1.0))))
-    draw_front(front, session)
-
-
-def draw_front(front: Front, session: RunSession) -> None:
-    """Draw the front, and its certificates if it has any, into the run's folder, if there is one."""
-    if session.folder is None:
+    session.finish_recording(SearchEnd(front=front, choice=front.select(Weights(dict.fromkeys(front.names, 1.0)))))
+    if session.signal is not None:
         return
     from paretoik.review.plots import front_picture  # here: matplotlib takes its time
 

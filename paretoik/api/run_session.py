@@ -13,15 +13,15 @@ from typing import Any
 
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.api.progress_display import open_observer
-from paretoik.errors import SolverFailed
+from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.execution.interrupts import Interruption, interruptible
 from paretoik.execution.run_folder import claim_folder
 from paretoik.execution.time_limit import TimeLimit, time_limit
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
-from paretoik.inputs import file_path
+from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
-from paretoik.review.recorder import Recorder
+from paretoik.review.recorder import Recorder, SearchedFront
 from paretoik.run_files import RECORDING, write_run
 from paretoik.stop_flag import Interrupted
 
@@ -97,6 +97,7 @@ class RunSession(VerbSession):
     provenance: Mapping[str, Any]
     folder: Path | None
     title: str
+    live: bool = False
     recorder: Recorder | None = None
     draft: Front | None = None
     finished: bool = False
@@ -109,10 +110,10 @@ class RunSession(VerbSession):
             self.recorder = Recorder(
                 self.folder / RECORDING,
                 title=self.title,
-                names=names,
-                units=units,
-                maximised=maximised,
-                timeline=timeline,
+                scene=SearchedFront(
+                    names=tuple(names), units=tuple(units), maximised=tuple(maximised), timeline=timeline
+                ),
+                live=self.live,
             )
 
     @property
@@ -126,6 +127,12 @@ class RunSession(VerbSession):
             self.recorder.record(progress.generation)
         if self.observe is not None:
             self.observe(progress)
+
+    def finish_recording(self, end: Any) -> None:
+        """Complete the recording with the end of the run, which may take some seconds."""
+        if self.recorder is not None:
+            self.show(RunProgress(stage="recording", summary="completing the recording"))
+            self.recorder.finish(end)
 
     def save_draft(self, front: Front) -> None:
         """Save a front, should what follows fail."""
@@ -180,12 +187,16 @@ def run_session(
     observe: Observer | bool | None,
     time_limit: float | None = None,
     catch_signals: bool = True,
+    live: bool = False,
 ) -> Iterator[RunSession]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
     Without ``catch_signals`` a signal ends the body as it would have without a run. Raises InvalidInput where the
-    folder cannot be used, or a setting cannot be JSON.
+    folder cannot be used, a setting cannot be JSON, or what is to be seen live has no folder to be recorded in.
     """
+    check_flag("live", live)
+    if live and out is None:
+        raise InvalidInput("live: a folder wanted that keeps the recording (out=), got none")
     provenance = {
         "verb": verb,
         "problem": subject.reference,
@@ -202,6 +213,7 @@ def run_session(
             interruption=opened.interruption,
             observe=opened.observe,
             title=subject.title,
+            live=live,
         )
         if folder is not None:
             write_run(folder, {**provenance, "status": "running"})

@@ -43,6 +43,7 @@ def solve(
     solver: Solver = "auto",
     overwrite: bool = False,
     record_steps: Sequence[int] = (),
+    live: bool = False,
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
@@ -86,6 +87,9 @@ def solve(
     record_steps
         Steps of a closed loop, from 1 on, whose searches are kept generation by generation, in searches.npz and on the
         recording's timelines ``generation`` and ``individual``: populations, fronts, what was chosen, and the arms.
+    live
+        Whether a viewer opens that shows the recording, which wants ``out``, while the run goes on: on this machine
+        alone, and without a screen one can be attached at the address that stderr says.
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
     observe
@@ -133,6 +137,7 @@ def solve(
         overwrite=overwrite,
         observe=observe,
         time_limit=settings.time_limit,
+        live=live,
     ) as session:
         front = run.run(session)
         session.finish(front)

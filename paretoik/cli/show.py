@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 from paretoik.cli.console import RunFolder
 from paretoik.errors import InvalidInput
 from paretoik.run_files import RECORDING
@@ -16,10 +12,9 @@ def show(run: RunFolder) -> None:
     recording = run / RECORDING
     if not recording.is_file():
         raise InvalidInput(f"{recording}: wanted a recording, got nothing; solve with out= to make one")
-    # The viewer listens on this machine only, on a free port; without a screen it ends with an error.
-    command = [sys.executable, "-m", "rerun", str(recording), "--bind", "127.0.0.1", "--port", "auto"]
-    env = os.environ | {"RERUN_ANALYTICS": "0"}  # no usage statistics
-    viewer = subprocess.run(command, env=env, stderr=subprocess.PIPE, text=True, errors="replace", check=False)
+    from paretoik.review.viewer import run_viewer
+
+    viewer = run_viewer(str(recording))  # without a screen it ends with an error
     if viewer.returncode != 0:
         # The last line ends with the cause.
         message = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]

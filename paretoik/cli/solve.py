@@ -37,6 +37,9 @@ def solve(
         list[int] | None,
         typer.Option(help="Step of a closed loop whose generations are recorded; may be repeated.", show_default=False),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
+    ] = False,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in the folder.")] = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -62,6 +65,7 @@ def solve(
             solver=solver,
             overwrite=overwrite,
             record_steps=record_step or (),
+            live=live,
             reference=problem,
             observe=observe or False,
         )

@@ -1,11 +1,9 @@
-"""One recording file: generations as they come, and at the end all of them again on common axes, with a motion."""
+"""How a search is recorded: generations as they come, and at the end all of them on common axes, with a motion."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import rerun as rr
@@ -14,29 +12,40 @@ import rerun.blueprint as rrb
 from paretoik.front.front import Choice, Front
 from paretoik.review.curve_charts import Chart
 from paretoik.review.drawn_axes import Canvas
+from paretoik.review.front_reduction import FrontReduction
 from paretoik.review.motion_scene import MotionScene
-from paretoik.review.recorder import Generation, SearchedStep
+from paretoik.review.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording_process import RecorderOptions
 from paretoik.review.search_scene import SearchScene, replay_window
 from paretoik.review.step_scene import StepScene
 
+NOTE = "notes/left_out"  # entity of what is said of what is not in the recording
+
 
 class Recording:
-    """An open recording of a search; errors of Rerun are raised.
+    """Draws a search into a stream; errors of Rerun are raised.
 
     While the search runs, each generation is drawn on its own axes. The common axes of all are known only at its end,
-    so `finish` writes the file again.
+    so `finish` draws all of them again, into another stream.
     """
 
-    def __init__(self, file: Path, *, title: str, scene: SearchScene) -> None:
-        self._file = file
-        self._title = title
-        self._scene = scene
+    def __init__(self, scene: SearchedFront, stream: rr.RecordingStream, options: RecorderOptions) -> None:
+        self._scene = SearchScene(
+            names=scene.names, units=scene.units, maximised=scene.maximised, timeline=scene.timeline
+        )
+        self._stream = stream
+        self._reduction = FrontReduction(maximised=scene.maximised, points=options.points)
         self._generations: list[Generation] = []
         self._canvases: list[Canvas] = []
-        self._stream = self._open(file)
+        self._notes: list[rrb.View] = []
+        self._scene.log_styles(stream)
+
+    def reduce(self, generation: Generation) -> Generation:
+        """Return a generation with at most so many points as are drawn, and its hypervolume."""
+        return self._reduction.reduce(generation)
 
     def record(self, generation: Generation) -> None:
-        """Append a generation and flush, so that it survives a killed process."""
+        """Draw a generation while the search goes on."""
         self._stream.set_time(self._scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
         if not self._scene.fits(self._canvases, shown):
@@ -46,46 +55,29 @@ class Recording:
             if not self._generations or (without_panels and self._canvases):
                 self._stream.send_blueprint(self._blueprint(self._canvases))
         self._scene.log_generation(self._stream, generation, self._canvases)
-        self._stream.flush()
         self._generations.append(generation)
 
-    def finish(self, front: Front | None, choice: Choice | None, searched: Sequence[SearchedStep]) -> None:
-        """Replace the file by one with common axes, `front` at its end and the motion of `choice`.
+    def finish(self, generations: Sequence[Generation], end: SearchEnd | None, note: str) -> None:
+        """Draw everything on common axes, at the end the front and the motion of the choice, and a note if any.
 
-        Without a front each generation stands at its own sample of the motion, and the search of some, those
-        ``searched``, is shown beside them.
+        Without a front each generation stands at its own sample of the motion, and the search of some is shown beside
+        them. Without an end the last generation is the end.
         """
-        self._stream.disconnect()
-        part = self._file.with_name(f".{self._file.name}.part")
-        self._stream = self._open(part)
-        try:
-            self._write_all(front, choice, [StepScene(loop=self._scene, step=each) for each in searched])
-            self._stream.flush()
-            self._stream.disconnect()
-            part.replace(self._file)
-        finally:
-            part.unlink(missing_ok=True)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.disconnect()
-
-    def _open(self, file: Path) -> rr.RecordingStream:
-        # The viewer keeps one layout an application, and each run needs its own.
-        application = f"{self._title} in {self._file.resolve().parent.name}"
-        stream = rr.RecordingStream(re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-"))
-        stream.save(file)
-        stream.send_recording_name(self._title)
-        self._scene.log_styles(stream)
-        return stream
+        self._generations = list(generations)
+        end = SearchEnd(front=None) if end is None else end
+        note = " ".join(filter(None, (note, self._reduction.note())))
+        if note:
+            self._stream.log(NOTE, rr.TextDocument(note), static=True)
+            self._notes = [rrb.TextDocumentView(origin=NOTE, name="what was left out")]
+        self._write_all(end.front, end.choice, [StepScene(loop=self._scene, step=each) for each in end.searched])
 
     def _write_all(self, front: Front | None, choice: Choice | None, searched: Sequence[StepScene]) -> None:
         stream, scene = self._stream, self._scene
-        if front is None:
-            shown = np.concatenate([each.front for each in self._generations])
+        fronts = [each.front for each in self._generations] + ([] if front is None else [front.objectives])
+        if scene.timeline != "step" and fronts and len(fronts[-1]):
+            shown = replay_window(fronts)
         else:
-            before = [each.front for each in self._generations]
-            shown = replay_window([*before, front.objectives]) if len(front) else front.objectives
+            shown = np.concatenate([np.empty((0, len(scene.names))), *fronts])
         canvases = scene.canvases(shown)
         charts = scene.charts(self._generations)
         motion = None
@@ -140,7 +132,9 @@ class Recording:
         stream.set_time(scene.timeline, sequence=last)
         stream.set_time("motion", duration=0.0)
         if self._generations:
-            end = replace(self._generations[-1], front=front.objectives, front_ids=front.ids, epsilon=None)
+            end = self._generations[-1]
+            origins = end.origins if len(end.front) == len(front) else None  # else some are left out
+            end = replace(end, front=front.objectives, front_ids=front.ids, epsilon=None, origins=origins)
             scene.log_generation(stream, end, canvases, named=True)
         else:
             scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
@@ -163,7 +157,7 @@ class Recording:
         chart_views = [chart.view() for chart in charts]
         if not panels and chart_views:
             panels, chart_views = chart_views[:1], chart_views[1:]
-        indicators = rrb.Tabs(*chart_views, *self._scene.series_views()[len(chart_views) :])
+        indicators = rrb.Tabs(*chart_views, *self._scene.series_views()[len(chart_views) :], *self._notes)
         above = rrb.Grid(*panels, grid_columns=self._scene.columns)
         search = rrb.Vertical(above, indicators, row_shares=[2.6, 1]) if panels else indicators
         layout: rrb.Container = search

@@ -113,8 +113,12 @@ class SearchScene:
                 self._chart(f"chosen_{axis}", f"chosen {self._label(axis)}", numbers, values[:, axis], height=30.0)
                 for axis in range(len(self.names))
             ]
-        volumes = np.array([generation.hypervolume for generation in with_front])
-        charts = [self._chart("hypervolume", "hypervolume", numbers, volumes, height=30.0)]
+        measured = [generation for generation in with_front if generation.hypervolume is not None]
+        charts = []
+        if measured:
+            instants = np.array([generation.number for generation in measured], dtype=float)
+            volumes = np.array([generation.hypervolume for generation in measured])
+            charts.append(self._chart("hypervolume", "hypervolume", instants, volumes, height=30.0))
         if len(self.names) == 1:
             best = np.array([self._best(generation.front)[0] for generation in with_front])
             charts.insert(0, self._chart("best", f"best {self._label(0)}", numbers, best, height=100.0))
@@ -150,7 +154,8 @@ class SearchScene:
         self._log_marks(recording, generation, canvases)
         if generation.hypervolume is not None:
             recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
-        recording.log("search/counts", rr.Scalars([float(len(generation.front)), float(generation.failed)]))
+        size = len(generation.front) if generation.size is None else generation.size
+        recording.log("search/counts", rr.Scalars([float(size), float(generation.failed)]))
         if len(generation.front):
             for name, best in zip(self.names, self._best(generation.front), strict=True):
                 recording.log(["search", "best", name], rr.Scalars(float(best)))

@@ -11,6 +11,7 @@ from paretoik.api.load_front import load_front
 from paretoik.errors import InvalidInput
 from paretoik.execution.run_folder import claim_folder
 from tests.cli.commands import SMALL, first_progress, started, strict
+from tests.review.children import children, wait_for_end
 
 
 def test_solve_keeps_a_run_that_select_reads(paretoik, mine, tmp_path):
@@ -98,14 +99,15 @@ def test_an_interrupted_run_keeps_its_result(paretoik, mine, tmp_path, number, c
     assert paretoik("select", tmp_path / "run", "--weights", "torque_norm=1").code == 0
 
 
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
-def test_a_killed_run_leaves_a_readable_recording_and_no_lock(paretoik, mine, tmp_path):
+def test_a_killed_run_leaves_a_complete_recording_and_no_lock(paretoik, mine, tmp_path):
     process = started(mine, tmp_path / "run")
     with pytest.raises(InvalidInput, match=f"got process {process.pid} at work"), claim_folder(tmp_path / "run"):
         pass
     time.sleep(0.5)  # for more generations to be under way
+    (recorder,) = children(process.pid)
     process.kill()
     process.communicate()
+    wait_for_end(recorder)
     reader = rr.chunk.RrdReader(tmp_path / "run" / "review.rrd")
     (store,) = reader.recordings()
     assert "/search/front" in {str(chunk.entity_path) for chunk in reader.stream(store=store)}

@@ -1,9 +1,5 @@
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +8,10 @@ import pytest
 import rerun as rr
 
 from paretoik.front.preferences import Weights
-from paretoik.review import recording as recording_module
-from paretoik.review.recorder import Recorder
+from paretoik.review.recorder import SearchedFront, SearchEnd
+from paretoik.review.recording_file import RecordingFile
+from paretoik.review.recording_process import Opening, RecorderOptions
+from paretoik.review.search_scene import SearchScene
 
 
 @pytest.fixture(autouse=True)
@@ -23,17 +21,28 @@ def strict():
     rr.set_strict_mode(False)
 
 
-def recorder(file: Path, front) -> Recorder:
-    return Recorder(file, title="a: test", names=front.names, units=front.units, maximised=front.maximised)
+class NoOne:
+    """A parent that nobody has to tell anything."""
+
+    def tell(self, **answer) -> None: ...
+
+    def beat(self) -> None: ...
+
+
+def recording_file(file: Path, front) -> RecordingFile:
+    scene = SearchedFront(names=front.names, units=front.units, maximised=front.maximised)
+    opening = Opening(file=str(file), title="a: test", scene=scene, live=False, options=RecorderOptions())
+    return RecordingFile(opening, NoOne())
 
 
 def recorded(file: Path, front, generations, *, finished: bool = True, weights=None):
-    started = recorder(file, front)
+    """Record in this process what otherwise a child records."""
+    started = recording_file(file, front)
     for generation in generations:
         started.record(generation)
     choice = front.select(weights or Weights({front.names[0]: 1.0})) if len(front) else None
     if finished:
-        started.finish(front, choice)
+        started.complete(SearchEnd(front=front, choice=choice))
     else:
         started.close()
     return choice
@@ -189,86 +198,17 @@ def test_a_constant_objective_gets_axes_all_the_same(tmp_path, make_front):
     assert "/search/front" in read(tmp_path / "review.rrd")
 
 
-KILLED = """
-import sys, os, signal
-import numpy as np
-from paretoik.review.recorder import Generation
-from paretoik.review.recorder import Recorder
-recorder = Recorder(sys.argv[1], title="killed", names=["a", "b"], units=["", ""], maximised=[False, False])
-for number in range(5):
-    F = np.array([[1.0, 2.0 - 0.1 * number], [2.0 - 0.1 * number, 1.0]])
-    recorder.record(Generation(number=number, population=F, front=F, front_ids=np.arange(2), hypervolume=1.0))
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-
-
-def test_a_killed_run_keeps_every_generation(tmp_path):
-    file = tmp_path / "review.rrd"
-    ended = subprocess.run([sys.executable, "-c", KILLED, str(file)], check=False)
-    assert ended.returncode == -signal.SIGKILL
-    F = {}
-    rr.set_strict_mode(False)
-    with pytest.warns(rr.error_utils.RerunWarning, match="no footer"):
-        reader = rr.chunk.RrdReader(file)
-    for chunk in reader.stream():
-        if str(chunk.entity_path) == "/search/front":
-            F |= rows([chunk.to_record_batch()], "generation", "F")
-    assert sorted(F) == [0, 1, 2, 3, 4]
-
-
-def test_a_recording_that_cannot_be_opened_is_warned_of_once_and_the_run_goes_on(
-    tmp_path, make_front, make_generations
-):
-    front = make_front(2)
-    with pytest.warns(RuntimeWarning, match="recording stopped, the run goes on"):
-        started = recorder(tmp_path / "missing" / "folder" / "review.rrd", front)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for generation in make_generations(2):
-            started.record(generation)
-        started.finish(front)
-        started.close()
-
-
-def test_a_recording_that_fails_on_the_way_is_warned_of_once_and_what_was_written_stays(
-    tmp_path, monkeypatch, make_front, make_generations
-):
-    front, generations = make_front(2), make_generations(2)
-    started = recorder(tmp_path / "review.rrd", front)
-    started.record(generations[0])
-
-    def fail(*_):
-        raise OSError("No space left on device")
-
-    monkeypatch.setattr(recording_module.SearchScene, "log_generation", fail)
-    with pytest.warns(RuntimeWarning, match="the run goes on: No space left on device"):
-        started.record(generations[1])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        started.record(generations[1])
-        started.finish(front)
-    assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == [0]
-
-
-def test_a_missing_rerun_is_warned_of_and_the_run_goes_on(tmp_path, monkeypatch, make_front, make_generations):
-    monkeypatch.setitem(sys.modules, "paretoik.review.recording", None)
-    with pytest.warns(RuntimeWarning, match="the run goes on"):
-        started = recorder(tmp_path / "review.rrd", make_front(2))
-    started.record(make_generations(2)[0])
-    assert not (tmp_path / "review.rrd").exists()
-
-
 def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, make_front, make_generations):
     front = make_front(2)
-    started = recorder(tmp_path / "review.rrd", front)
+    started = recording_file(tmp_path / "review.rrd", front)
     for generation in make_generations(2):
         started.record(generation)
 
     def fail(*_):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(recording_module.SearchScene, "log_generation", fail)
-    with pytest.warns(RuntimeWarning, match="No space left on device"):
-        started.finish(front)
+    monkeypatch.setattr(SearchScene, "log_generation", fail)
+    with pytest.raises(OSError, match="No space left on device"):
+        started.complete(SearchEnd(front=front))
     assert [file.name for file in tmp_path.iterdir()] == ["review.rrd"]
     assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == [0, 1, 2, 3]

@@ -1,0 +1,74 @@
+"""What is kept of a generation whose front has more points than a picture can show, and its hypervolume."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from paretoik.arrays import Ids, Objectives
+from paretoik.front.indicators import hypervolume
+from paretoik.review.recorder import Generation
+from paretoik.search.insertion import greedy_order, scaled, starting_points
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReductionOptions:
+    """Hypervolumes may take up to this ``share`` of the time; those that would take more are left out."""
+
+    share: float = 0.25
+
+
+OPTIONS = ReductionOptions()
+
+
+class FrontReduction:
+    """Reduces generations of a search, whose objectives are ``maximised`` or not, to at most so many ``points``."""
+
+    def __init__(self, *, maximised: tuple[bool, ...], points: int) -> None:
+        self._signs = np.where(maximised, -1.0, 1.0)
+        self._points = points
+        self._reduced = False
+        self._spent, self._started = 0.0, time.monotonic()
+
+    def reduce(self, generation: Generation) -> Generation:
+        """Return a generation with points that MaxiMin spreads over its front, the ends among them."""
+        volume, front = generation.hypervolume, generation.front
+        if volume is None and generation.reference is not None:
+            volume = self._hypervolume(generation)
+        generation = replace(generation, hypervolume=volume, size=len(front))
+        if len(front) <= self._points:
+            return generation
+        self._reduced = True
+        rows = spread_rows(front * self._signs, self._points)
+        origins = None if generation.origins is None else generation.origins[rows]
+        return replace(generation, front=front[rows], front_ids=generation.front_ids[rows], origins=origins)
+
+    def note(self) -> str:
+        """Return in words what was left out."""
+        if not self._reduced:
+            return ""
+        return f"Of a front on the way {self._points} points are drawn at most, spread over it, its ends among them."
+
+    def _hypervolume(self, generation: Generation) -> float | None:
+        """Return the hypervolume, None where it is not the time for it."""
+        started = time.monotonic()
+        if self._spent > OPTIONS.share * (started - self._started):
+            return None
+        assert generation.reference is not None
+        volume = hypervolume(generation.front * self._signs, generation.reference * self._signs)
+        self._spent += time.monotonic() - started
+        return volume
+
+
+def spread_rows(F: Objectives, count: int) -> Ids:
+    """Return in their order the rows of so many points of a front, minimised: the best of each objective, and MaxiMin.
+
+    Marcos et al. (2012); see ``search.maximin``.
+    """
+    Z = scaled(F, F.min(axis=0), F.max(axis=0))
+    starts = list(dict.fromkeys([*F.argmin(axis=0).tolist(), *starting_points(Z)]))[:count]
+    order, _ = greedy_order(Z, count, np.full(len(Z), np.inf), starts)
+    rows: Ids = np.sort(order)
+    return rows

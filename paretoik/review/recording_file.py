@@ -1,0 +1,180 @@
+"""The file of a recording: what is kept of a run that may be long, when it is written, and how it ends.
+
+While the run goes on each message is drawn as it comes. At its end all that is kept is drawn anew, on common axes, into
+a second file that then replaces the first. Where the file grows too large meanwhile, every second message of a series
+is dropped and the rest written anew as it came.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import time
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import rerun as rr
+
+from paretoik.review.live_view import LiveView
+from paretoik.review.recording_process import Opening, RecorderOptions, part_of
+
+
+@runtime_checkable
+class Drawing(Protocol):
+    """Draws a scene into a stream; every file has its own."""
+
+    def __init__(self, scene: Any, stream: rr.RecordingStream, options: RecorderOptions) -> None: ...
+
+    def reduce(self, message: Any) -> Any:
+        """Return what is to be kept of a message, which may be large."""
+
+    def record(self, message: Any) -> None:
+        """Draw a message while the run goes on."""
+
+    def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
+        """Draw all messages that are kept on common axes, the end (None where the run has none), and a note if any."""
+
+
+@runtime_checkable
+class Parent(Protocol):
+    """Whoever waits for the recording."""
+
+    def tell(self, **answer: Any) -> None:
+        """Tell a notice."""
+
+    def beat(self) -> None:
+        """Say that work goes on."""
+
+
+class Stream(rr.RecordingStream):
+    """A stream that lets it be known whenever something is logged."""
+
+    def __init__(self, application: str, beat: Callable[[], None], flush: float) -> None:
+        super().__init__(application, batcher_config=rr.ChunkBatcherConfig(flush_tick=flush))
+        self._beat = beat
+
+    def log(self, *arguments: Any, **settings: Any) -> None:
+        """Log as any stream does."""
+        self._beat()
+        super().log(*arguments, **settings)
+
+    def send_columns(self, *arguments: Any, **settings: Any) -> None:
+        """Send columns as any stream does."""
+        self._beat()
+        super().send_columns(*arguments, **settings)
+
+
+class RecordingFile:
+    """The file of a recording in the making; errors of Rerun and of the disk are raised.
+
+    Of a series every ``stride``-th message is kept, the first and the last among them.
+    """
+
+    def __init__(self, opening: Opening, parent: Parent) -> None:
+        rr.set_strict_mode(True)  # a row that cannot be drawn is an error, not a line in a log that nobody reads
+        self.stride = 1
+        self._opening, self._options, self._parent = opening, opening.options, parent
+        self._file = Path(opening.file)
+        self._messages: list[Any] = []
+        self._last: Any = None  # message of the series
+        self._first = 0
+        self._count = 0
+        self._live = LiveView(parent.tell) if opening.live else None
+        self._stream, self._drawing = self._open(self._file)
+        self._identity = self._file.stat().st_ino
+        self._flushed = time.monotonic()
+
+    def record(self, message: Any) -> None:
+        """Draw a message and keep it."""
+        message = self._drawing.reduce(message)
+        number = getattr(message, "number", None)
+        if number is not None:
+            self._first = number if self._last is None else self._first
+            self._last = message
+        self._messages.append(message)
+        self._drawing.record(message)
+
+    def look_after(self) -> None:
+        """Write what is not yet written, and thin what has become too much, if it is time."""
+        if time.monotonic() - self._flushed < self._options.flush:
+            return
+        self._check_space(0)
+        self._stream.flush()
+        self._flushed = time.monotonic()
+        if self._file.stat().st_size > self._options.size and self._thin():
+            self._replace(self._draw_again)
+        if self._live is not None:
+            self._live.look_after()
+
+    def complete(self, end: Any) -> None:
+        """Draw everything anew with its ``end``, and close the file."""
+        self._thin(1)
+        self._replace(lambda drawing: drawing.finish(self._messages, end, self._note()))
+        self.close()
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        self._stream.disconnect()
+        if self._live is not None:
+            self._live.close()
+
+    def _open(self, file: Path) -> tuple[rr.RecordingStream, Drawing]:
+        """Begin a file, and what draws into it."""
+        # The viewer keeps one layout an application, and each run needs its own.
+        application = f"{self._opening.title} in {self._file.resolve().parent.name}"
+        name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
+        stream = Stream(name, self._parent.beat, self._options.flush)
+        stream.set_sinks(rr.FileSink(file), *(() if self._live is None else (self._live.sink(),)))
+        stream.send_recording_name(self._opening.title)
+        module, _, drawing = self._opening.scene.drawn_by.partition(":")
+        return stream, getattr(import_module(module), drawing)(self._opening.scene, stream, self._options)
+
+    def _draw_again(self, drawing: Drawing) -> None:
+        for message in self._messages:
+            drawing.record(message)
+
+    def _replace(self, draw: Callable[[Drawing], None]) -> None:
+        """Let ``draw`` make a new file that then replaces the present one, which is whole until then."""
+        self._stream.disconnect()
+        self._check_space(self._file.stat().st_size)
+        part = part_of(self._file)
+        self._stream, self._drawing = self._open(part)
+        try:
+            draw(self._drawing)
+            self._check_space(0)
+            self._stream.flush()
+            if self._file.stat().st_ino != self._identity:
+                raise FileExistsError(errno.EEXIST, "another run writes it")
+            self._identity = part.stat().st_ino
+            part.replace(self._file)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def _thin(self, factor: int = 2) -> bool:
+        """Drop all of the series but every so-manieth message and the last; say whether there was anything to drop."""
+        stride, count = factor * self.stride, len(self._messages)
+        self._messages = [
+            message
+            for message in self._messages
+            if (number := getattr(message, "number", None)) is None
+            or message is self._last
+            or (number - self._first) % stride == 0
+        ]
+        dropped = len(self._messages) < count
+        self.stride = stride if dropped else self.stride
+        return dropped
+
+    def _note(self) -> str:
+        """Return in words what was thinned."""
+        if self.stride == 1:
+            return ""
+        return f"The run was long: one in {self.stride} of its generations is kept here, the last one too."
+
+    def _check_space(self, needed: int) -> None:
+        """Raise OSError where so many bytes would fill the disk: Rerun may hang on a full one."""
+        disk = os.statvfs(self._file.parent)
+        if disk.f_bavail * disk.f_frsize < needed + self._options.reserve:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
