@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.api.certified_front import certified_front
 from paretoik.api.initial import initial_points
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import Observer
 from paretoik.api.review_front import review_front
 from paretoik.api.run_session import RunSession, Subject, run_session
 from paretoik.api.sweep_display import SweepDisplay
@@ -122,7 +122,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         starts=settings["starts"],
         seed=settings["seed"],
         solver=solver,
-        observe=count_observer(session.observe, "optimum"),
+        observe=display.show_optima,
     )
     x, ranges = epsilon_points(
         formulation.program,
@@ -131,7 +131,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         points=settings["points"],
         initial=initial,
         solver=solver,
-        observe=display,
+        observe=display.show_step,
     )
     front = certified_front(
         problem,
@@ -142,6 +142,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         dict(session.provenance),
         solver=solver,
         observe=session.observe,
+        seconds_per_certificate=display.seconds_per_certificate,
     )
     counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
     status = {"status": session.stopped_by or "epsilon", "counts": counts}

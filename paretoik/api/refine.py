@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.api.certificate_time import seconds_per_certificate
 from paretoik.api.certified_front import certified_front, no_worse
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refinement_display import RefinementDisplay, improved_points
@@ -23,11 +23,10 @@ from paretoik.execution.time_limit import check_time_limit
 from paretoik.formulations.protocol import Differentiable
 from paretoik.formulations.requirements import require_program
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag
+from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
-from paretoik.pareto.certificates import certify
 from paretoik.pareto.improver import OPTIONS, suggest_points
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.scalarisation import ranges_of
@@ -44,6 +43,7 @@ def refine(
     time_limit: float | None = None,
     overwrite: bool = False,
     reference: str | None = None,
+    parent: str | Path | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
     """Return the front with every point refined to a local optimum no worse in any objective, and certified.
@@ -67,6 +67,8 @@ def refine(
     reference
         Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``; by default what the
         front's own run says.
+    parent
+        The folder of the front's own run, kept in the new one's ``parent``.
     observe
         Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
         true for refined ones, the others stay as they are. By default a bar shows it where stderr is a terminal; True
@@ -85,6 +87,7 @@ def refine(
         Where the problem is not at hand or has no gradients, or an objective or limit has no derivative.
     """
     problem, formulation = _refinable(front, problem)
+    former = {**front.provenance, **({} if parent is None else {"run": str(file_path("parent", parent))})}
     check_solver(formulation.program(), solver)
     check_time_limit(time_limit)
     check_flag("overwrite", overwrite)
@@ -102,7 +105,7 @@ def refine(
         with session.computing(time_limit):
             refined = refine_front(front, problem, solver=solver, observe=session.observe or False)
         counts = {**refined.provenance["refined"], "improved": improved_points(front, refined)}
-        ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": dict(front.provenance)}
+        ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
         refined = replace(refined, provenance={**session.provenance, **ending})
         session.finish(refined)
         display.show(refined)
@@ -131,7 +134,7 @@ def refine_front(
     with verb_session(observe) as session:
         x, program = formulation.front_points(front), formulation.program(ranges)
         check_solver(program, solver)
-        later = 0.0 if session.observe is None else _seconds_per_certificate(formulation, x, ranges)
+        later = 0.0 if session.observe is None else seconds_per_certificate(formulation, x, ranges)
         again = TIME_LEFT.tightening if _keeps_between(problem) else 0.0
         then = "" if complete is None else "optimum"
         shown = count_observer(session.observe, "refinement", later=later, again=again, uniform=True, then=then)
@@ -154,18 +157,6 @@ def refine_front(
         counts = {"points": len(front), "converged": int(converged.sum()), "seconds": round(session.seconds, 3)}
         status = {} if session.signal is None else {"status": session.signal}
         return replace(refined, provenance={**refined.provenance, "refined": counts, **status})
-
-
-def _seconds_per_certificate(formulation: Differentiable, x: Points, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return about how long [s] a point's certificate takes: at best of three times, the first of which loads much."""
-    if not len(x):
-        return 0.0
-    program, first, seconds = formulation.program(), x[:1], list[float]()
-    for _ in range(3):
-        started = time.monotonic()
-        certify(program, first, ranges=ranges, signs=np.ones(len(ranges)), violation_between=np.zeros(1))
-        seconds.append(time.monotonic() - started)
-    return min(seconds)
 
 
 def _keeps_between(problem: Any) -> bool:

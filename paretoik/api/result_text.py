@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from paretoik.api.run_text import front_heading
 from paretoik.formulations.protocol import is_loop
 from paretoik.review.limits_between import describe_limits_between
 
@@ -49,10 +50,7 @@ def _loop_lines(front: Front) -> list[str]:
 
 def _front_lines(front: Front) -> list[str]:
     counts = front.provenance["counts"]
-    lines = [
-        f"{len(front)} points after {counts['generations']} generations, {counts['evaluations']} evaluations and "
-        f"{counts['seconds']:.1f} s (ended by {front.provenance['status']})"
-    ]
+    lines = [front_heading(front)]
     rows = [("objective", "unit", "best", "worst on the front")]
     for name, unit, maximised, values in zip(
         front.names, front.units, front.maximised, front.objectives.T, strict=True
@@ -63,7 +61,7 @@ def _front_lines(front: Front) -> list[str]:
     if front.certificates is not None:
         lines.append(certificate_text(front.certificates))
     lines += filter(None, [gap_text(front), describe_limits_between(front)])
-    if counts["failed"]:
+    if counts.get("failed"):
         lines.append(f"{counts['failed']} evaluations failed, the first with: {counts['first_cause']}")
     return lines
 

@@ -6,53 +6,87 @@ import time
 
 import numpy as np
 
+from paretoik.api.certificate_time import seconds_per_certificate
 from paretoik.api.hypervolume_curve import HypervolumeCurve
-from paretoik.api.progress import RunProgress
+from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
+from paretoik.api.time_left import sweep_time_left
 from paretoik.formulations.protocol import Differentiable
+from paretoik.pareto.scalarisation import ranges_of
 from paretoik.pareto.sweep import SweepProgress
 from paretoik.review.recorder import Generation
 
 
 class SweepDisplay:
-    """Shows a session each step of a sweep; ``levels`` counts those under other bounds than the one before."""
+    """Shows a session each step of a sweep.
+
+    ``levels`` counts the steps under other bounds than the one before, ``seconds_per_certificate`` is measured for an
+    observer.
+    """
 
     def __init__(self, session: RunSession, formulation: Differentiable) -> None:
-        self.levels = 0
-        self._session, self._started = session, time.monotonic()
+        self.levels, self.seconds_per_certificate = 0, 0.0
+        self._session, self._formulation = session, formulation
         self._signs = np.where(formulation.maximised, -1.0, 1.0)
-        self._hypervolume = HypervolumeCurve()
+        self._hypervolume, self._volume = HypervolumeCurve(), 0.0
         self._steps = self._points = 0
         self._level = b""
+        self._started: float | None = None  # of the sweep
+        self._before = 0  # points that it began with
+        self._show_optima = count_observer(session.observe, "optimum")
 
-    def __call__(self, progress: SweepProgress) -> None:
+    def show_optima(self, done: int, total: int) -> None:
+        """Show the search for each objective's own optima; later ones, below an ε, are part of the sweep."""
+        if self._show_optima is not None and self._started is None:
+            self._show_optima(done, total)
+
+    def show_step(self, progress: SweepProgress) -> None:
         """Show a step in the user's own sign."""
+        if self._started is None:
+            self._start(progress)
         level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
         is_level = level not in (b"", self._level)
         if is_level:
             self.levels += 1
             self._level = level
-        is_news, self._points = is_level or len(progress.objectives) > self._points, len(progress.objectives)
-        if not (is_news and self._session.is_watched):
-            return
-        front = progress.objectives[progress.front]
-        volume = self._hypervolume(front)
-        generation = Generation(
-            number=self._steps,
-            population=progress.objectives * self._signs,
-            front=front * self._signs,
-            front_ids=progress.front,
-            hypervolume=volume,
-            epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
+        is_news, self._points = is_level or len(progress.x) > self._points, len(progress.x)
+        if self._session.is_watched:
+            self._show(progress, is_news=is_news)
+
+    def _start(self, progress: SweepProgress) -> None:
+        """Measure what a certificate takes where somebody wants to know how long the verb will."""
+        if self._session.observe is not None:
+            ranges = ranges_of(progress.objectives)
+            self.seconds_per_certificate = seconds_per_certificate(self._formulation, progress.x, ranges)
+        self._started, self._before = time.monotonic(), progress.done
+
+    def _show(self, progress: SweepProgress, *, is_news: bool) -> None:
+        assert self._started is not None
+        generation = None
+        if is_news:
+            front = progress.objectives[progress.front]
+            self._volume = self._hypervolume(front)
+            generation = Generation(
+                number=self._steps,
+                population=progress.objectives * self._signs,
+                front=front * self._signs,
+                front_ids=progress.front,
+                hypervolume=self._volume,
+                epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
+            )
+            self._steps += 1
+        seconds = time.monotonic() - self._started
+        left = sweep_time_left(
+            progress.done, progress.total, seconds, before=self._before, later=self.seconds_per_certificate
         )
-        self._steps += 1
         self._session.show(
             RunProgress(
                 stage="point",
                 done=progress.done,
                 total=progress.total,
-                seconds=time.monotonic() - self._started,
-                summary=f"hypervolume {volume:.4g}",
+                seconds=seconds,
+                remaining=left,
+                summary=f"hypervolume {self._volume:.4g}",
                 generation=generation,
             )
         )

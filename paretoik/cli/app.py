@@ -11,7 +11,10 @@ import typer
 
 from paretoik.cli.check_robot import check_robot
 from paretoik.cli.console import print_message
+from paretoik.cli.front import front
 from paretoik.cli.list_problems import list_problems
+from paretoik.cli.plan import plan
+from paretoik.cli.refine import refine
 from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
@@ -27,6 +30,9 @@ app = typer.Typer(
 )
 app.command("list")(list_problems)
 app.command()(solve)
+app.command()(plan)
+app.command()(front)
+app.command()(refine)
 app.command()(select)
 app.command()(show)
 app.command("check-robot")(check_robot)

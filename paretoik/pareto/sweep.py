@@ -25,13 +25,14 @@ from paretoik.pareto.scalarisation import main_weights, minimise_weighted
 class SweepProgress:
     """How far a sweep has come: ``done`` of ``total`` points, and all that it has found.
 
-    ``objectives`` (points, n_obj) are minimised and not divided by anything, ``front`` the rows that no other
-    dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None where
-    nothing was bounded.
+    ``x`` are all points, ``objectives`` (points, n_obj) minimised and not divided by anything, ``front`` the rows that
+    no other dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None
+    where nothing was bounded.
     """
 
     done: int
     total: int
+    x: Points
     objectives: Float[np.ndarray, "points n_obj"]
     front: Int[np.ndarray, " front"]
     epsilon: Float[np.ndarray, " n_obj"] | None
@@ -97,6 +98,7 @@ class Sweep:
             SweepProgress(
                 done=min(len(front), self.points),
                 total=self.points,
+                x=self.x,
                 objectives=self._values * self.ranges,
                 front=front,
                 epsilon=epsilon,
