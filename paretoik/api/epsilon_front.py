@@ -24,6 +24,7 @@ from paretoik.inputs import check_flag
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
+from paretoik.review.workcell import workcell_of
 from paretoik.task.motion import Motion
 
 
@@ -60,7 +61,7 @@ def epsilon_front(
         the first where it can.
     out
         Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the levels of ε on the timeline
-        ``point``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
+        ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
     time_limit
         Seconds after which the sweep ends and keeps what it has.
     reference
@@ -116,7 +117,13 @@ def epsilon_front(
 def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, session: RunSession) -> Front:
     """Return the certified front of a sweep by the settings of a session, which sees its steps."""
     settings = session.provenance["settings"]
-    session.start(names=formulation.names, units=formulation.units, maximised=formulation.maximised, timeline="point")
+    session.start(
+        names=formulation.names,
+        units=formulation.units,
+        maximised=formulation.maximised,
+        timeline="level",
+        workcell=workcell_of(problem),
+    )
     display, solver = SweepDisplay(session, formulation), settings["solver"]
     cold = formulation.cold_search(
         starts=settings["starts"],
@@ -144,6 +151,7 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         observe=session.observe,
         seconds_per_certificate=display.seconds_per_certificate,
     )
+    display.finish(front)
     counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
     status = {"status": session.stopped_by or "epsilon", "counts": counts}
     return replace(front, provenance={**front.provenance, **status})

@@ -21,6 +21,7 @@ from paretoik.formulations.closed_loop_arguments import check_steps
 from paretoik.formulations.closed_loop_result import ClosedLoopRun, explain_choice
 from paretoik.front.front import Front
 from paretoik.review.recorder import Generation, SearchedStep, SearchEnd
+from paretoik.review.workcell import workcell_of
 from paretoik.run_files import PICTURE, SEARCHES, STEPS, replace_file
 
 SEARCH_SETTINGS = ("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver")  # not of a loop
@@ -62,7 +63,7 @@ class LoopRun:
         session.show(RunProgress(stage="beginning"))  # the search for a start may take its time
         loop.prepare()
         units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
-        session.start(names=loop.names, units=units, maximised=maximised, timeline="step")
+        session.start(names=loop.names, units=units, maximised=maximised, timeline="step", workcell=workcell_of(loop))
         started = time.monotonic()
 
         def show(step: StepRecord) -> None:

@@ -101,7 +101,7 @@ def refine(
         observe=observe,
         time_limit=time_limit,
     ) as session:
-        display = RefinementDisplay(session, front)
+        display = RefinementDisplay(session, front, problem)
         with session.computing(time_limit):
             refined = refine_front(front, problem, solver=solver, observe=session.observe or False)
         counts = {**refined.provenance["refined"], "improved": improved_points(front, refined)}

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from paretoik.api.run_session import RunSession
+from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
-from paretoik.front.preferences import Weights
 from paretoik.review.recorder import SearchEnd
 from paretoik.run_files import CERTIFICATES, PICTURE
 
 
 def review_front(front: Front, session: RunSession) -> None:
-    """Finish the recording with the motion of equal weights, and, unless a signal came, draw the front."""
+    """Finish the recording with the compromise and its motion, and, unless a signal came, draw the front."""
     if session.folder is None or not len(front):
         return
-    session.finish_recording(SearchEnd(front=front, choice=front.select(Weights(dict.fromkeys(front.names, 1.0)))))
+    session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
     if session.signal is not None:
         return
     from paretoik.review.plots import front_picture  # here: matplotlib takes its time

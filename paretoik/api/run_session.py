@@ -22,6 +22,7 @@ from paretoik.front.front import Front
 from paretoik.inputs import check_flag, file_path
 from paretoik.loading import fingerprint
 from paretoik.review.recorder import Recorder, SearchedFront
+from paretoik.review.workcell import Workcell
 from paretoik.run_files import RECORDING, write_run
 from paretoik.stop_flag import Interrupted
 
@@ -103,7 +104,13 @@ class RunSession(VerbSession):
     finished: bool = False
 
     def start(
-        self, *, names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], timeline: Timeline
+        self,
+        *,
+        names: Sequence[str],
+        units: Sequence[str],
+        maximised: Sequence[bool],
+        timeline: Timeline,
+        workcell: Workcell | None = None,
     ) -> None:
         """Start, where the run has a folder, the recording of objectives along generations or steps."""
         if self.folder is not None:
@@ -111,7 +118,11 @@ class RunSession(VerbSession):
                 self.folder / RECORDING,
                 title=self.title,
                 scene=SearchedFront(
-                    names=tuple(names), units=tuple(units), maximised=tuple(maximised), timeline=timeline
+                    names=tuple(names),
+                    units=tuple(units),
+                    maximised=tuple(maximised),
+                    timeline=timeline,
+                    workcell=workcell,
                 ),
                 live=self.live,
             )

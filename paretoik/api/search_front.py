@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.completion import complete_front
+from paretoik.api.generation_motions import GenerationMotions
 from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.initial import exact_points, initial_genes, merge_front
 from paretoik.api.progress import RunProgress
@@ -23,6 +24,7 @@ from paretoik.front.front import Front
 from paretoik.inputs import real_array
 from paretoik.nlp.minimise import check_solver
 from paretoik.review.recorder import Generation
+from paretoik.review.workcell import workcell_of
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
@@ -67,6 +69,7 @@ class FrontSearch:
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._solve_settings = settings
         self._known = exact_points(problem, settings.initial)
+        self._motions = GenerationMotions(self.search)
         self._hypervolume = HypervolumeCurve()
         self.settings = {
             "population": population,
@@ -108,7 +111,13 @@ class FrontSearch:
 
     def _evolve(self, session: RunSession) -> Front:
         search = self.search
-        session.start(names=search.names, units=search.units, maximised=search.maximised, timeline="generation")
+        session.start(
+            names=search.names,
+            units=search.units,
+            maximised=search.maximised,
+            timeline="generation",
+            workcell=workcell_of(self.problem),
+        )
         observe = partial(self._show, session)
         status = evolve(search, [*self.endings, _Signal(session)], observe=observe, improve=self.improver)
         front = search.front_of(self._solve_settings.points)
@@ -144,6 +153,7 @@ class FrontSearch:
             front_ids=progress.ids,
             hypervolume=volume,
             failed=failed,
+            points=() if session.recorder is None else self._motions.points(progress),
         )
         shown = RunProgress(
             stage="generation",

@@ -7,13 +7,16 @@ import time
 import numpy as np
 
 from paretoik.api.certificate_time import seconds_per_certificate
+from paretoik.api.generation_motions import marked_rows
 from paretoik.api.hypervolume_curve import HypervolumeCurve
 from paretoik.api.progress import RunProgress, count_observer
 from paretoik.api.run_session import RunSession
 from paretoik.api.time_left import sweep_time_left
 from paretoik.formulations.protocol import Differentiable
+from paretoik.front.front import Front
 from paretoik.pareto.scalarisation import ranges_of
 from paretoik.pareto.sweep import SweepProgress
+from paretoik.review.recorded_point import RecordedPoint, record_motion
 from paretoik.review.recorder import Generation
 
 
@@ -60,6 +63,33 @@ class SweepDisplay:
             self.seconds_per_certificate = seconds_per_certificate(self._formulation, progress.x, ranges)
         self._started, self._before = time.monotonic(), progress.done
 
+    def finish(self, front: Front) -> None:
+        """Record the front that the sweep led to, under no bound any more."""
+        if self._session.recorder is not None:
+            generation = Generation(
+                number=self._steps,
+                population=front.objectives,
+                front=front.objectives,
+                front_ids=front.ids,
+                hypervolume=self._hypervolume(front.minimised),
+            )
+            self._session.recorder.record(generation)
+
+    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
+        """Return the best point of every objective and the compromise, with their motions."""
+        front = progress.objectives[progress.front]
+        rows = marked_rows(front, progress.front)
+        motions = self._formulation.individuals(progress.x[progress.front[rows]]).motions
+        return tuple(
+            RecordedPoint(
+                id=int(progress.front[row]),
+                objectives=front[row] * self._signs,
+                axis=axis,
+                motion=None if motions is None else record_motion(motions[place], curves=False),
+            )
+            for place, (row, axis) in enumerate(zip(rows, [*range(len(rows) - 1), None], strict=True))
+        )
+
     def _show(self, progress: SweepProgress, *, is_news: bool) -> None:
         assert self._started is not None
         generation = None
@@ -72,6 +102,7 @@ class SweepDisplay:
                 front=front * self._signs,
                 front_ids=progress.front,
                 hypervolume=self._volume,
+                points=self._marked(progress) if self._session.recorder is not None else (),
                 epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
             )
             self._steps += 1

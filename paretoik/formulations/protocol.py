@@ -45,8 +45,8 @@ if TYPE_CHECKING:  # so that loading a problem stays quick
     from paretoik.task.motion import Motion
     from paretoik.task.motion_task import MotionTask
 
-Timeline: TypeAlias = Literal["generation", "step", "point", "refinement"]
-"""What a run counts: generations of a search, steps of a closed loop, points of an ε-sweep, a front's refinement."""
+Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
+"""What a run counts: generations of a search, steps of a closed loop, levels of ε, a front's refinement."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

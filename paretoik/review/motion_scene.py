@@ -1,108 +1,170 @@
-"""How a motion is drawn in a recording: the arm along its path, and its joints over time."""
+"""How motions are drawn in a recording: arms along their path, and what their joints do over time."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
+from paretoik.arrays import Series
 from paretoik.review.arm_drawing import ArmDrawing
 from paretoik.review.curve_charts import Chart
+from paretoik.review.joint_charts import joint_charts
 from paretoik.review.palette import SCREEN
+from paretoik.review.recorded_point import RecordedMotion, RecordedPoint, joint_curves
+from paretoik.review.screen_text import entity_names
+from paretoik.review.workcell import Workcell
+from paretoik.robot.kinematics import link_nodes
+
+CHOSEN = "chosen"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MotionScene:
-    """A single motion, (time, dof), that is drawn whole as ghosts and replayed on the `motion` timeline.
+    """Motions of a workcell's arm, of the best points of the objectives called ``names`` and of a chosen one.
 
-    An arm that stands still has the postures of other motions, (motions, time, dof), as ghosts beside it.
+    Axes hold all motions of ``points``, at least one of the chosen. Everything is drawn at entities that begin with
+    ``root``.
     """
 
-    motion: Any
-    title: str
-    others: Any = None
+    workcell: Workcell
+    names: tuple[str, ...]
+    points: Sequence[RecordedPoint]
+    title: str = "arm"
+    root: str = ""
 
-    def views(self) -> tuple[rrb.View, list[rrb.View]]:
-        """Return the view of the arm and those of its joints."""
-        joints = [*(chart.view() for chart in self._charts()), rrb.TimeSeriesView(origin="joints", name="series")]
-        return self._drawing.view(self.title), joints
-
-    def log(self, recording: rr.RecordingStream, row: rr.TimeColumn) -> None:
-        """Log the motion; its rows also stand at `row` of the search's timeline, so that neither is half empty."""
-        times = np.asarray(self.motion.time, dtype=float)
-        columns = [rr.TimeColumn("motion", duration=times), row]
-        self._log_axes_and_path(recording)
-        self._send_arm(recording, columns)
-        for chart in self._charts():
-            chart.log(recording)
-            chart.send_cursor(recording, columns)
-            style = rr.SeriesLines(names=list(chart.names), colors=[colour[:3] for colour in chart.colours], widths=1.6)
-            recording.log(chart.entity.replace("charts", "joints"), style, static=True)
-            scalars = rr.Scalars.columns(scalars=chart.curves.T.ravel())
-            lengths = [len(chart.names)] * len(times)
-            recording.send_columns(chart.entity.replace("charts", "joints"), columns, scalars.partition(lengths))
-
-    def _log_axes_and_path(self, recording: rr.RecordingStream) -> None:
-        drawing = self._drawing
-        tool, ghosts = drawing.place(self.motion.tool), drawing.place(self._ghosts)
-        drawing.log_axes(recording)
-        strips, _ = drawing.archetypes
-        thin, thick = rr.Radius.ui_points(1.0), rr.Radius.ui_points(1.8)
-        recording.log("arm/ghosts", strips(ghosts, colors=SCREEN.ghost, radii=thin, **drawing.order(0.0)), static=True)
-        recording.log("arm/path", strips([tool], colors=SCREEN.path, radii=thick, **drawing.order(1.0)), static=True)
-
-    @property
-    def _ghosts(self) -> np.ndarray:
-        """Postures (ghosts, nodes, 3) that are drawn behind the arm."""
-        stationary = self.others is not None and not np.ptp(self.motion.q, axis=0).any()
-        links = self.others.links[:, 0] if stationary else self.motion.links
-        return np.asarray(links[np.unique(np.linspace(0, len(links) - 1, SCREEN.ghosts).round().astype(int))])
-
-    def _send_arm(self, recording: rr.RecordingStream, columns: list[rr.TimeColumn]) -> None:
-        drawing = self._drawing
-        links = drawing.place(self.motion.links)
-        samples, nodes, _ = links.shape
-        rod, colours = rr.Radius.ui_points(3.5), [SCREEN.arm] * (nodes - 1) + [SCREEN.tool]
-        sizes = rr.Radius.ui_points([5.0] * (nodes - 1) + [6.5])
-        strips, points = drawing.archetypes
-        rods = strips.from_fields(colors=SCREEN.arm, radii=rod, **drawing.order(5.0))
-        knots = points.from_fields(colors=colours, radii=sizes, **drawing.order(6.0))
-        positions = points.columns(positions=links.reshape(samples * nodes, -1)).partition([nodes] * samples)
-        recording.log("arm/links", rods, static=True)
-        recording.log("arm/joints", knots, static=True)
-        recording.send_columns("arm/links", columns, strips.columns(strips=list(links)))
-        recording.send_columns("arm/joints", columns, positions)
-
-    def _charts(self) -> list[Chart]:
-        motion, joints = self.motion, self.motion.arm.joint_names
-        sliding = np.array([kind == "prismatic" for kind in motion.arm.joint_types])
-        colours = [SCREEN.joints[index % len(SCREEN.joints)] for index in range(len(joints))]
-        return [
-            Chart(
-                entity=f"charts/{name}",
-                title=f"joint {name}",
-                labels=("time [s]", f"{name} [{' or '.join(_units(turning, straight, sliding))}]"),
-                instants=np.asarray(motion.time, dtype=float),
-                curves=np.asarray(values, dtype=float).T,
-                names=joints,
-                colours=colours,
-            )
-            for name, values, turning, straight in (
-                ("position", motion.q, "rad", "m"),
-                ("velocity", motion.dq, "rad/s", "m/s"),
-                ("torque", motion.torque, "N m", "N"),
-            )
-        ]
+    def view(self) -> rrb.View:
+        """Return the view of the arm."""
+        return self.drawing.view(self.title)
 
     @cached_property
-    def _drawing(self) -> ArmDrawing:
-        nodes = np.concatenate([self.motion.links.reshape(-1, 3), self._ghosts.reshape(-1, 3)])
-        return ArmDrawing(entity="arm", planar=self.motion.arm.is_planar, nodes=nodes)
+    def charts(self) -> dict[str, Chart]:
+        """The charts of joints by kind of quantity."""
+        motions = [point.motion for point in self.points if point.motion is not None and point.axis is None]
+        curves = [(motion.time, self._curves(motion)) for motion in motions]
+        return joint_charts(f"{self.root}joint_charts", self.workcell, curves)
 
+    def log(self, recording: rr.RecordingStream) -> None:
+        """Draw what does not move: the workcell and the axes of charts."""
+        self.drawing.log_workcell(recording)
+        for chart in self.charts.values():
+            chart.log(recording)
 
-def _units(turning: str, straight: str, sliding: np.ndarray) -> list[str]:
-    return [turning] * bool((~sliding).any()) + [straight] * bool(sliding.any())
+    def log_whole(
+        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, posture: bool = True
+    ) -> None:
+        """Draw motions of points as wholes at the current time: paths, and of the chosen one ghosts and curves.
+
+        With ``posture`` their arms stand at half the time.
+        """
+        for point in points:
+            if point.motion is None:
+                continue
+            links, drawing, layer = (
+                self._links(point.motion.q),
+                self.drawing,
+                f"{self.drawing.entity}/{self.layer(point)}",
+            )
+            chosen = point.axis is None
+            if not point.motion.is_standing and (chosen or not self.workcell.paths):  # what follows one has the same
+                colour, width = (SCREEN.path, 1.8) if chosen else (SCREEN.end(point.axis or 0), 1.0)
+                recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
+            if chosen:
+                ghosts = drawing.strips(list(links[self._ghost_rows(len(links))]), SCREEN.ghost, 1.0, 0.0)
+                recording.log(f"{layer}/ghosts", ghosts)
+                curves = self._curves(point.motion)
+                for kind, chart in self.charts.items():
+                    chart.draw(recording, point.motion.time, curves[kind].T)
+            if posture:
+                self._log_posture(recording, point, len(links) // 2)
+
+    def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
+        """Draw postures as ghosts, for all times."""
+        rows = self._ghost_rows(len(postures))
+        ghosts = self.drawing.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
+        recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
+
+    def send(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        columns: Sequence[rr.TimeColumn],
+        rows: np.ndarray | None = None,
+    ) -> None:
+        """Let the arm of a point move: a row of ``columns`` a sample of its motion, or of its ``rows``."""
+        motion = point.motion
+        if motion is None:
+            return
+        rows = np.arange(len(motion.time)) if rows is None else rows
+        self.send_postures(recording, self.layer(point), columns, motion.q[rows], point.axis)
+        if point.axis is None:
+            for chart in self.charts.values():
+                chart.send_cursor(recording, columns, motion.time[rows])
+
+    def send_postures(
+        self,
+        recording: rr.RecordingStream,
+        layer: str,
+        columns: Sequence[rr.TimeColumn],
+        q: Float[np.ndarray, "rows dof"],
+        axis: int | None,
+    ) -> None:
+        """Let the arm of a layer stand in postures, a row of ``columns`` each; the chosen one, without axis, solid."""
+        chosen = axis is None
+        colour = SCREEN.arm if axis is None else SCREEN.end(axis)
+        self.drawing.send_arms(recording, layer, columns, self._links(q), colour=colour, solid=chosen)
+        if chosen and self.drawing.meshes is not None:
+            self.drawing.meshes.send(recording, columns, q)
+
+    def layer(self, point: RecordedPoint) -> str:
+        """Return the part of entity paths that a point's arm has."""
+        return CHOSEN if point.axis is None else f"best {entity_names(self.names)[point.axis]}"
+
+    @cached_property
+    def drawing(self) -> ArmDrawing:
+        """Where arms are drawn."""
+        motions = [point.motion for point in self.points if point.motion is not None]
+        picked = [motion.q[self._ghost_rows(len(motion.q))] for motion in motions]
+        nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
+        return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
+
+    def _log_posture(self, recording: rr.RecordingStream, point: RecordedPoint, row: int) -> None:
+        """Let the arm of a point stand at a sample of its motion, at the current time."""
+        motion = point.motion
+        assert motion is not None
+        links, chosen = self._links(motion.q[row : row + 1]), point.axis is None
+        self.drawing.log_arm(
+            recording,
+            self.layer(point),
+            links[0],
+            colour=SCREEN.arm if chosen else SCREEN.end(point.axis or 0),
+            solid=chosen,
+        )
+        if chosen:
+            for chart in self.charts.values():
+                chart.log_cursor(recording, float(motion.time[row]))
+            if self.drawing.meshes is not None:
+                self.drawing.meshes.log_posture(recording, motion.q[row])
+
+    def _curves(self, motion: RecordedMotion) -> Mapping[str, Series]:
+        """Return the joint quantities of a motion."""
+        if id(motion) not in self._known_curves:
+            self._known_curves[id(motion)] = joint_curves(self.workcell, motion)
+        return self._known_curves[id(motion)]
+
+    @cached_property
+    def _known_curves(self) -> dict[int, Mapping[str, Series]]:
+        """Joint quantities by the identity of motions, which ``points`` keep alive."""
+        return {}
+
+    def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
+        return np.asarray(link_nodes(self.workcell.arm, q))
+
+    @staticmethod
+    def _ghost_rows(count: int) -> np.ndarray:
+        return np.unique(np.linspace(0, count - 1, min(SCREEN.ghosts, count)).round().astype(int))

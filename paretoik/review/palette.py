@@ -61,8 +61,23 @@ class RecordingPalette:
     ghost: Colour = (150, 165, 190, 70)
     path: Colour = (255, 178, 62, 255)
     tool: Colour = (70, 225, 190, 255)
-    epsilon: Colour = (240, 110, 140, 255)
+    epsilon: Colour = (235, 238, 242, 255)
     moves: Colour = (110, 160, 255, 200)
+    target: Colour = (150, 155, 165, 255)
+    base: Colour = (150, 155, 165, 255)
+    body: Colour = (78, 84, 94, 255)
+    final: Colour = (124, 88, 36, 255)
+    obstacle: Colour = (205, 92, 92, 255)
+    obstacle_body: Colour = (205, 92, 92, 110)
+    limit: Colour = (225, 95, 95, 255)
+    ends: tuple[Colour, ...] = (
+        (110, 160, 255, 255),
+        (240, 110, 140, 255),
+        (190, 140, 255, 255),
+        (160, 210, 90, 255),
+        (230, 215, 120, 255),
+        (140, 200, 230, 255),
+    )
     joints: tuple[Colour, ...] = (
         (255, 178, 62, 255),
         (70, 225, 190, 255),
@@ -74,6 +89,14 @@ class RecordingPalette:
         (140, 200, 230, 255),
     )
     ghosts: int = 9
+
+    def end(self, axis: int) -> Colour:
+        """Return the colour of the best point of an objective, from the first again after the last."""
+        return self.ends[axis % len(self.ends)]
+
+    def joint(self, number: int) -> Colour:
+        """Return the colour of a joint's curve, from the first again after the last."""
+        return self.joints[number % len(self.joints)]
 
 
 def objective_label(name: str, unit: str, maximised: bool) -> str:

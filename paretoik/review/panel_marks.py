@@ -21,7 +21,7 @@ def log_epsilon(
     maximised: tuple[bool, bool],
 ) -> None:
     """Draw the finite bounds of the two objectives of a panel at the current time; none where ``epsilon`` is None."""
-    strips, labels = list[np.ndarray](), list[str]()
+    strips, words = list[np.ndarray](), list[str]()
     for axis in range(2) if epsilon is not None else ():
         assert epsilon is not None
         bound = epsilon[axis]
@@ -30,12 +30,12 @@ def log_epsilon(
         line = np.stack([canvas.low, canvas.high])
         line[:, axis] = bound
         strips.append(canvas.place(line))
-        labels.append(f"ε: {names[axis]} {'≥' if maximised[axis] else '≤'} {bound:.4g}")
+        words.append(f"ε: {names[axis]} {'≥' if maximised[axis] else '≤'} {bound:.4g}")
     lines = rr.LineStrips2D(
         strips,
         colors=SCREEN.epsilon,
         radii=rr.Radius.ui_points(1.0),
-        labels=labels,
+        labels=words,
         show_labels=True,
         draw_order=0.5,
     )

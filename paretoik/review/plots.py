@@ -18,6 +18,7 @@ from matplotlib.figure import Figure, SubFigure
 from PIL import Image
 
 from paretoik.errors import InvalidInput
+from paretoik.front.compromise import compromise
 from paretoik.front.front import Choice, Front
 from paretoik.review.limits_between import describe_limits_between
 from paretoik.review.palette import PAPER, objective_label
@@ -35,7 +36,7 @@ class Highlight:
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
     """Write a PNG of `front` and, where it has motions, of some of them: the best in each of the first objectives.
 
-    To these comes `choice`, or without one the point nearest to the best of everything. Where one of these motions
+    To these comes `choice`, or without one the compromise (``front.compromise``). Where one of these motions
     exceeds a limit between samples, the words say which, when, and what helps. One objective is shown as
     values, two and three as scatters, more as parallel coordinates; of two, neighbours on one branch of optima are
     joined by a line, jumps dotted (``Front.jumps``). Raises InvalidInput where writing fails.
@@ -117,7 +118,7 @@ def _highlights(front: Front, choice: Choice | None) -> list[Highlight]:
     if choice is not None:
         reasons[choice.index] = "chosen"
     else:
-        reasons.setdefault(int(np.linalg.norm(front.shares, axis=1).argmin()), "compromise")
+        reasons.setdefault(compromise(front).index, "compromise")
     ordered = sorted(reasons.items())
     return [
         Highlight(index=index, colour=PAPER.accents[n % 4], reason=reason) for n, (index, reason) in enumerate(ordered)

@@ -28,7 +28,9 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Choice, Front
+from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recording_process import Opening, RecorderOptions, RecordingProcess, part_of
+from paretoik.review.workcell import Workcell
 from paretoik.robot.arm import Arm
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
@@ -41,11 +43,12 @@ class Generation:
 
     ``hypervolume`` is in the product of the objectives' units; where it is None and there is a ``reference`` (n_obj,),
     the recording computes it, now and then where that takes long. ``failed`` counts evaluations that gave no number.
-    ``size`` is that of the whole front where ``front`` has but some of its points. A step of a closed loop has no
-    hypervolume, but a point of its front, ``chosen``, that was taken. A step of an ε-sweep has all points so far for a
-    population, and ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was minimised; its ids
-    are those of the sweep alone. A refined front has the front before it for a population, and ``origins`` (points,
-    n_obj), where its points were there.
+    ``size`` is that of the whole front where ``front`` has but some of its points; ``points`` are the best of every
+    objective and the compromise, now and then with their motions. A step of a closed loop has no hypervolume, but a
+    point of its front, ``chosen``, that was taken. A step of an ε-sweep has all points so far for a population, and
+    ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was minimised; its ids are those of the
+    sweep alone. A refined front has the front before it for a population, and ``origins`` (points, n_obj), where its
+    points were there.
     """
 
     number: int
@@ -59,6 +62,7 @@ class Generation:
     chosen: Values | None = None
     epsilon: Values | None = None
     origins: Objectives | None = None
+    points: tuple[RecordedPoint, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,15 +91,19 @@ class Scene(Protocol):
     drawn_by: ClassVar[str]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedFront:
-    """The scene of a search: names and units of the objectives, which are maximised, and what its generations are."""
+    """The scene of a search: names and units of the objectives, which are maximised, and what its generations are.
+
+    ``workcell`` is where its motions are drawn, None where a problem has none.
+    """
 
     drawn_by: ClassVar[str] = "paretoik.review.recording:Recording"
     names: tuple[str, ...]
     units: tuple[str, ...]
     maximised: tuple[bool, ...]
     timeline: Timeline = "generation"
+    workcell: Workcell | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,10 +1,10 @@
-"""How a search is drawn in a recording: a panel a pair of objectives, and its indicators over time."""
+"""How a search is drawn in a recording: a scatter of every pair of objectives, and parallel coordinates of all."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise, product
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -12,29 +12,34 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from paretoik.arrays import Ids, Objectives, Times, Values
+from paretoik.arrays import Ids, Objectives, Values
 from paretoik.formulations.protocol import Timeline
-from paretoik.review.curve_charts import Chart
-from paretoik.review.drawn_axes import Canvas, window
+from paretoik.review.drawn_axes import Canvas
+from paretoik.review.front_panels import Pair, Panels
 from paretoik.review.palette import SCREEN, Colour, objective_label
 from paretoik.review.panel_marks import log_epsilon, log_moves
+from paretoik.review.parallel_axes import ParallelAxes
+from paretoik.review.recorded_point import RecordedPoint
 from paretoik.review.recorder import Generation, Population
+from paretoik.review.screen_text import entity_names, screen_text
 
-Layer = Literal["population", "front", "chosen"]
+Layer = Literal["population", "final", "front", "chosen"]
 LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
     "population": (SCREEN.population, 2.2, 1.0),
+    "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
-    "chosen": (SCREEN.chosen, 6.5, 3.0),
+    "chosen": (SCREEN.chosen, 6.5, 4.0),
 }
+PARALLEL_FROM = 3  # objectives
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchScene:
     """Names and units of the objectives, and which are maximised: what every generation is drawn with.
 
-    ``timeline`` says what they are: generations, steps of an ε-sweep, a front before and after it was refined, or steps
-    of a closed loop. These have no hypervolume, and each is drawn as shares of its own front's ranges: from one to the
-    next objectives can change by orders of magnitude.
+    ``timeline`` says what they are: generations, levels of an ε-sweep, a front before and after it was refined, or the
+    steps of a closed loop. These have no hypervolume, and each is drawn as shares of its own front's ranges: from one
+    to the next objectives can change by orders of magnitude.
     Points are drawn below the entity ``root``.
     """
 
@@ -45,24 +50,20 @@ class SearchScene:
     root: tuple[str, ...] = ()
 
     @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """The pairs of objectives that get a panel: all up to four objectives, neighbours beyond."""
-        n_obj = len(self.names)
-        return list(combinations(range(n_obj), 2) if n_obj <= 4 else pairwise(range(n_obj)))
+    def panels(self) -> Panels:
+        """The panels of pairs of objectives."""
+        return Panels(labels=tuple(screen_text(self._axis(axis)) for axis in range(len(self.names))))
+
+    @cached_property
+    def entities(self) -> list[str]:
+        """The objectives' names as parts of entity paths."""
+        return entity_names(self.names)
 
     def canvases(self, shown: Objectives) -> list[Canvas]:
         """Return a canvas a pair of objectives whose windows hold `shown`, none where it has no finite point."""
-        shown = shown[np.isfinite(shown).all(axis=1)]
-        if len(shown) == 0:
-            return []
-        if self.timeline == "step":
+        if self.timeline == "step" and np.isfinite(shown).all(axis=1).any():
             shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
-        text = 3.2 * min(self.columns, 2)
-        windows = [window(shown[:, list(pair)]) for pair in self.pairs]
-        return [
-            Canvas(low=low, high=high, labels=(self._axis(first), self._axis(second)), text=text)
-            for (first, second), (low, high) in zip(self.pairs, windows, strict=True)
-        ]
+        return self.panels.canvases(shown)
 
     def fits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
         """Say whether `shown` can be drawn on `canvases` as they are."""
@@ -70,72 +71,22 @@ class SearchScene:
             return bool(canvases)
         return bool(canvases) and all(canvas.fits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
-    @property
-    def columns(self) -> int:
-        """How many panels stand side by side."""
-        return max(1, min(3 if len(self.pairs) > 4 else 2, len(self.pairs)))
-
-    def views(self, canvases: Sequence[Canvas]) -> list[rrb.View]:
-        """Return the panels, titled by what they show."""
-        return [
-            rrb.Spatial2DView(
-                origin=rr.new_entity_path(self._panel(pair)),
-                name=f"{self.names[pair[0]]} against {self.names[pair[1]]}",
-                visual_bounds=canvas.bounds(),
-                background=SCREEN.background,
-            )
-            for pair, canvas in self._panels(canvases)
+    def view(self, *, without: Sequence[str] = ()) -> rrb.View:
+        """Return the view of all pairs, its layers of entities that are called ``without`` left out."""
+        left_out = [
+            f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
         ]
+        name = "front" if self.timeline != "step" else "front of each step"
+        return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
 
-    def series_views(self) -> list[rrb.View]:
-        """Return the time series: hypervolume, best values, counts."""
-        if self.timeline != "step":
-            kinds, views = ["best"], [rrb.TimeSeriesView(origin="search/hypervolume", name="hypervolume")]
-        else:
-            kinds, views = ["chosen", "best"], []
-        for kind, (axis, name) in product(kinds, enumerate(self.names)):
-            origin = rr.new_entity_path(["search", kind, name])
-            views.append(rrb.TimeSeriesView(origin=origin, name=f"{kind} {self._label(axis)}"))
-        return [*views, rrb.TimeSeriesView(origin="search/counts", name="points and failures")]
-
-    def charts(self, generations: Sequence[Generation]) -> list[Chart]:
-        """Return the hypervolume over the generations, with a single objective its best value first.
-
-        Of steps, each objective of the chosen points.
-        """
-        with_front = [generation for generation in generations if len(generation.front)]
-        if not with_front:
-            return []
-        numbers = np.array([generation.number for generation in with_front], dtype=float)
+    def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
+        """Return axes for parallel coordinates, from three objectives on."""
+        shown = shown[np.isfinite(shown).all(axis=1)]
+        if len(self.names) < PARALLEL_FROM or not len(shown):
+            return None
         if self.timeline == "step":
-            values = np.array([generation.chosen for generation in with_front])
-            return [
-                self._chart(f"chosen_{axis}", f"chosen {self._label(axis)}", numbers, values[:, axis], height=30.0)
-                for axis in range(len(self.names))
-            ]
-        measured = [generation for generation in with_front if generation.hypervolume is not None]
-        charts = []
-        if measured:
-            instants = np.array([generation.number for generation in measured], dtype=float)
-            volumes = np.array([generation.hypervolume for generation in measured])
-            charts.append(self._chart("hypervolume", "hypervolume", instants, volumes, height=30.0))
-        if len(self.names) == 1:
-            best = np.array([self._best(generation.front)[0] for generation in with_front])
-            charts.insert(0, self._chart("best", f"best {self._label(0)}", numbers, best, height=100.0))
-        return charts
-
-    def log_styles(self, recording: rr.RecordingStream) -> None:
-        """Give the time series their names and colours."""
-        volume = rr.SeriesLines(names="hypervolume", colors=SCREEN.front[:3], widths=2.0)
-        recording.log("search/hypervolume", volume, static=True)
-        colours = [SCREEN.front[:3], SCREEN.failed[:3]]
-        recording.log(
-            "search/counts", rr.SeriesLines(names=["front", "failed"], colors=colours, widths=2.0), static=True
-        )
-        series = {"best": SCREEN.chosen} | ({"chosen": SCREEN.front} if self.timeline == "step" else {})
-        for (kind, colour), (axis, name) in product(series.items(), enumerate(self.names)):
-            style = rr.SeriesLines(names=f"{kind} {self._label(axis)}", colors=colour[:3], widths=2.0)
-            recording.log(["search", kind, name], style, static=True)
+            shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
+        return ParallelAxes.around(rr.new_entity_path([*self.root, "parallel"]).lstrip("/"), self.panels.labels, shown)
 
     def log_axes(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], *, static: bool) -> None:
         """Draw the axes of every panel, for all times (static) or for the current generation."""
@@ -143,7 +94,13 @@ class SearchScene:
             canvas.log(recording, rr.new_entity_path(self._panel(pair)), static=static)
 
     def log_generation(
-        self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas], *, named: bool = False
+        self,
+        recording: rr.RecordingStream,
+        generation: Generation,
+        canvases: Sequence[Canvas],
+        parallel: ParallelAxes | None = None,
+        *,
+        named: bool = False,
     ) -> None:
         """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly."""
         reference = generation.front if self.timeline == "step" else None
@@ -152,37 +109,26 @@ class SearchScene:
             recording, "front", generation.front, canvases, ids=generation.front_ids, named=named, reference=reference
         )
         self._log_marks(recording, generation, canvases)
-        if generation.hypervolume is not None:
-            recording.log("search/hypervolume", rr.Scalars(generation.hypervolume))
-        size = len(generation.front) if generation.size is None else generation.size
-        recording.log("search/counts", rr.Scalars([float(size), float(generation.failed)]))
-        if len(generation.front):
-            for name, best in zip(self.names, self._best(generation.front), strict=True):
-                recording.log(["search", "best", name], rr.Scalars(float(best)))
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
-            for name, value in zip(self.names, generation.chosen, strict=True):
-                recording.log(["search", "chosen", name], rr.Scalars(float(value)))
+        self.log_marked(recording, generation.points, canvases)
+        if parallel is not None:
+            marked = [point.objectives for point in generation.points if point.axis is None]
+            chosen = marked[0] if marked else generation.chosen
+            self.log_lines(recording, parallel, generation.front, chosen, reference=reference)
 
     def _log_marks(self, recording: rr.RecordingStream, generation: Generation, canvases: Sequence[Canvas]) -> None:
         """Draw the bounds of a step of a sweep, or where refined points came from."""
-        if self.timeline not in ("point", "refinement"):
-            return
-        for (first, second), canvas in self._panels(canvases):
-            columns = [first, second]
+        for pair, canvas in self._panels(canvases):
+            columns = list(pair)
             if self.timeline == "refinement":
                 origins = None if generation.origins is None else generation.origins[:, columns]
-                entity = [*self._panel((first, second)), "moves"]
-                log_moves(recording, entity, canvas, origins, generation.front[:, columns])
-                continue
-            log_epsilon(
-                recording,
-                [*self._panel((first, second)), "epsilon"],
-                canvas,
-                None if generation.epsilon is None else generation.epsilon[columns],
-                (self.names[first], self.names[second]),
-                (self.maximised[first], self.maximised[second]),
-            )
+                log_moves(recording, [*self._panel(pair), "moves"], canvas, origins, generation.front[:, columns])
+            elif self.timeline == "level":
+                epsilon = None if generation.epsilon is None else generation.epsilon[columns]
+                names = screen_text(self.names[pair[0]]), screen_text(self.names[pair[1]])
+                maximised = self.maximised[pair[0]], self.maximised[pair[1]]
+                log_epsilon(recording, [*self._panel(pair), "epsilon"], canvas, epsilon, names, maximised)
 
     def log_points(
         self,
@@ -194,6 +140,7 @@ class SearchScene:
         ids: Ids | None = None,
         named: bool = False,
         reference: Population | None = None,
+        static: bool = False,
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
@@ -209,42 +156,79 @@ class SearchScene:
                 colors=colour,
                 radii=rr.Radius.ui_points(radius),
                 labels=[f"point {number}" for number in ids[seen]] if named and ids is not None else None,
-                show_labels=layer == "chosen",
+                show_labels=layer == "chosen" and pair == self.panels.pairs[0],
                 draw_order=order,
             )
-            recording.log([*self._panel(pair), layer], points)
-        numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
-        recording.log([*self.root, "search", layer], rr.AnyValues(**numbers if ids is None else numbers | {"ids": ids}))
+            recording.log([*self._panel(pair), layer], points, static=static)
+        if layer != "final":
+            numbers: dict[str, Any] = {"F": F.ravel(), "n_obj": F.shape[1]}
+            numbers |= {} if ids is None else {"ids": ids}
+            recording.log([*self.root, "search", layer], rr.AnyValues(**numbers), static=static)
 
-    def _panels(self, canvases: Sequence[Canvas]) -> list[tuple[tuple[int, int], Canvas]]:
-        """Return each pair with its canvas; before there is a finite point there are none."""
-        return list(zip(self.pairs, canvases, strict=True)) if canvases else []
+    def log_marked(
+        self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], canvases: Sequence[Canvas]
+    ) -> None:
+        """Draw the best points of the objectives in their colours, and the chosen one."""
+        ends = [point for point in points if point.axis is not None]
+        for pair, canvas in self._panels(canvases):
+            if not ends:
+                break
+            places = np.array([point.objectives[list(pair)] for point in ends])
+            seen = np.flatnonzero(canvas.shows(places))
+            markers = rr.Points2D(
+                canvas.place(places[seen]),
+                colors=[SCREEN.end(ends[row].axis or 0) for row in seen],
+                radii=rr.Radius.ui_points(5.2),
+                labels=[f"point {ends[row].id}, best {screen_text(self.names[ends[row].axis or 0])}" for row in seen],
+                show_labels=False,
+                draw_order=3.0,
+            )
+            recording.log([*self._panel(pair), "ends"], markers)
+        for point in points:
+            if point.axis is None:
+                ids = np.array([point.id])
+                self.log_points(recording, "chosen", point.objectives[None], canvases, ids=ids, named=True)
 
-    def _panel(self, pair: tuple[int, int]) -> list[str]:
-        return [*self.root, "front", f"{self.names[pair[0]]} - {self.names[pair[1]]}"]
+    def log_lines(
+        self,
+        recording: rr.RecordingStream,
+        parallel: ParallelAxes,
+        front: Objectives,
+        chosen: Values | None,
+        *,
+        reference: Population | None = None,
+        front_too: bool = True,
+    ) -> None:
+        """Draw a front, and on top its chosen point, in parallel coordinates."""
+        drawn = front if reference is None else _normalise(front, reference)
+        if front_too:
+            recording.log(f"{parallel.entity}/front", parallel.lines(drawn, (*SCREEN.front[:3], 90), 0.7, 1.0))
+        if chosen is not None:
+            row = chosen[None] if reference is None else _normalise(chosen[None], reference)
+            recording.log(f"{parallel.entity}/chosen", parallel.lines(row, SCREEN.chosen, 2.2, 4.0))
 
-    def _best(self, front: Objectives) -> Values:
+    def label(self, axis: int) -> str:
+        """Return the label of an objective."""
+        return objective_label(self.names[axis], self.units[axis], self.maximised[axis])
+
+    def best(self, front: Objectives) -> Values:
+        """Return the best value of each objective on a front of at least one point."""
         best: Values = np.where(self.maximised, front.max(axis=0), front.min(axis=0))
         return best
 
-    def _chart(self, name: str, label: str, numbers: Times, values: Values, *, height: float) -> Chart:
-        return Chart(
-            entity=f"charts/{name}",
-            title=label,
-            labels=(self.timeline, label),
-            instants=numbers,
-            curves=values[None],
-            names=[name],
-            colours=[SCREEN.front],
-            width=190.0 if height < 100.0 else 140.0,
-            height=height,
-        )
+    def _panels(self, canvases: Sequence[Canvas]) -> list[tuple[Pair, Canvas]]:
+        """Return each pair with its canvas; before there is a finite point there are none."""
+        return list(zip(self.panels.pairs, canvases, strict=True)) if canvases else []
+
+    def _panel(self, pair: Pair) -> list[str]:
+        return [*self.root, "front", f"{self.entities[pair[0]]} - {self.entities[pair[1]]}"]
 
     def _axis(self, axis: int) -> str:
-        return f"{self.names[axis]}, share of the step's range" if self.timeline == "step" else self._label(axis)
+        return f"{self.names[axis]}, share of the step's range" if self.timeline == "step" else self.label(axis)
 
-    def _label(self, axis: int) -> str:
-        return objective_label(self.names[axis], self.units[axis], self.maximised[axis])
+
+def _escape(part: str) -> str:
+    return rr.escape_entity_path_part(part)
 
 
 def _normalise(F: Objectives, reference: Population) -> Objectives:

@@ -66,13 +66,14 @@ def test_shares_are_taken_of_the_stored_range_and_not_of_the_front():
     assert near.select(Weights(energy=0.5, torque=0.5)).id > 100
 
 
-def test_ties_go_to_the_lower_id():
-    front = curve(
-        ids=np.array([9, 5, 7]),
-        objectives=np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]),
-    )
+def test_ties_go_to_the_lowest_sum_then_the_best_first_objective_then_the_lowest_id():
+    sums = np.array([[0.0, 0.6, 1.0], [0.0, 0.9, 0.5], [1.0, 0.0, 0.0]])
+    more = {"names": ["a", "b", "c"], "units": [""] * 3, "maximised": [False] * 3}
+    assert curve(ids=np.array([1, 2, 3]), objectives=sums, **more).select(Weights(a=1.0)).id == 2
+    front = curve(ids=np.array([9, 5, 7]), objectives=np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]))
+    assert front.select(Weights(energy=1.0, torque=1.0)).id == 9
+    front = curve(ids=np.array([9, 5, 7]), objectives=np.array([[0.0, 1.0], [0.0, 1.0], [1.0, 0.0]]))
     assert front.select(Weights(energy=1.0, torque=1.0)).id == 5
-    assert front.select(Weights(torque=1.0)).id == 7
 
 
 def test_identical_points_are_chosen_by_id_and_said_to_be_equal():

@@ -12,6 +12,7 @@ from PIL import Image
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
+from paretoik.front.compromise import compromise
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
 from paretoik.review.certificate_plots import certificates_picture
@@ -50,7 +51,7 @@ def test_the_extremes_and_the_choice_are_shown(make_front):
 def test_without_a_choice_a_compromise_is_shown(make_front):
     front = make_front(2)
     shown = {point.reason: point.index for point in _highlights(front, None)}
-    assert shown["compromise"] == np.linalg.norm(front.shares, axis=1).argmin()
+    assert shown["compromise"] == compromise(front).index
 
 
 @pytest.mark.parametrize("planar", [True, False])

@@ -1,4 +1,4 @@
-"""Preferences: each chooses one point of a front and says why."""
+"""A preference by weights."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice, Front
+from paretoik.front.ties import first_row
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -20,9 +21,9 @@ class Weights:
     """Weights of the objectives, by name; an objective that is not named has weight 0.
 
     Chooses as in Marcos et al. (2012), Eqs. 19 and 20: each objective is normalised by the front's stored range, and
-    the point with the smallest weighted sum (weights scaled to sum 1) wins, the lower id on a tie. The weights have no
-    unit and need not sum to anything: ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no
-    identifier.
+    the point with the smallest weighted sum (weights scaled to sum 1) wins; of ties the lowest sum of all shares, then
+    the best first objective, then the lowest id. The weights have no unit and need not sum to anything:
+    ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no identifier.
 
     Raises InvalidInput where a weight is no finite number of at least 0, none is positive, or a name comes twice.
     """
@@ -55,7 +56,7 @@ class Weights:
         weights = np.array([self.weights.get(name, 0.0) for name in front.names])
         weights /= weights.max()  # so that the sum of huge weights stays finite
         weights /= weights.sum()
-        index = argmin_by_id(front.shares @ weights, front)
+        index = first_row(front, front.shares @ weights)
         return front.choice(index, _reason(front, index, weights))
 
 
@@ -64,11 +65,6 @@ def _is_weight(value: object) -> bool:
         return isinstance(value, Real) and 0.0 <= float(value) < np.inf
     except OverflowError:
         return False
-
-
-def argmin_by_id(values: Values, front: Front) -> int:
-    """Return the row of the smallest of `values` (points,), on a tie the one with the lowest id."""
-    return int(np.lexsort((front.ids, values))[0])
 
 
 def _reason(front: Front, index: int, weights: Values) -> str:
@@ -89,7 +85,7 @@ def _nearest_alternative(front: Front, index: int) -> str:
         return "There is no alternative."
     distance = np.linalg.norm(front.shares - front.shares[index], axis=1)
     distance[index] = np.inf
-    other = argmin_by_id(distance, front)
+    other = first_row(front, distance)
     better = front.minimised[other] - front.minimised[index]
     steps = np.abs(front.objectives[other] - front.objectives[index])
     gains = [front.quantity(axis, steps[axis]) for axis in range(len(steps)) if better[axis] < 0]

@@ -1,0 +1,47 @@
+"""The compromise: what the word means wherever this project says it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from paretoik.arrays import Objectives, Values
+from paretoik.errors import Infeasible
+from paretoik.front.ties import first_row
+
+if TYPE_CHECKING:
+    from paretoik.front.front import Choice, Front
+
+COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
+AUGMENTATION = 1e-4  # weight of the sum of all shares beside the worst; Miettinen (1999), section 3.4.5
+
+
+def compromise(front: Front) -> Choice:
+    """Return the compromise of a front: the point whose hardest-hit objective gives up the least of its range.
+
+    It has the least max Z + 1e-4 ΣZ, Z = (f − ideal)/(nadir − ideal) on the stored ranges: compromise programming with
+    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on hollow fronts too,
+    where weights reach ends alone, and does not move when an objective is named twice. Of one objective it is the best
+    point.
+
+    Raises Infeasible where the front is empty.
+    """
+    if len(front) == 0:
+        raise Infeasible("compromise: wanted a front of at least one point, got none: no point was feasible")
+    row = first_row(front, compromise_scores(front))
+    worst = int(front.shares[row].argmax())
+    return front.choice(
+        row,
+        f"Of {len(front)} points point {front.ids[row]} is the compromise, {COMPROMISE_IN_WORDS}: "
+        f"{front.shares[row, worst]:.0%}, of {front.names[worst]}.",
+    )
+
+
+def compromise_scores(front: Front) -> Values:
+    """Return what the compromise has least: max Z + 1e-4 ΣZ of every point (points,)."""
+    return score_shares(front.shares)
+
+
+def score_shares(shares: Objectives) -> Values:
+    """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
+    scores: Values = shares.max(axis=1) + AUGMENTATION * shares.sum(axis=1)
+    return scores

@@ -1,0 +1,40 @@
+"""What the legend of a recording says."""
+
+from __future__ import annotations
+
+from paretoik.review.motion_scene import MotionScene
+from paretoik.review.palette import SCREEN, Colour
+from paretoik.review.search_scene import SearchScene
+
+Entry = tuple[str, Colour]
+
+
+def search_entries(scene: SearchScene, motions: MotionScene | None, *, chosen: str = "compromise") -> list[Entry]:
+    """Return what is drawn of a search in which colour."""
+    loop = scene.timeline == "step"
+    behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
+    entries: list[Entry] = [("front of the step" if loop else "front", SCREEN.front), (chosen, SCREEN.chosen)]
+    if not loop:
+        entries = [(behind, SCREEN.population), *entries, ("final front", SCREEN.final)]
+        entries += [("ε: bound of this level", SCREEN.epsilon)] if scene.timeline == "level" else []
+        entries += [("from before to after", SCREEN.moves)] if scene.timeline == "refinement" else []
+        if len(scene.names) > 1:
+            entries += [(f"best {name}", SCREEN.end(axis)) for axis, name in enumerate(scene.names)]
+    return entries + ([] if motions is None else motion_entries(motions, chosen))
+
+
+def motion_entries(motions: MotionScene, chosen: str) -> list[Entry]:
+    """Return what is drawn of motions in which colour."""
+    cell = motions.workcell
+    entries: list[Entry] = [(f"arm of the {chosen}" if chosen == "compromise" else f"arm, {chosen}", SCREEN.arm)]
+    if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
+        entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
+    else:
+        entries.append(("other postures of the front", SCREEN.ghost))
+    if cell.paths:
+        entries.append(("path to follow", SCREEN.target))
+    if cell.obstacles:
+        entries.append(("obstacle", SCREEN.obstacle))
+    if any(chart.limits for chart in motions.charts.values()):
+        entries.append(("limits: dashed", SCREEN.text))
+    return entries

@@ -1,0 +1,148 @@
+"""What is said of a point of a front beside its picture, in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from paretoik.front.compromise import COMPROMISE_IN_WORDS
+from paretoik.front.front import Choice, Front
+from paretoik.review.recorder import Generation
+from paretoik.review.screen_text import screen_text
+from paretoik.review.search_charts import front_size
+from paretoik.review.search_scene import SearchScene
+
+SETTINGS = ("population", "generations", "seed", "points", "refine", "solver", "weights", "warm_start")
+
+COUNTS = ("generations", "evaluations", "steps", "levels", "converged", "improved", "seconds")
+FACTS = {"problem": "problem", "status": "ended by"}
+
+
+def choice_text(front: Front, choice: Choice, *, title: str = "chosen") -> str:
+    """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run."""
+    parts = [f"# Point {choice.id}, {title}", choice.reason, _objectives(front, choice.index)]
+    if front.certificates is not None:
+        parts += [_certificate(front, choice.index), _rates(front, choice.index)]
+    elif front.violation is not None:
+        parts.append(
+            f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
+            f"{front.violation[choice.index]:.2g} of a limit's range."
+        )
+    parts.append(_run(front.provenance))
+    return screen_text("\n\n".join(part for part in parts if part))
+
+
+def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
+    """Return what is to be known of any point of a front."""
+    if chosen is not None and chosen.index == row:
+        return choice_text(front, chosen)
+    title = f"of {len(front)} on the front"
+    return choice_text(front, front.choice(row, ""), title=title)
+
+
+def text_of(scene: SearchScene, generation: Generation) -> str:
+    """Return what is to be known of a generation and its compromise, or of a step of a closed loop."""
+    return screen_text(
+        _step_text(scene, generation) if scene.timeline == "step" else _generation_text(scene, generation)
+    )
+
+
+def _generation_text(scene: SearchScene, generation: Generation) -> str:
+    size = front_size(generation)
+    found = f"{size} {'point' if size == 1 else 'points'} on the front"
+    if generation.hypervolume is not None:
+        found += f", hypervolume {generation.hypervolume:.4g}"
+    found += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
+    lines = [f"# {_heading(scene, generation)}", found]
+    chosen = next((point for point in generation.points if point.axis is None), None)
+    if len(generation.front):
+        best = scene.best(generation.front)
+        heads = ["objective", "best"] + ([] if chosen is None else [f"compromise, point {chosen.id}"])
+        rows = [
+            [_cell(name), f"{best[axis]:.4g} {_cell(scene.units[axis])}"]
+            + ([] if chosen is None else [f"{chosen.objectives[axis]:.4g}"])
+            for axis, name in enumerate(scene.names)
+        ]
+        lines.append(_table(heads, rows))
+    if chosen is not None:
+        lines.append(f"The compromise is {COMPROMISE_IN_WORDS}.")
+    return "\n\n".join(lines)
+
+
+def _heading(scene: SearchScene, generation: Generation) -> str:
+    if scene.timeline == "refinement":
+        return "Before" if generation.origins is None else "After"
+    return f"{scene.timeline.capitalize()} {generation.number}"
+
+
+def _step_text(scene: SearchScene, generation: Generation) -> str:
+    lines = [f"# Step {generation.number}", f"{len(generation.front)} points on its front."]
+    if generation.chosen is not None and len(generation.front):
+        low, high = generation.front.min(axis=0), generation.front.max(axis=0)
+        rows = [
+            [
+                _cell(name),
+                f"{generation.chosen[axis]:.4g} {_cell(scene.units[axis])}",
+                f"{low[axis]:.4g} to {high[axis]:.4g}",
+            ]
+            for axis, name in enumerate(scene.names)
+        ]
+        lines.append(_table(["objective", "chosen", "on the step's front"], rows))
+    return "\n\n".join(lines)
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _objectives(front: Front, row: int) -> str:
+    rows = []
+    for axis, name in enumerate(front.names):
+        low, high = front.ranges[axis]
+        sense = ", more is better" if front.maximised[axis] else ""
+        value = f"{front.objectives[row, axis]:.4g} {_cell(front.units[axis])}"
+        rows.append([_cell(name) + sense, value, f"{low:.4g} to {high:.4g}", f"{front.shares[row, axis]:.0%}"])
+    return "## Objectives\n\n" + _table(["objective", "value", "on the front", "share"], rows)
+
+
+def _certificate(front: Front, row: int) -> str:
+    certificates = front.certificates
+    assert certificates is not None
+    lines = [
+        f"- {certificates.status[row]} (local)" + (f": {certificates.reason[row]}" if certificates.reason[row] else ""),
+        f"- criticality χ {certificates.kkt_residual[row]:.2g} of the ranges",
+        f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} between, "
+        "of a limit's range",
+    ]
+    return "## Certificate\n\n" + "\n".join(lines)
+
+
+def _rates(front: Front, row: int) -> str:
+    certificates = front.certificates
+    assert certificates is not None
+    rates = certificates.exchange_rates[row]
+    lines = [
+        f"- 1 {front.units[i] or front.names[i]} more of {front.names[i]}: {rates[i, j]:+.4g} {front.units[j]} of "
+        f"{front.names[j]}"
+        for i in range(len(front.names))
+        for j in range(len(front.names))
+        if i != j and np.isfinite(rates[i, j])
+    ]
+    return "## Exchange rates\n\n" + "\n".join(lines) if lines else ""
+
+
+def _run(provenance: Mapping[str, Any]) -> str:
+    settings = dict(provenance.get("settings") or {})
+    shown = [f"- {name.replace('_', ' ')}: {settings[name]}" for name in SETTINGS if settings.get(name) is not None]
+    counts = provenance.get("counts") or {}
+    took = [f"{counts[name]} {name}" for name in COUNTS if name in counts]
+    heads = [f"- {word}: {provenance[name]}" for name, word in FACTS.items() if provenance.get(name)]
+    lines = heads + shown + ([f"- took {', '.join(took)}"] if took else [])
+    return "## Run\n\n" + "\n".join(lines) if lines else ""
+
+
+def _cell(words: str) -> str:
+    return words.replace("|", "\\|")

@@ -1,0 +1,35 @@
+"""Random fronts: few and many objectives, maximised ones, grids with ties, duplicates, objectives without a range."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from paretoik.front.front import Front
+from paretoik.front.indicators import non_dominated
+
+
+def random_front(seed: int, *, n_obj: int | None = None, points: int | None = None) -> Front:
+    """Return a front of at least one point; of every second one the values lie on a coarse grid, so that many tie."""
+    rng = np.random.default_rng(seed)
+    n_obj = int(rng.integers(1, 6)) if n_obj is None else n_obj
+    points = int(rng.integers(1, 60)) if points is None else points
+    values = rng.random((points, n_obj))
+    if seed % 2:
+        values = np.round(5 * values)
+    if n_obj > 2 and rng.random() < 0.2:
+        values[:, int(rng.integers(n_obj))] = 1.0
+    values = values[non_dominated(values)]
+    values = values[rng.integers(0, len(values), len(values) + 2)] if rng.random() < 0.5 else values  # duplicates
+    maximised = rng.random(n_obj) < 0.3
+    low, high = values.min(axis=0), values.max(axis=0)
+    wider = rng.random() < 0.5  # the ranges of a run that had more points
+    ranges = np.stack([low - 0.3 * wider * (high - low), high + 0.2 * wider * (high - low)], axis=1)
+    flipped = np.where(maximised[:, None], -ranges[:, ::-1], ranges)
+    return Front(
+        ids=rng.permutation(10 * len(values))[: len(values)],
+        objectives=np.where(maximised, -values, values),
+        names=[f"f{axis}" for axis in range(n_obj)],
+        units=["J", "", "m", "rad", "s"][:n_obj],
+        maximised=maximised.tolist(),
+        ranges=flipped,
+    )
